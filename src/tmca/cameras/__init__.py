@@ -1,0 +1,1 @@
+"""Codes, optics, operator and sensor joined into cameras."""

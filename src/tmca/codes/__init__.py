@@ -1,0 +1,1 @@
+"""What the aperture and the shutter show in each time slot."""

@@ -1,0 +1,1 @@
+"""Reading and writing files, data sets, splits and rendered scenes."""

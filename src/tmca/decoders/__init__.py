@@ -1,0 +1,1 @@
+"""From a snapshot and its codes back to the scene."""

@@ -1,0 +1,1 @@
+"""Linear maps from scene to snapshot, with adjoint and pseudo-inverse."""

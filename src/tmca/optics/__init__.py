@@ -1,0 +1,1 @@
+"""Light between the mask and the sensor: dispersion and blur."""

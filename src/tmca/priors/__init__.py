@@ -1,0 +1,1 @@
+"""Gaussian and Gaussian-mixture priors of small scene blocks."""

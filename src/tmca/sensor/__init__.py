@@ -1,0 +1,1 @@
+"""From irradiance to digital numbers: noise, full well, bits."""

@@ -1,0 +1,19 @@
+"""Fixtures that every room's tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real captures and cubes beside the checkout (or ``TMCA_DATA``); skips where it is missing."""
+    folder = Path(os.environ.get("TMCA_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    if not (folder / "README.md").exists():
+        pytest.skip(f"no real data at {folder} (set TMCA_DATA to the folder that holds hsi/, cassi/, splits/)")
+    return folder
