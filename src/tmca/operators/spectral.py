@@ -148,7 +148,9 @@ def _operator(
         if response.shape != (bands,):
             raise ShapeError("response", f"shape {tuple(response.shape)}", f"({bands},), one value per band")
         scale = scale * response.to(scale)[list(channels)]
-    return TapOperator(Taps(code * scale[:, None, None], channels, offsets, bands, width))
+    # every caller hands over a cube of its own: scaled in place, a pass over fresh memory is saved
+    scaled = code * scale[:, None, None] if scale.requires_grad else code.mul_(scale[:, None, None])
+    return TapOperator(Taps(scaled, channels, offsets, bands, width))
 
 
 def _check_planes(near: Tensor, wide: Tensor, near_name: str, wide_name: str, dispersion: Dispersion) -> None:
