@@ -16,7 +16,7 @@ def depth_mae(estimate: Any, truth: Any, *, valid: Any = None, reduction: Reduct
 
     Args:
         estimate, truth: depth in metres, ``(B, 1, H, W)``, ``(1, H, W)`` or ``(H, W)``.
-        valid: pixels to count, same shape; never counted are those whose true depth is not finite and positive.
+        valid: pixels to count, same shape; those of unknown (not finite and positive) truth never count.
         reduction: ``"mean"`` over the batch (a float) or ``"none"`` (an array ``(B,)``).
 
     Returns:

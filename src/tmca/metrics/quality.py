@@ -38,7 +38,7 @@ def ssim(estimate: Any, truth: Any, *, data_range: float = 1.0, reduction: Reduc
     """Structural similarity, mean over bands and pixels.
 
     Gaussian window of 11 × 11 with σ = 1.5, ``K1 = 0.01``, ``K2 = 0.03``, biased (co)variances. Only windows
-    that lie wholly inside the image count, so no border is invented. Source: Wang et al., IEEE TIP 13(4), 2004.
+    that lie wholly inside the image count, so no border is invented. Source: Wang et al., IEEE TIP 13, 2004.
 
     Args, Returns: as :func:`psnr`.
 

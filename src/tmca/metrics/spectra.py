@@ -14,7 +14,7 @@ def sam(estimate: Any, truth: Any, *, reduction: Reduction = "mean", return_excl
     """Spectral angle mapper in degrees: mean over pixels of the angle between estimated and true spectrum.
 
     Pixels whose true spectrum is zero have no angle: they are left out, and counted. A zero estimate of a
-    spectrum that is not zero counts 90°. Angles come from ``2 atan2(‖u - v‖, ‖u + v‖)``, precise near zero too.
+    spectrum that is not zero counts 90°. Angles come from ``2 atan2(‖u - v‖, ‖u + v‖)``, precise near 0 too.
 
     Args:
         estimate, truth: ``(B, L, H, W)`` or ``(L, H, W)``.
@@ -56,7 +56,7 @@ def _unit(spectra: Array) -> Array:
 
 
 def ergas(estimate: Any, truth: Any, *, ratio: float = 1.0, reduction: Reduction = "mean") -> Any:
-    """Relative dimensionless global error, ``100/ratio · sqrt(mean_ℓ (RMSE_ℓ / mean_ℓ)²)``, the truth's means.
+    """Relative global error in synthesis, ``100/ratio · sqrt(mean_ℓ (RMSE_ℓ / mean_ℓ)²)``, the truth's means.
 
     A band whose true mean is zero adds nothing if it is estimated exactly and makes the error infinite
     otherwise. Source: Wald, 2000.
