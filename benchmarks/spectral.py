@@ -124,7 +124,7 @@ def main() -> None:
         for name, value in entry["ratios"].items():
             bound = (
                 f"(bound {BOUNDS[name]})"
-                if name in BOUNDS and shape == SHAPES[0] or name in ("forward", "adjoint")
+                if (name in BOUNDS and shape == SHAPES[0]) or name in ("forward", "adjoint")
                 else ""
             )
             print(f"  {name:36s} {value:6.2f} {bound}")

@@ -87,9 +87,7 @@ def test_a_colour_does_not_tell_its_spectrum(scenes):
     angles = []
     for pixel in rng.choice(np.flatnonzero(rgb.min(axis=1) > 0.1), 200):
         alike = np.flatnonzero(np.abs(rgb - rgb[pixel]).max(axis=1) < 0.01 * rgb[pixel].max())
-        cosine = (
-            scene[alike] @ scene[pixel] / np.linalg.norm(scene[alike], axis=1) / np.linalg.norm(scene[pixel])
-        )
+        cosine = scene[alike] @ scene[pixel] / np.linalg.norm(scene[alike], axis=1) / np.linalg.norm(scene[pixel])
         angles.extend(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
     assert np.percentile(angles, 90) > 3
 
@@ -122,12 +120,8 @@ def test_spectra_are_as_diverse_as_real_ones(scenes, real_data):
     rendered = [_components(scene.radiance.values, 0.999) for scene in scenes.values()]
     assert min(real) <= min(rendered)
     assert max(rendered) <= max(real) + 1
-    assert 0.3 * min(map(_unexplained, cubes)) < np.median(
-        [_unexplained(s.radiance.values) for s in scenes.values()]
-    )
-    assert np.median([_unexplained(s.radiance.values) for s in scenes.values()]) < 1.5 * max(
-        map(_unexplained, cubes)
-    )
+    assert 0.3 * min(map(_unexplained, cubes)) < np.median([_unexplained(s.radiance.values) for s in scenes.values()])
+    assert np.median([_unexplained(s.radiance.values) for s in scenes.values()]) < 1.5 * max(map(_unexplained, cubes))
 
 
 def test_reflectances_are_as_smooth_as_measured_ones(scenes):

@@ -79,9 +79,7 @@ def _uiqi_loop(x, y, window):
             if denominator == 0:
                 values.append(float(np.array_equal(a, b)))
             else:
-                values.append(
-                    4 * np.mean((a - a.mean()) * (b - b.mean())) * a.mean() * b.mean() / denominator
-                )
+                values.append(4 * np.mean((a - a.mean()) * (b - b.mean())) * a.mean() * b.mean() / denominator)
     return np.mean(values)
 
 
@@ -118,9 +116,7 @@ def test_uiqi_is_not_disturbed_by_a_bright_neighbour():
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_tensors_arrays_and_labelled_arrays_agree(dtype):
     estimate, truth = (torch.from_numpy(c).to(dtype) for c in _cubes((3, 33, 40)))
-    labelled = xarray.DataArray(estimate.numpy(), dims=("wavelength", "y", "x")).transpose(
-        "y", "x", "wavelength"
-    )
+    labelled = xarray.DataArray(estimate.numpy(), dims=("wavelength", "y", "x")).transpose("y", "x", "wavelength")
     expected = all_metrics(estimate.numpy(), truth.numpy())
     assert all_metrics(estimate, truth) == expected
     assert all_metrics(labelled, truth) == expected

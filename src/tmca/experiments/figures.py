@@ -94,7 +94,9 @@ def reconstruction_figure(
     _mark(axes[0, 0], points)
     errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
     spreads = {name: _rms(deviations[name]) for name in estimates if name in deviations}
-    top = float(np.quantile(np.concatenate([m.ravel() for m in [*errors.values(), *spreads.values()]] or [np.ones(1)]), 0.99))
+    top = float(
+        np.quantile(np.concatenate([m.ravel() for m in [*errors.values(), *spreads.values()]] or [np.ones(1)]), 0.99)
+    )
     for column, (name, cube) in enumerate(estimates.items(), start=1):
         _image(axes[0, column], rgb_composite(cube, wavelengths, white), _caption(name, cube, truth))
         if name in errors:
@@ -109,15 +111,17 @@ def reconstruction_figure(
 
 
 def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
-    """A few pixels (row, column) of different spectra: each farthest, in colour, from those before it."""
+    """A few lit pixels (row, column) of different colour: each farthest, in the shape of its spectrum, from those before."""
     from scipy.ndimage import uniform_filter
 
-    smooth = np.stack([uniform_filter(band, 5) for band in cube])
-    flat = smooth.reshape(len(cube), -1)
-    chosen = [int(flat.sum(0).argmax())]
-    distance = np.full(flat.shape[1], np.inf)
+    smooth = np.stack([uniform_filter(band, 7) for band in cube]).reshape(len(cube), -1)
+    strength = np.linalg.norm(smooth, axis=0)
+    shape = smooth / np.maximum(strength, 0.3 * strength.max() + 1e-12)
+    shape[:, strength < 0.3 * strength.max()] = shape[:, [int(strength.argmax())]]
+    chosen = [int(strength.argmax())]
+    distance = np.full(shape.shape[1], np.inf)
     while len(chosen) < count:
-        distance = np.minimum(distance, ((flat - flat[:, chosen[-1] : chosen[-1] + 1]) ** 2).sum(0))
+        distance = np.minimum(distance, ((shape - shape[:, [chosen[-1]]]) ** 2).sum(0))
         chosen.append(int(distance.argmax()))
     return [(index // cube.shape[2], index % cube.shape[2]) for index in chosen]
 

@@ -35,9 +35,7 @@ def depth_rmse(estimate: Any, truth: Any, *, valid: Any = None, reduction: Reduc
     return reduced(np.sqrt(_mean_over((x - y) ** 2, known)), reduction)
 
 
-def within_bin(
-    estimate: Any, truth: Any, planes: Any, *, valid: Any = None, reduction: Reduction = "mean"
-) -> Any:
+def within_bin(estimate: Any, truth: Any, planes: Any, *, valid: Any = None, reduction: Reduction = "mean") -> Any:
     """Share of valid pixels, in [0, 1], whose depth is at most one depth bin from the truth.
 
     Bins are counted in inverse depth, where depth planes are evenly spaced; between planes the count is

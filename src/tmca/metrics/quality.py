@@ -51,8 +51,7 @@ def ssim(estimate: Any, truth: Any, *, data_range: float = 1.0, reduction: Reduc
     _require_window(x, SSIM_WINDOW, "SSIM's window is fixed: compare larger images")
     c1, c2 = (0.01 * data_range) ** 2, (0.03 * data_range) ** 2
     per_image = [
-        np.mean([_ssim_band(a, b, c1, c2) for a, b in zip(p, q, strict=True)])
-        for p, q in zip(x, y, strict=True)
+        np.mean([_ssim_band(a, b, c1, c2) for a, b in zip(p, q, strict=True)]) for p, q in zip(x, y, strict=True)
     ]
     return reduced(np.array(per_image), reduction)
 
@@ -94,8 +93,7 @@ def uiqi(estimate: Any, truth: Any, *, window: int = 32, reduction: Reduction = 
     x, y = cube_pair(estimate, truth)
     _require_window(x, window, "pass a smaller window= or compare larger images")
     per_image = [
-        np.mean([_uiqi_band(a, b, window) for a, b in zip(p, q, strict=True)])
-        for p, q in zip(x, y, strict=True)
+        np.mean([_uiqi_band(a, b, window) for a, b in zip(p, q, strict=True)]) for p, q in zip(x, y, strict=True)
     ]
     return reduced(np.array(per_image), reduction)
 
@@ -141,9 +139,7 @@ def _run_sum(values: Array, length: int) -> Array:
 def _require_window(cube: Array, window: int, remedy: str) -> None:
     height, width = cube.shape[-2:]
     if min(height, width) < window:
-        raise ShapeError(
-            "estimate, truth", f"images of {height} × {width}", f"at least {window} × {window}", remedy
-        )
+        raise ShapeError("estimate, truth", f"images of {height} × {width}", f"at least {window} × {window}", remedy)
 
 
 def _require_positive(name: str, value: float) -> None:

@@ -43,9 +43,7 @@ def staged_depth(
     from scipy.ndimage import gaussian_filter
 
     height, width = labels.shape
-    rows, columns = (
-        axis / size for axis, size in zip(np.mgrid[:height, :width], (height, width), strict=True)
-    )
+    rows, columns = (axis / size for axis, size in zip(np.mgrid[:height, :width], (height, width), strict=True))
     count = int(labels.max()) + 1
     area = np.bincount(labels.ravel(), minlength=count)
     row, column = (np.bincount(labels.ravel(), axis.ravel(), count) / area for axis in (rows, columns))

@@ -49,9 +49,7 @@ def illuminant(name: str) -> Array:
 
     if name not in colour.SDS_ILLUMINANTS:
         known = ", ".join(colour.SDS_ILLUMINANTS)
-        raise SettingError(
-            "illuminant", repr(name), "one that colour-science knows", f"choose one of {known}"
-        )
+        raise SettingError("illuminant", repr(name), "one that colour-science knows", f"choose one of {known}")
     return _on_grid(colour.SDS_ILLUMINANTS[name])
 
 

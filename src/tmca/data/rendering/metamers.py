@@ -53,9 +53,7 @@ def colour_model(reflectances: Array) -> ColourModel:
     return ColourModel(library, likely, blacks - likely @ (observer @ blacks))
 
 
-def region_materials(
-    model: ColourModel, rgb: Array, labels: NDArray[np.intp], rng: np.random.Generator
-) -> Array:
+def region_materials(model: ColourModel, rgb: Array, labels: NDArray[np.intp], rng: np.random.Generator) -> Array:
     """A mixture of measured reflectances for each region, ``(regions, 61)``, of RGB sum 1.
 
     Args:

@@ -40,9 +40,7 @@ class Photograph:
 
 
 PHOTOGRAPHS = {
-    "astronaut": Photograph(
-        "astronaut", "train", "D65", 0.8, 2.0, "rendered", "NASA, public domain: Eileen Collins"
-    ),
+    "astronaut": Photograph("astronaut", "train", "D65", 0.8, 2.0, "rendered", "NASA, public domain: Eileen Collins"),
     "chelsea": Photograph("chelsea", "train", "LED-B3", 0.4, 1.2, "rendered", "Stefan van der Walt, CC0"),
     "rocket": Photograph("rocket", "train", "D55", 0.6, 2.0, "rendered", "SpaceX, public domain"),
     "retina": Photograph("retina", "train", "D50", 0.4, 0.8, "rendered", "Mikael Häggström, CC0"),
@@ -55,9 +53,7 @@ PHOTOGRAPHS = {
         "rendered",
         "Center for Microscopy And Molecular Imaging (CMMI), no known copyright restrictions",
     ),
-    "coffee": Photograph(
-        "coffee", "test", "LED-B2", 0.4, 0.9, "rendered", "Rachel Michetti, Pikolo Espresso Bar, CC0"
-    ),
+    "coffee": Photograph("coffee", "test", "LED-B2", 0.4, 0.9, "rendered", "Rachel Michetti, Pikolo Espresso Bar, CC0"),
     "motorcycle": Photograph(
         "stereo_motorcycle",
         "test",
@@ -93,8 +89,7 @@ def split_rendered() -> dict[str, tuple[str, ...]]:
     measured depth map. Nothing should be learned from them.
     """
     return {
-        part: tuple(name for name, entry in PHOTOGRAPHS.items() if entry.split == part)
-        for part in ("train", "test")
+        part: tuple(name for name, entry in PHOTOGRAPHS.items() if entry.split == part) for part in ("train", "test")
     }
 
 

@@ -43,7 +43,5 @@ def area_weights(old: int, new: int) -> NDArray[np.float32]:
 
 def nearest(image: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
     """``(H, W)`` sampled at the centres of the new pixels: depths across an edge are never mixed."""
-    rows, columns = (
-        ((np.arange(m) + 0.5) * n / m).astype(int) for n, m in zip(image.shape, size, strict=True)
-    )
+    rows, columns = (((np.arange(m) + 0.5) * n / m).astype(int) for n, m in zip(image.shape, size, strict=True))
     return image[np.ix_(rows, columns)]

@@ -150,9 +150,7 @@ def _checked_wavelengths(wavelengths: Sequence[float] | NDArray[Any] | None) -> 
     if wavelengths is None:
         return np.arange(400.0, 701.0, 10.0) * 1e-9
     centres = np.asarray(wavelengths, dtype=np.float64)
-    inside = (
-        centres.ndim == 1 and centres.size > 0 and bool(np.all((centres > 399.9e-9) & (centres < 700.1e-9)))
-    )
+    inside = centres.ndim == 1 and centres.size > 0 and bool(np.all((centres > 399.9e-9) & (centres < 700.1e-9)))
     if not inside or np.any(np.diff(centres) <= 0):
         raise SettingError(
             "wavelengths",
