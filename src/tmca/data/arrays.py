@@ -56,11 +56,16 @@ def open_hdf5(path: Path) -> Iterator[Contents]:
 
 
 def _is_netcdf(path: Path) -> bool:
-    with path.open("rb") as head:
-        if head.read(3) == b"CDF":
-            return True
+    if _is_classic(path):
+        return True
     with _open_h5(path) as file:
         return path.suffix.lower() in NETCDF_SUFFIXES or "_NCProperties" in file.attrs
+
+
+def _is_classic(path: Path) -> bool:
+    """Whether it is a NetCDF file from before version 4."""
+    with path.open("rb") as head:
+        return head.read(3) == b"CDF"
 
 
 def damaged(path: Path, error: BaseException) -> DataError:
@@ -98,7 +103,7 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
     options: dict[str, Any] = {"decode_times": False, "chunks": None}
     if path.is_dir():
         options |= {"engine": "zarr", "consolidated": False}
-    elif path.open("rb").read(3) == b"CDF":
+    elif _is_classic(path):
         options |= {"engine": "scipy"}
     else:
         options |= {"engine": "h5netcdf", "phony_dims": "sort"}

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import re
+import struct
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +20,8 @@ from tmca.data.stored import Contents, Index, Stored, from_array
 from tmca.errors import DataError
 
 _BAND_FILE = re.compile(r"_ms_(\d+)\.png$", re.IGNORECASE)
+_BROKEN_TIFF = (OSError, ValueError, IndexError, KeyError, TypeError, struct.error, zlib.error)
+"""What tifffile raises on a cut or damaged file, besides its own error."""
 _LABEL_NM = re.compile(r"(\d+(?:\.\d+)?)\s*(nm|µm|μm|um)\b", re.IGNORECASE)
 
 
@@ -122,43 +127,77 @@ def open_tiff(path: Path) -> Iterator[Contents]:
     """
     import tifffile
 
-    broken = (tifffile.TiffFileError, OSError, ValueError, IndexError, KeyError, TypeError)
     try:
-        with tifffile.TiffFile(path) as tiff:
+        with _complaints() as complaints, tifffile.TiffFile(path) as tiff:
             if len(tiff.series) > 1:
                 shapes = ", ".join(str(series.shape) for series in tiff.series[:4])
                 raise DataError(path, f"pages of different shapes ({shapes})", "bands of one shape")
+            _require_whole(path, tiff, complaints)
             stored, about = _tiff_array(path, tiff), dict(tiff.imagej_metadata or {})
-    except broken as error:
-        raise DataError(path, f"an unreadable or truncated TIFF ({error})", "a whole TIFF") from error
+    except (tifffile.TiffFileError, *_BROKEN_TIFF) as error:
+        raise _damaged_tiff(path, error) from error
     yield Contents(path, "TIFF", {stored.name: stored}, attrs=about)
 
 
+def _damaged_tiff(path: Path, error: object) -> DataError:
+    return DataError(path, f"an unreadable or truncated TIFF ({error})", "a whole TIFF", "write it again")
+
+
+@contextmanager
+def _complaints() -> Iterator[list[str]]:
+    """What tifffile logs meanwhile: it goes on reading past broken pages with no more than a message."""
+    messages: list[str] = []
+    handler = logging.Handler()
+    handler.emit = lambda record: messages.append(record.getMessage())  # type: ignore[method-assign]
+    logger = logging.getLogger("tifffile")
+    before = logger.propagate
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield messages
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before
+
+
+def _require_whole(path: Path, tiff: Any, complaints: list[str]) -> None:
+    """Refuse a file with broken pages or that ends before its pixels do: the library would fill in zeros."""
+    broken = [text for text in complaints if "invalid" in text or "corrupted" in text]
+    if broken:
+        raise _damaged_tiff(path, broken[0])
+    series, size = tiff.series[0], path.stat().st_size
+    if series.dataoffset is not None:
+        end = series.dataoffset + series.nbytes
+    else:
+        ends = (zip(page.dataoffsets, page.databytecounts, strict=True) for page in series.pages if page)
+        end = max(offset + count for page in ends for offset, count in page)
+    if end > size:
+        raise _damaged_tiff(path, f"{size} bytes of {end}")
+
+
 def _tiff_array(path: Path, tiff: Any) -> Stored:
-    series = tiff.series[0]
+    import tifffile
+
+    series, about = tiff.series[0], tiff.imagej_metadata or {}
     per_page = len(series.pages) == series.shape[0] and len(series.shape) == 3
-    labels = [str(label) for label in (tiff.imagej_metadata or {}).get("Labels") or ()]
-    metres = _from_labels(labels) if labels else _from_ome(tiff.ome_metadata)
+    labels = [str(label) for label in about.get("Labels") or ()]
 
     def load(index: Index) -> NDArray[Any]:
-        import tifffile
-
         try:
             if per_page and isinstance(index[0], int):
                 return np.asarray(tifffile.imread(path, key=index[0]))[index[1:]]
             return np.asarray(tifffile.imread(path))[index]
-        except (tifffile.TiffFileError, OSError, ValueError, IndexError, KeyError, TypeError) as error:
-            raise DataError(path, f"an unreadable or truncated TIFF ({error})", "a whole TIFF") from error
+        except (tifffile.TiffFileError, *_BROKEN_TIFF) as error:
+            raise _damaged_tiff(path, error) from error
 
-    scale = 1.0 if (tiff.imagej_metadata or {}).get("quantity") == "relative irradiance" else None
     return Stored(
         path.stem,
         series.shape,
         series.dtype,
         load,
-        wavelengths=metres,
-        usual_axis=0 if per_page else -1,
-        full_scale=scale,
+        dims=("band", "y", "x") if per_page else (),
+        wavelengths=_from_labels(labels) if labels else _from_ome(tiff.ome_metadata),
+        full_scale=1.0 if about.get("quantity") == "relative irradiance" else None,
     )
 
 

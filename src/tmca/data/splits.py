@@ -2,8 +2,8 @@
 
 A split is a text file with one path per line, relative to the data's root, and optionally its SHA-256 before
 or after it (the output of ``sha256sum`` is a split). ``#`` starts a comment. An entry may be a file, a folder
-(all its files), or the common beginning of several files (``rgbd/art`` for ``rgbd/art_rgb.png`` and
-``rgbd/art_disp.png``).
+(all its files), or a scene whose name several files of a folder carry (``rgbd/art`` for ``rgbd/art_rgb.png``
+and ``rgbd/art_disp.png``).
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ def read_split(
             ``MANIFEST.sha256`` if there is one. Entries in neither are only checked to exist.
 
     Returns:
-        ``root / entry`` in order; an entry that is the common beginning of several files stays that
-        beginning.
+        ``root / entry`` in the split's order, also where it is a scene's name and not itself a file.
 
     Raises:
         DataError: naming the entry that is missing, altered or outside the root; or an unreadable split.
@@ -102,22 +101,28 @@ def _verified(split: Path, base: Path, name: str, own: str | None, sums: dict[st
     for listed in members:
         _require(split, base / listed, sums[listed])
     if not members and not entry.exists():
-        raise DataError(
-            entry, f"no such file or folder, named in {split}", "an existing one", "fetch the data again"
-        )
+        beside = entry.parent.iterdir() if entry.parent.is_dir() else ()
+        if not any(_belongs(file.relative_to(base).as_posix(), name) for file in beside):
+            raise _missing(split, entry)
     return entry
 
 
 def _belongs(listed: str, name: str) -> bool:
-    """Whether a listed file is the entry, lies in it, or begins with it (``art_rgb.png``, not ``art2``)."""
-    return listed == name or (listed.startswith(name) and listed[len(name)] in "/_.-")
+    """Whether a listed file is the entry, lies in it, or carries the scene's name as a word of its own."""
+    file, scene = PurePosixPath(listed), PurePosixPath(name)
+    in_it = file == scene or scene in file.parents
+    return in_it or (file.parent == scene.parent and scene.name in re.split(r"[_.-]", file.name))
+
+
+def _missing(split: Path, path: Path) -> DataError:
+    return DataError(
+        path, f"no such file or folder, named in {split}", "an existing one", "fetch the data again"
+    )
 
 
 def _require(split: Path, path: Path, checksum: str | None) -> None:
     if not path.exists():
-        raise DataError(
-            path, f"no such file or folder, named in {split}", "an existing one", "fetch the data again"
-        )
+        raise _missing(split, path)
     if checksum is None:
         return
     found = checksum_of(path)

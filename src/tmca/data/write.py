@@ -97,14 +97,9 @@ def _remove(temporary: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def _output_error(path: Path, error: OSError | RuntimeError) -> OutputError:
-    """The error in words; HDF5 reports the system's number only in its text."""
-    code = getattr(error, "errno", None)
-    if code not in _REASONS:
-        code = next((number for number in _REASONS if f"errno = {number}," in str(error)), None)
-    found, expected, remedy = _REASONS.get(
-        code or 0, (f"a failure to write ({error})", "a writable place", "")
-    )
+def _output_error(path: Path, error: OSError) -> OutputError:
+    unknown = (f"a failure to write ({error})", "a writable place", "free some space or write elsewhere")
+    found, expected, remedy = _REASONS.get(error.errno or 0, unknown)
     return OutputError(path, found, expected, remedy)
 
 
@@ -162,13 +157,14 @@ def write_dataset(
         raise OutputError(path, f"the suffix {path.suffix!r}", ".nc, .h5 or .zarr", "rename the output")
     dataset = _storable(obj)
     with atomic_path(path, overwrite=overwrite) as temporary:
-        try:
-            if path.suffix == ".zarr":
-                dataset.to_zarr(temporary, mode="w", encoding=_zarr_encoding(dataset), consolidated=False)
-            else:
-                dataset.to_netcdf(temporary, engine="h5netcdf", encoding=_netcdf_encoding(dataset))
-        except RuntimeError as error:
-            raise _output_error(path, error) from error
+        if path.suffix == ".zarr":
+            encoding = _zarr_encoding(dataset)
+            dataset.to_zarr(temporary, mode="w", encoding=encoding, consolidated=True, zarr_format=2)
+        else:
+            # HDF5 can crash the process when a write fails under it, so it only writes to memory
+            temporary.write_bytes(
+                dataset.to_netcdf(None, engine="h5netcdf", encoding=_netcdf_encoding(dataset))
+            )
     return path
 
 
