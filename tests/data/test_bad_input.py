@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -97,6 +98,17 @@ def test_missing_empty_and_unknown(tmp_path):
     (tmp_path / "a.zarr").mkdir()
     with pytest.raises(DataError, match=r"a\.zarr"):
         read(tmp_path / "a.zarr")
+
+
+def test_a_file_without_permission_is_named(tmp_path, monkeypatch):
+    scipy.io.savemat(tmp_path / "a.mat", {"x": np.zeros((5, 6, 31))})
+
+    def refuse(self, *args, **kwargs):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(DataError, match=r"a\.mat: found no permission to read it"):
+        read(tmp_path / "a.mat")
 
 
 def test_objects_in_npy_are_refused(tmp_path):

@@ -93,6 +93,17 @@ def test_a_write_that_the_system_stops_leaves_the_old_file_whole(cube, tmp_path,
     assert os.listdir(tmp_path) == [path.name]
 
 
+def test_a_short_write_without_the_systems_number_is_a_full_disk_too(tmp_path):
+    def short():
+        with atomic_path(tmp_path / "a.tif") as temporary:
+            temporary.write_bytes(b"half")
+            raise OSError("280000 requested and 46968 written")
+
+    with pytest.raises(OutputError, match=r"full disk"):
+        short()
+    assert os.listdir(tmp_path) == []
+
+
 def test_text_and_json_are_as_safe(tmp_path, full_disk):
     write_text("old", tmp_path / "a.txt")
     full_disk()

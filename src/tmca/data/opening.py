@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,15 +29,13 @@ def open_contents(path: str | Path) -> Iterator[Contents]:
     path = Path(path)
     if not path.exists():
         raise DataError(path, "no such file or folder", "an existing one", "check the path")
-    try:
-        opened = _opener(path)
-    except PermissionError as error:
-        raise DataError(path, "no permission to read it", "a readable file") from error
-    if isinstance(opened, Contents):
-        yield opened
-    else:
-        with opened as contents:
-            yield contents
+    with ExitStack() as stack:
+        try:
+            opened = _opener(path)
+            contents = opened if isinstance(opened, Contents) else stack.enter_context(opened)
+        except PermissionError as error:
+            raise DataError(path, "no permission to read it", "a readable file") from error
+        yield contents
 
 
 def _opener(path: Path) -> Any:

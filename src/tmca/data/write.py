@@ -99,7 +99,9 @@ def _remove(temporary: Path) -> None:
 
 def _output_error(path: Path, error: OSError) -> OutputError:
     unknown = (f"a failure to write ({error})", "a writable place", "free some space or write elsewhere")
-    found, expected, remedy = _REASONS.get(error.errno or 0, unknown)
+    # numpy's tofile tells a full disk only in words, without the system's number
+    code = errno.ENOSPC if error.errno is None and " requested and " in str(error) else error.errno
+    found, expected, remedy = _REASONS.get(code or 0, unknown)
     return OutputError(path, found, expected, remedy)
 
 
