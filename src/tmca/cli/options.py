@@ -102,7 +102,11 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
             raise SettingError("--preset", repr(camera.preset), f"one of {', '.join(PRESETS)}")
         settings |= PRESETS[camera.preset]
     settings |= camera.chosen()
-    settings |= {"bands": scene["wavelength"].values.tolist(), "size": scene.shape[1:], "sensor": Sensor(**vars(sensor))}
+    settings |= {
+        "bands": scene["wavelength"].values.tolist(),
+        "size": scene.shape[1:],
+        "sensor": Sensor(**vars(sensor)),
+    }
     return SpectralCamera(**settings)
 
 

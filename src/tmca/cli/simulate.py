@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions, SensorOptions, SpectralOptions, numbers, size, spectral_camera
+from tmca.cli.options import OutputOptions, SensorOptions, SpectralOptions, size, spectral_camera
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _CAMERA, _SENSOR = OutputOptions(), SpectralOptions(), SensorOptions()
@@ -36,14 +36,14 @@ def spectral(
         scene: a cube (.mat, ENVI, TIFF, .npy, NetCDF, HDF5, Zarr, CAVE folder) or a rendered scene such as coffee.
         bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the file instead.
-        wavelengths: of the file's bands where it does not say, in nm: LOW,HIGH or one per band.
+        wavelengths: of the file's bands where it does not say, in nm: FIRST:LAST:COUNT or one per band.
         crop: HEIGHTxWIDTH, the middle of the scene.
     """
     from tmca.cli.wavelengths import metres
     from tmca.experiments.scenes import load_scene
     from tmca.experiments.spectral import take_snapshot
 
-    given = None if wavelengths is None else metres(numbers(wavelengths, "--wavelengths"), scene)
+    given = None if wavelengths is None else metres(wavelengths)
     cube = load_scene(scene, bands=None if all_bands else bands, size=size(crop, "--crop"), wavelengths=given)
     taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
@@ -52,7 +52,7 @@ def spectral(
         from tmca.experiments.spectral import snapshot_pictures
 
         written += snapshot_pictures(taken, target, overwrite=output.overwrite)
-    report = {
+    report: dict[str, Any] = {
         "snapshot": str(target),
         "size": list(taken.camera.snapshot_shape[1:]),
         "bands": taken.camera.bands,

@@ -5,18 +5,17 @@ from __future__ import annotations
 from tmca.errors import SettingError
 
 
-def metres(nanometres: float | list[float], scene: str) -> list[float]:
-    """Wavelengths in metres from a list in nm; LOW,HIGH is spread evenly over the bands of the file.
+def metres(text: str, option: str = "--wavelengths") -> list[float]:
+    """``400:700:31`` (first, last, number of bands) or ``400,410,…`` in nm → metres.
 
     Raises:
-        SettingError: one number only.
+        SettingError: neither of the two.
     """
-    from tmca.data import band_count
-
-    if isinstance(nanometres, float):
-        raise SettingError("--wavelengths", str(nanometres), "LOW,HIGH or one wavelength per band, in nm")
-    if len(nanometres) == 2:
-        low, high = nanometres
-        count = band_count(scene)
-        nanometres = [low + (high - low) * i / max(count - 1, 1) for i in range(count)]
-    return [value * 1e-9 for value in nanometres]
+    try:
+        if ":" in text:
+            first, last, count = text.split(":")
+            step = (float(last) - float(first)) / max(int(count) - 1, 1)
+            return [(float(first) + step * band) * 1e-9 for band in range(int(count))]
+        return [float(part) * 1e-9 for part in text.split(",")]
+    except ValueError:
+        raise SettingError(option, repr(text), "FIRST:LAST:COUNT or one wavelength per band, in nm") from None

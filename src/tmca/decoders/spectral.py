@@ -98,9 +98,7 @@ def _by_prior(
     else:
         kind = "a Gaussian-mixture prior" if method == "mixture" else "a Gaussian prior"
         raise SettingError("prior", type(prior).__name__, f"{kind} for {method}", "learn one with `tmca prior learn`")
-    found = decoder(
-        snapshot.values, operator.taps, noise.read, noise.shot, uncertainty=uncertainty, progress=progress
-    )
+    found = decoder(snapshot.values, operator.taps, noise.read, noise.shot, uncertainty=uncertainty, progress=progress)
     return Decoded(found.estimate, found.deviation)
 
 

@@ -111,7 +111,7 @@ def reconstruction_figure(
 
 
 def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
-    """A few lit pixels (row, column) of different colour: each farthest, in the shape of its spectrum, from those before."""
+    """A few lit pixels (row, column), each of a spectrum whose shape is farthest from those before."""
     from scipy.ndimage import uniform_filter
 
     smooth = np.stack([uniform_filter(band, 7) for band in cube]).reshape(len(cube), -1)

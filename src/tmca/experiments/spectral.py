@@ -88,9 +88,7 @@ def reconstruct_snapshot(
         progress: told the share that is done.
     """
     chosen = find_prior(prior, decoder, snapshot.camera) if needs_prior(decoder) else None
-    found = decode(
-        snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress
-    )
+    found = decode(snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress)
     return _labelled(found, decoder, snapshot, truth)
 
 
