@@ -168,7 +168,10 @@ def _results(measured: Sequence[Measured], train: Path, test: Path, command: Seq
         "command": " ".join(command),
         "commit": repository_commit(),
         "split": {"train": _listed(train), "test": _listed(test)},
-        "budget": {"training": "none: priors in closed form", "decoding_seconds": sum(r["seconds"] for r in rows.values())},
+        "budget": {
+            "training": "none: priors in closed form",
+            "decoding_seconds": sum(r["seconds"] for r in rows.values()),
+        },
         "rows": list(rows.values()),
     }
 
