@@ -70,10 +70,10 @@ def to_dataset(snapshot: Snapshot) -> xr.Dataset:
     camera = snapshot.camera
     x_aperture, x_sensor = ("x", "x_sensor") if camera.disperser == "single" else ("x_mask", "x")
     aperture, shutter = (_compact(plane.detach()) for plane in camera.codes())
-    units = "relative irradiance: 1 = one band of a white scene, everything open, over the whole exposure"
+    units = {"units": "relative irradiance", "long_name": "1 = one band of a white scene, everything open"}
     dataset = xr.Dataset(
         {
-            "snapshot": (("y", x_sensor), snapshot.values[0, 0].detach().cpu().numpy(), {"units": units}),
+            "snapshot": (("y", x_sensor), snapshot.values[0, 0].detach().cpu().numpy(), units),
             "aperture": (("slot", "y", x_aperture), aperture, {"long_name": "aperture codes T", "units": "1 = open"}),
             "shutter": (("slot", "y", x_sensor), shutter, {"long_name": "shutter codes S", "units": "1 = open"}),
             "displacement": (

@@ -20,3 +20,18 @@ def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         task = bars.add_task(label, total=1.0)
         yield lambda share: bars.update(task, completed=share)
+
+
+@contextmanager
+def step_progress(label: str) -> Iterator[Callable[[float, str], None]]:
+    """Like ``progress_bar``, told also what comes next; one line per step where nobody watches."""
+    if not sys.stderr.isatty():
+        yield lambda share, step: print(f"{label}: {share:4.0%} {step}", file=sys.stderr)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        task = bars.add_task(label, total=1.0)
+        yield lambda share, step: bars.update(task, completed=share, description=step)

@@ -22,6 +22,7 @@ def spectral(
     bands: int = 12,
     all_bands: Annotated[bool, Parameter(negative="")] = False,
     wavelengths: str | None = None,
+    variable: str | None = None,
     crop: str | None = None,
     camera: SpectralOptions = _CAMERA,
     sensor: SensorOptions = _SENSOR,
@@ -37,6 +38,7 @@ def spectral(
         bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the file instead.
         wavelengths: of the file's bands where it does not say, in nm: FIRST:LAST:COUNT or one per band.
+        variable: which one, where the file holds several.
         crop: HEIGHTxWIDTH, the middle of the scene.
     """
     from tmca.cli.wavelengths import metres
@@ -44,7 +46,8 @@ def spectral(
     from tmca.experiments.spectral import take_snapshot
 
     given = None if wavelengths is None else metres(wavelengths)
-    cube = load_scene(scene, bands=None if all_bands else bands, size=size(crop, "--crop"), wavelengths=given)
+    kept = None if all_bands else bands
+    cube = load_scene(scene, bands=kept, size=size(crop, "--crop"), wavelengths=given, variable=variable)
     taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
     written = [taken.save(target, overwrite=output.overwrite)]

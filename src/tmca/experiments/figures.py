@@ -56,6 +56,16 @@ def snapshot_figure(snapshot: np.ndarray, camera: SpectralCamera, title: str) ->
     return figure
 
 
+def image_figure(values: np.ndarray, title: str) -> Figure:
+    """A 2-D image, or the planes of a 3-D stack (smallest axis first), in grey."""
+    figure, axes = _grid(1, 1, width=7.0)
+    sheet = values if values.ndim == 2 else _montage(np.moveaxis(values, int(np.argmin(values.shape)), 0), 16)
+    shown = axes[0, 0].imshow(sheet, cmap="gray", interpolation="nearest")
+    _bare(axes[0, 0], title)
+    figure.colorbar(shown, ax=axes[0, 0], shrink=0.7)
+    return figure
+
+
 def codes_figure(camera: SpectralCamera, crop: int = 48) -> Figure:
     """Aperture T, shutter S and the code cube T̂ (thesis figure 19), a corner of ``crop`` pixels of each."""
     aperture, shutter = (plane.detach().cpu().numpy() for plane in camera.codes())
@@ -65,7 +75,9 @@ def codes_figure(camera: SpectralCamera, crop: int = 48) -> Figure:
     for row, (planes, name) in enumerate(((aperture, "T slot"), (shutter, "S slot"), (code, "T̂ band"))):
         chosen = np.linspace(0, len(planes) - 1, min(len(planes), columns)).round().astype(int)
         for axis, index in zip(axes[row], chosen, strict=False):
-            _image(axis, planes[index, :crop, :crop], f"{name} {index}", colours="gray", top=max(1.0, planes.max()))
+            _image(
+                axis, planes[index, :crop, :crop], f"{name} {index}", colours="gray", top=max(float(planes.max()), 1e-9)
+            )
         for axis in axes[row, len(chosen) :]:
             axis.set_axis_off()
     return figure

@@ -20,6 +20,7 @@ def load_scene(
     bands: int | None = 12,
     size: tuple[int, int] | None = None,
     wavelengths: Sequence[float] | None = None,
+    variable: str | None = None,
 ) -> xr.DataArray:
     """A spectral cube of ``bands`` bands.
 
@@ -28,6 +29,7 @@ def load_scene(
         bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands of a file.
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
+        variable: which one, where the file holds several.
 
     Returns:
         (wavelength, y, x) relative irradiance with a coordinate ``wavelength`` in metres; attribute ``name``.
@@ -46,7 +48,7 @@ def load_scene(
             raise DataError(
                 name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
             )
-        cube = read(name, wavelengths=wavelengths)
+        cube = read(name, wavelengths=wavelengths, variable=variable)
         if bands is not None:
             cube = select_bands(cube, bands)
     cube = cube if size is None else centre_crop(cube, size, name)
