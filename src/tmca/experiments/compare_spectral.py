@@ -183,7 +183,8 @@ def _markdown(results: dict[str, Any]) -> str:
         "",
         f"Command: `{results['command']}` at commit `{results['commit']}`.",
         "",
-        f"Prior learned from {', '.join(results['split']['train'])}; measured on {', '.join(results['split']['test'])}, "
+        f"Prior learned from {', '.join(results['split']['train'])}.",
+        f"Measured on {', '.join(results['split']['test'])}, "
         "full images. Equal exposure time in all rows. Means over scenes, then PSNR scene by scene.",
         "",
     ]
