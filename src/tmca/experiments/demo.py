@@ -109,7 +109,7 @@ def _section(
     multiplexed = results["time-multiplexed, K = 8"][0]
     deviations = {code: r.deviation.values for code, (_, r) in results.items() if r.deviation is not None}
     figures: dict[str, Figure] = {
-        "Truth and reconstructions (650, 550, 480 nm as red, green, blue), error, predicted error, spectra at points.": (
+        "Truth and reconstructions (650, 550, 480 nm as red, green, blue), error, predicted error, spectra.": (
             reconstruction_figure(
                 {code: result.cube.values for code, (_, result) in results.items()},
                 scene["wavelength"].values.tolist(),
@@ -128,11 +128,7 @@ def _section(
 def _summary(rows: Sequence[dict[str, Any]]) -> Section:
     means = []
     for code in CODES:
-        mine = {
-            row["scene"]: {k: v for k, v in row.items() if k not in ("code", "scene")}
-            for row in rows
-            if row["code"] == code
-        }
+        mine = {row["scene"]: _numbers(row) for row in rows if row["code"] == code}
         means.append({"code": code, "scene": "mean", **mean_over_scenes(mine)})
     gain = means[1]["psnr"] - means[0]["psnr"]
     return Section(
@@ -147,6 +143,10 @@ def _summary(rows: Sequence[dict[str, Any]]) -> Section:
         table=[*means, *rows],
         columns=COLUMNS,
     )
+
+
+def _numbers(row: dict[str, Any]) -> dict[str, float]:
+    return {key: value for key, value in row.items() if isinstance(value, float)}
 
 
 def _stem(code: str) -> str:
