@@ -31,9 +31,7 @@ def reference(
     stacks = [cvxpy.vstack(stacks)] if joint else stacks
     variation = sum(cvxpy.sum(cvxpy.norm(stack, 2, axis=0)) for stack in stacks)
     limits = [] if bounds is None else [scene >= bounds[0], scene <= bounds[1]]
-    problem = cvxpy.Problem(
-        cvxpy.Minimize(0.5 * cvxpy.sum_squares(system @ scene - y) + weight * variation), limits
-    )
+    problem = cvxpy.Problem(cvxpy.Minimize(0.5 * cvxpy.sum_squares(system @ scene - y) + weight * variation), limits)
     problem.solve(solver=cvxpy.CLARABEL)
     return float(problem.value), scene.value
 
@@ -47,9 +45,7 @@ def test_admm_reaches_the_solution_of_a_generic_convex_solver(
     camera = coded_camera(SHAPE)
     snapshot = noisy(camera.A(blocky_scene((1, *SHAPE))), 0.02)
     best, _ = reference(matrix(camera).numpy(), snapshot.flatten().numpy(), weight, joint, bounds)
-    result = admm_tv(
-        camera, snapshot, weight, joint=joint, bounds=bounds, max_iterations=5000, tolerance=1e-6
-    )
+    result = admm_tv(camera, snapshot, weight, joint=joint, bounds=bounds, max_iterations=5000, tolerance=1e-6)
     assert result.converged
     assert result.objective[-1] == pytest.approx(best, rel=1e-4)
     if bounds is not None:
@@ -68,18 +64,14 @@ def test_a_camera_without_gram_solve_reaches_the_same_solution_by_conjugate_grad
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("shape", [(3, 4, 5), (2, 5, 6)])
 @pytest.mark.parametrize("blurred", [False, True])
-def test_data_step_equals_the_dense_solve(
-    shape: tuple[int, int, int], blurred: bool, dtype: torch.dtype
-) -> None:
+def test_data_step_equals_the_dense_solve(shape: tuple[int, int, int], blurred: bool, dtype: torch.dtype) -> None:
     camera: TapCamera | BlurredCamera = coded_camera(shape, dtype)
     camera = BlurredCamera(camera) if blurred else camera
     point, rho = blocky_scene((2, *shape), dtype, seed=4), 0.3
     snapshot = noisy(camera.A(blocky_scene((2, *shape), dtype)), 0.1)
     system = matrix(camera, dtype)
     right = snapshot.flatten(1) @ system + rho * point.flatten(1)
-    dense = torch.linalg.solve(
-        system.mT @ system + rho * torch.eye(system.shape[1], dtype=dtype), right.mT
-    ).mT
+    dense = torch.linalg.solve(system.mT @ system + rho * torch.eye(system.shape[1], dtype=dtype), right.mT).mT
     step = DataStep(camera, snapshot)(point, rho)
     assert step.dtype == dtype
     assert torch.allclose(step.flatten(1), dense, atol=2e-5 if dtype == torch.float32 else 3e-6)
@@ -91,9 +83,7 @@ def test_conjugate_gradients_solve_every_snapshot_of_a_batch() -> None:
     system = matrix(camera)
     gram = system @ system.mT + 0.01 * torch.eye(len(system), dtype=torch.float64)
     solution = conjugate_gradient_gram(camera, snapshots, 0.01, tolerance=1e-10)
-    assert torch.allclose(
-        solution.flatten(1), torch.linalg.solve(gram, snapshots.flatten(1).mT).mT, atol=1e-6
-    )
+    assert torch.allclose(solution.flatten(1), torch.linalg.solve(gram, snapshots.flatten(1).mT).mT, atol=1e-6)
 
 
 @pytest.mark.parametrize("bounds", [None, (0.0, 1.0)])
@@ -119,9 +109,7 @@ def test_a_batch_gives_what_its_snapshots_give_alone() -> None:
     camera = coded_camera((3, 8, 9))
     snapshots = camera.A(torch.cat([blocky_scene((1, 3, 8, 9)), 0.3 * blocky_scene((1, 3, 8, 9), seed=7)]))
     together = admm_tv(camera, snapshots, 0.01, joint=True, max_iterations=4000, tolerance=1e-7)
-    alone = [
-        admm_tv(camera, one[None], 0.01, joint=True, max_iterations=4000, tolerance=1e-7) for one in snapshots
-    ]
+    alone = [admm_tv(camera, one[None], 0.01, joint=True, max_iterations=4000, tolerance=1e-7) for one in snapshots]
     assert torch.allclose(together.estimate, torch.cat([one.estimate for one in alone]), atol=1e-4)
     assert together.objective[-1] == pytest.approx(sum(one.objective[-1] for one in alone), rel=1e-6)
 

@@ -45,9 +45,7 @@ def default_weight(noise_sigma: float = 0.0) -> float:
 class _Split:
     """The copies u, v, z of x with their scaled multipliers, and one iteration over them."""
 
-    def __init__(
-        self, data: DataStep, start: Tensor, weight: float, joint: bool, bounds: Bounds | None
-    ) -> None:
+    def __init__(self, data: DataStep, start: Tensor, weight: float, joint: bool, bounds: Bounds | None) -> None:
         self.data, self.weight, self.joint, self.bounds = data, weight, joint, bounds
         self.x, self.slope = start, gradient(start)
         self.u, self.u_dual = start.clone(), torch.zeros_like(start)

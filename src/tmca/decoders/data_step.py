@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.operators.linear import conjugate_gradient_gram
 
 Progress = Callable[[int, float, float], None]
 """Called at every check with the iteration and the relative primal and dual residuals."""
@@ -57,37 +58,6 @@ class Result:
     dual: tuple[float, ...]
     iterations: int
     converged: bool
-
-
-def conjugate_gradient_gram(
-    operator: Operator, y: Tensor, shift: float, *, tolerance: float = 1e-6, steps: int = 200
-) -> Tensor:
-    """``(A Aᵀ + shift·I)⁻¹ y`` for a batch of snapshots by conjugate gradients.
-
-    Args:
-        operator: the camera.
-        y: (B, 1, H, W').
-        shift: > 0.
-        tolerance: residual, as a share of the norm of y, at which each snapshot of the batch is solved.
-        steps: most steps taken.
-    """
-
-    def dot(a: Tensor, b: Tensor) -> Tensor:
-        return (a * b).sum(dim=(1, 2, 3), keepdim=True)
-
-    tiny = torch.finfo(y.dtype).tiny
-    solution, residual, direction = torch.zeros_like(y), y.clone(), y.clone()
-    energy = dot(residual, residual)
-    goal = tolerance**2 * energy
-    for _ in range(steps):
-        if bool((energy <= goal).all()):
-            break
-        image = operator.A(operator.A_adjoint(direction)).add_(direction, alpha=shift)
-        step = energy / dot(direction, image).clamp_min(tiny)
-        solution, residual = solution + step * direction, residual - step * image
-        energy, previous = dot(residual, residual), energy
-        direction = residual + energy / previous.clamp_min(tiny) * direction
-    return solution
 
 
 class DataStep:

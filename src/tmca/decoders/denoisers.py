@@ -64,9 +64,7 @@ def nl_means_denoiser(strength: float = 0.8, *, patch_size: int = 5, patch_dista
     _check_positive("strength", strength)
 
     def denoise_image(band: NDArray[np.floating], sigma: float) -> NDArray[np.floating]:
-        return denoise_nl_means(
-            band, patch_size, patch_distance, h=strength * sigma, sigma=sigma, fast_mode=True
-        )
+        return denoise_nl_means(band, patch_size, patch_distance, h=strength * sigma, sigma=sigma, fast_mode=True)
 
     return per_band(denoise_image)
 

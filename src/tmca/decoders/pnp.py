@@ -88,9 +88,7 @@ def pnp_admm(
         converged = now == sigmas[-1] and max(primals[-1], changes[-1]) <= tolerance
         if converged:
             break
-    return Result(
-        clean, tuple(range(1, len(primals) + 1)), (), tuple(primals), tuple(changes), len(primals), converged
-    )
+    return Result(clean, tuple(range(1, len(primals) + 1)), (), tuple(primals), tuple(changes), len(primals), converged)
 
 
 def _check_noise(noise_sigma: float) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import Snapshot
-from tmca.decoders.admm import ADMMTV, default_weight
+from tmca.decoders.admm import admm_tv, default_weight
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
 from tmca.errors import SettingError
@@ -19,6 +20,7 @@ from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 
 METHODS = ("lmmse", "mixture", "admm-tv", "admm-tv-joint", "dagger")
+_ITERATIONS = 300
 Progress = Callable[[float], None]
 
 
@@ -105,9 +107,19 @@ def _by_prior(
 def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progress: Progress | None) -> Decoded:
     camera = snapshot.camera
     if weight is None:
-        level = camera.noise.variance(snapshot.values).mean().sqrt().item()
-        weight = default_weight(level)
-    decoder = ADMMTV(weight=weight, joint=joint)
-    result = decoder.solve(snapshot.values, camera.operator(), progress=progress)
-    notes = {"weight": weight, "iterations": result.iterations, "converged": result.converged}
+        # the weight was chosen at equal exposure; K times the light is K² times the data term
+        gain = camera.full_scale / float(camera.response.sum())
+        level = float(camera.noise.variance(snapshot.values).mean().sqrt())
+        weight = default_weight(level / gain) * gain**2
+    told = None if progress is None else lambda iteration, primal, dual: progress(iteration / _ITERATIONS)
+    result = admm_tv(
+        camera.operator(),
+        snapshot.values,
+        weight,
+        joint=joint,
+        bounds=(0.0, inf),
+        max_iterations=_ITERATIONS,
+        progress=told,
+    )
+    notes = {"tv_weight": weight, "iterations": result.iterations, "converged": result.converged}
     return Decoded(result.estimate, notes=notes)

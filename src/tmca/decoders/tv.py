@@ -30,9 +30,7 @@ def gradient(cube: Tensor, out: Tensor | None = None) -> Tensor:
     """
     if out is None:
         pads = ((0, 0, 0, 1), (0, 1))
-        return torch.stack(
-            [pad(cube.diff(dim=axis), room) for axis, room in zip((-2, -1), pads, strict=True)]
-        )
+        return torch.stack([pad(cube.diff(dim=axis), room) for axis, room in zip((-2, -1), pads, strict=True)])
     torch.sub(cube[..., 1:, :], cube[..., :-1, :], out=out[0, ..., :-1, :])
     torch.sub(cube[..., 1:], cube[..., :-1], out=out[1, ..., :-1])
     out[0, ..., -1, :] = 0

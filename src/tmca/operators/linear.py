@@ -2,10 +2,54 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import torch
 from torch import Tensor, nn
 
 from tmca.errors import ShapeError
+
+_TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
+
+
+class Imaging(Protocol):
+    """Anything with ``A`` and ``A_adjoint``."""
+
+    def A(self, x: Tensor, /) -> Tensor: ...
+
+    def A_adjoint(self, y: Tensor, /) -> Tensor: ...
+
+
+def conjugate_gradient_gram(
+    operator: Imaging, y: Tensor, shift: float, *, tolerance: float = 1e-6, steps: int = 200
+) -> Tensor:
+    """``(A Aᵀ + shift·I)⁻¹ y`` for a batch of snapshots by conjugate gradients.
+
+    Args:
+        operator: with ``A`` and ``A_adjoint``.
+        y: (B, …).
+        shift: ≥ 0; with 0, y must lie in the range of A.
+        tolerance: residual, as a share of the norm of y, at which each snapshot of the batch is solved.
+        steps: most steps taken.
+    """
+    dims = tuple(range(1, y.ndim))
+
+    def dot(a: Tensor, b: Tensor) -> Tensor:
+        return (a * b).sum(dim=dims, keepdim=True)
+
+    tiny = torch.finfo(y.dtype).tiny
+    solution, residual, direction = torch.zeros_like(y), y.clone(), y.clone()
+    energy = dot(residual, residual)
+    goal = tolerance**2 * energy
+    for _ in range(steps):
+        if bool((energy <= goal).all()):
+            break
+        image = operator.A(operator.A_adjoint(direction)) + shift * direction
+        step = energy / dot(direction, image).clamp_min(tiny)
+        solution, residual = solution + step * direction, residual - step * image
+        energy, previous = dot(residual, residual), energy
+        direction = residual + energy / previous.clamp_min(tiny) * direction
+    return solution
 
 
 class LinearOperator(nn.Module):
@@ -29,31 +73,14 @@ class LinearOperator(nn.Module):
         """The same as ``A``."""
         return self.A(scene)
 
-    def gram_solve(self, snapshot: Tensor, shift: float, *, tolerance: float = 1e-10, iterations: int = 1000) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ snapshot`` by conjugate gradients; operators with a closed form override it.
+    def gram_solve(self, snapshot: Tensor, shift: float) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``; by conjugate gradients, unless a subclass has a closed form.
 
         Args:
             snapshot: (B, *snapshot_shape).
-            shift: ≥ 0; with 0 the solution of least norm for snapshots in the range of A.
-            tolerance: residual at which the iteration stops, relative to the snapshot.
-            iterations: upper limit.
+            shift: ≥ 0; with 0, for snapshots in the range of A.
         """
-        dims = tuple(range(1, snapshot.ndim))
-        solution, residual = torch.zeros_like(snapshot), snapshot
-        direction, energy = residual, (residual**2).sum(dims, keepdim=True)
-        floor = tolerance**2 * energy
-        for _ in range(iterations):
-            image = self.A(self.A_adjoint(direction)) + shift * direction
-            curvature = (direction * image).sum(dims, keepdim=True)
-            step = torch.where(curvature > 0, energy / curvature.clamp_min(torch.finfo(image.dtype).tiny), 0)
-            solution = solution + step * direction
-            residual = residual - step * image
-            fresh = (residual**2).sum(dims, keepdim=True)
-            if bool((fresh <= floor).all()):
-                break
-            ratio = fresh / energy.clamp_min(torch.finfo(image.dtype).tiny)
-            direction, energy = residual + ratio * direction, fresh
-        return solution
+        return conjugate_gradient_gram(self, snapshot, shift, tolerance=_TOLERANCE[snapshot.dtype], steps=1000)
 
     def A_dagger(self, snapshot: Tensor) -> Tensor:
         """Least-norm scene that explains the snapshot: ``Aᵀ (A Aᵀ)⁺ snapshot``."""

@@ -44,9 +44,13 @@ class TapOperator(LinearOperator):
         self._check(snapshot, self.snapshot_shape, "snapshot")
         return backproject(snapshot, self.code, self._layout)
 
-    def gram_solve(self, snapshot: Tensor, shift: float, *, tolerance: float = 1e-10, iterations: int = 1000) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ snapshot``: a division, or a tridiagonal solve along x (closed: the last two arguments
-        have no effect). Where shift is 0, sensor pixels that no light reaches give zero."""
+    def gram_solve(self, snapshot: Tensor, shift: float) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``: a division, or a tridiagonal solve along x.
+
+        Args:
+            snapshot: (B, 1, H, W').
+            shift: ≥ 0; with 0, sensor pixels that no light reaches give zero.
+        """
         coupling = gram_neighbour(self.taps)
         if coupling is None:
             diagonal = gram_diagonal(self.taps) + shift
