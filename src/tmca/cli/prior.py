@@ -1,0 +1,89 @@
+"""``tmca prior``: learn a prior, look at it, and judge a code by it before anything is captured."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from tmca.cli.options import SensorOptions, SpectralOptions
+
+app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
+_CAMERA, _SENSOR = SpectralOptions(), SensorOptions()
+
+
+@app.command
+def learn(
+    *scenes: str,
+    out: Path,
+    mixture: Annotated[bool, Parameter(negative="")] = False,
+    split: Path | None = None,
+    bands: int = 12,
+    spread: int | None = None,
+    figure: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    seed: int = 0,
+) -> None:
+    """Learn a prior from SCENES: cube files, or names of rendered scenes.
+
+    Args:
+        scenes: cubes or rendered scenes.
+        out: file to write (NetCDF).
+        mixture: a Gaussian mixture instead of one Gaussian.
+        split: a split file whose scenes are added.
+        bands: nearest to even spacing from 400 to 700 nm.
+        spread: pixels between the first and the last band on the sensor; one per band without it.
+        figure: write a picture of it (PNG).
+        overwrite: replace files that exist.
+        seed: of the random blocks.
+    """
+    from tmca.experiments.priors import learn_to_file
+
+    prior = learn_to_file(
+        scenes, out, mixture=mixture, split=split, bands=bands, spread=spread, figure=figure, overwrite=overwrite, seed=seed
+    )
+    rows, columns = prior.block[1:]
+    kind = "mixture" if mixture else "Gaussian"
+    print(f"{out}: {kind} prior of blocks {prior.block[0]} × {rows} × {columns} (bands, rows, columns)")
+
+
+@app.command
+def show(
+    prior: Path, /, *, out: Path | None = None, overwrite: Annotated[bool, Parameter(negative="")] = False
+) -> None:
+    """Draw PRIOR: leading eigen-blocks, eigenvalues, mean spectrum.
+
+    Args:
+        prior: file written by `tmca prior learn`.
+        out: PNG to write; the prior's name with .png without it.
+        overwrite: replace it if it exists.
+    """
+    from tmca.experiments.pictures import picture_of
+
+    print(picture_of(prior, out or prior.with_suffix(".png"), overwrite=overwrite))
+
+
+@app.command
+def expect(
+    prior: Path,
+    /,
+    *,
+    camera: SpectralOptions = _CAMERA,
+    sensor: SensorOptions = _SENSOR,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """The error that a code is expected to leave, under PRIOR, before anything is captured.
+
+    Args:
+        prior: Gaussian prior file.
+        json: print JSON instead of text.
+    """
+    from tmca.experiments.priors import expected
+
+    found = expected(prior, camera.preset, camera.chosen(), vars(sensor))
+    if json:
+        print(json_module.dumps(found, indent=1))
+        return
+    print(f"expected PSNR {found['expected_psnr']:.2f} dB; light throughput {found['throughput']:.1%}")

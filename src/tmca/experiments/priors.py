@@ -1,0 +1,75 @@
+"""Priors as files: learned, drawn, asked for the expected error of a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tmca.cameras import PRESETS, SpectralCamera
+from tmca.errors import OutputError, SettingError
+from tmca.experiments.figures import save_figure
+from tmca.experiments.scenes import load_scene
+from tmca.operators import TapOperator
+from tmca.priors import GaussianPrior, Prior, draw_prior, expected_psnr, learn_prior, load_prior
+from tmca.sensor import Sensor
+
+_FRAME = 128
+
+
+def learn_to_file(
+    scenes: Sequence[str],
+    out: Path,
+    *,
+    mixture: bool = False,
+    split: Path | None = None,
+    bands: int = 12,
+    spread: int | None = None,
+    figure: Path | None = None,
+    overwrite: bool = False,
+    seed: int = 0,
+) -> Prior:
+    """Learn a prior from files, rendered scenes or a split, and write it with its picture.
+
+    Raises:
+        SettingError: no scenes.
+        OutputError: a file exists.
+    """
+    from tmca.data import read_split
+
+    for file in (out, figure):
+        if file is not None and file.exists() and not overwrite:
+            raise OutputError(file, "an existing file", "a new name", "pass --overwrite")
+    sources = [*scenes, *(map(str, read_split(split)) if split else ())]
+    if not sources:
+        raise SettingError("prior learn", "no scenes", "cube files, rendered scenes or --split")
+    cubes = [load_scene(source, bands=bands) for source in sources]
+    prior = learn_prior(cubes, spread=bands - 1 if spread is None else spread, mixture=mixture, seed=seed)
+    prior.save(out, overwrite=overwrite)
+    if figure is not None:
+        save_figure(draw_prior(prior), figure, overwrite=overwrite)
+    return prior
+
+
+def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: dict[str, Any]) -> dict[str, float]:
+    """Expected PSNR and light throughput of a camera under a prior, mean over blocks of a 128-pixel frame.
+
+    Raises:
+        SettingError: unknown preset, a mixture prior, or relay blur.
+    """
+    known = load_prior(prior)
+    if not isinstance(known, GaussianPrior):
+        raise SettingError(prior, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
+    if preset is not None and preset not in PRESETS:
+        raise SettingError("--preset", repr(preset), f"one of {', '.join(PRESETS)}")
+    size = (max(_FRAME, known.block[1]), max(_FRAME, known.block[2]))
+    base: dict[str, Any] = {} if preset is None else dict(PRESETS[preset])
+    camera = SpectralCamera(
+        **{**base, **settings, "bands": known.wavelengths or known.block[0], "size": size, "sensor": Sensor(**sensor)}
+    )
+    operator = camera.operator()
+    if not isinstance(operator, TapOperator):
+        raise SettingError("relay blur", str(camera.relay_blur), "0 for the expected error")
+    noise = camera.noise
+    value = expected_psnr(known, operator.taps, noise.read, noise.shot)
+    return {"expected_psnr": value, "throughput": camera.throughput(), "read_noise": noise.read, "shot": noise.shot}

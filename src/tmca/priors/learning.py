@@ -1,0 +1,122 @@
+"""Priors for a camera: learned from labelled cubes, loaded from a file, or the rendered scenes' own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import torch
+
+from tmca.errors import SettingError, ShapeError
+from tmca.priors.files import kind_of
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.mixture import GaussianMixturePrior
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Prior = GaussianPrior | GaussianMixturePrior
+
+_ENTRIES = {False: 5184, True: 3456}
+_ROWS = {False: 12, True: 8}
+_JUDGED = 14
+_RENDERED_SIZE = (256, 256)
+
+
+def block_for(bands: int, spread: int, *, mixture: bool = False) -> tuple[int, int]:
+    """(rows, columns) of the blocks for a camera: wide enough that some columns see all their light from inside.
+
+    For 12 bands at one pixel per band it is 12×36 (Gaussian) and 8×36 (mixture), the best of those tried on training
+    scenes left out one by one; other cameras get as many rows as keep the covariance about that large.
+
+    Args:
+        bands: number of bands L.
+        spread: columns by which the snapshot is wider than the scene, pixels.
+        mixture: for a mixture prior.
+    """
+    columns = max(2 * spread + _JUDGED, 24)
+    rows = max(1, min(_ROWS[mixture], _ENTRIES[mixture] // (bands * columns)))
+    return rows, columns
+
+
+def learn_prior(
+    cubes: Sequence[xr.DataArray], *, spread: int, mixture: bool = False, block: tuple[int, int] | None = None, seed: int = 0
+) -> Prior:
+    """Learn a prior from example cubes.
+
+    Args:
+        cubes: (wavelength, y, x) relative irradiance, all with the same wavelengths.
+        spread: columns by which the camera's snapshot is wider than the scene; it sets the block.
+        mixture: a Gaussian mixture instead of one Gaussian.
+        block: (rows, columns) instead of the camera's.
+        seed: of random blocks.
+
+    Raises:
+        SettingError: no cubes.
+        ShapeError: cubes of different wavelengths, or smaller than a block.
+    """
+    if not cubes:
+        raise SettingError("prior", "no example scenes", "at least one")
+    wavelengths = cubes[0]["wavelength"].values
+    for cube in cubes:
+        if cube["wavelength"].shape != wavelengths.shape or abs(cube["wavelength"].values - wavelengths).max() > 1e-10:
+            name = str(cube.attrs.get("name", "example"))
+            raise ShapeError(name, "other wavelengths", "those of the first example", "select the same bands of all")
+    kind = GaussianMixturePrior if mixture else GaussianPrior
+    examples = [torch.from_numpy(cube.values.copy()) for cube in cubes]
+    shape = block or block_for(len(wavelengths), spread, mixture=mixture)
+    names = [str(cube.attrs.get("name", "")) for cube in cubes]
+    return kind.learn(examples, shape, seed=seed, wavelengths=wavelengths.tolist(), sources=names)
+
+
+def load_prior(path: str | Path) -> Prior:
+    """Read a prior file of either kind.
+
+    Raises:
+        DataError: no such file, no prior in it, or damaged content.
+    """
+    return GaussianMixturePrior.load(path) if kind_of(path) == "gaussian mixture" else GaussianPrior.load(path)
+
+
+def rendered_prior(wavelengths: Sequence[float], spread: int, *, mixture: bool = False) -> Prior:
+    """The prior of the rendered training scenes at these wavelengths, learned on first use and kept.
+
+    It is kept in the folder ``TMCA_CACHE``, or ``tmca`` in the user's cache folder.
+
+    Args:
+        wavelengths: of the bands, metres, within 400–700 nm.
+        spread: columns by which the camera's snapshot is wider than the scene.
+        mixture: a Gaussian mixture instead of one Gaussian.
+
+    Raises:
+        SettingError: wavelengths that the rendered scenes do not have.
+    """
+    from tmca import __version__
+    from tmca.data import rendered_scene, split_rendered
+
+    names = sorted(name for name, split in split_rendered().items() if split == "train")
+    identity = [__version__, [round(w * 1e12) for w in wavelengths], spread, mixture, names, _RENDERED_SIZE]
+    digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
+    file = cache_folder() / f"rendered-{'mixture' if mixture else 'gaussian'}-{digest}.nc"
+    if file.exists():
+        return load_prior(file)
+    cubes = []
+    for name in names:
+        cube = rendered_scene(name, wavelengths=list(wavelengths), size=_RENDERED_SIZE)["radiance"]
+        cube.attrs["name"] = name
+        cubes.append(cube)
+    prior = learn_prior(cubes, spread=spread, mixture=mixture)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    prior.save(file, overwrite=True)
+    return prior
+
+
+def cache_folder() -> Path:
+    """Where priors are kept: ``TMCA_CACHE``, else ``tmca`` in the user's cache folder."""
+    if "TMCA_CACHE" in os.environ:
+        return Path(os.environ["TMCA_CACHE"])
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tmca"
