@@ -15,8 +15,6 @@ from torch import Tensor
 from tmca.errors import ShapeError
 from tmca.operators.taps import Taps
 
-# Variance below which read noise is not taken seriously, in squared snapshot units: keeps G invertible without noise.
-NOISE_FLOOR = 1e-9
 
 
 @dataclass(frozen=True)
