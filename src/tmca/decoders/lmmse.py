@@ -35,7 +35,12 @@ class PatchLMMSE:
 
     @overload
     def __call__(
-        self, snapshot: Tensor, taps: Taps, read_noise: float = ..., shot: float = ..., uncertainty: Literal[False] = ...
+        self,
+        snapshot: Tensor,
+        taps: Taps,
+        read_noise: float = ...,
+        shot: float = ...,
+        uncertainty: Literal[False] = ...,
     ) -> Tensor: ...
 
     @overload
@@ -44,7 +49,12 @@ class PatchLMMSE:
     ) -> tuple[Tensor, Tensor]: ...
 
     def __call__(
-        self, snapshot: Tensor, taps: Taps, read_noise: float = 0.0, shot: float = 0.0, uncertainty: bool = False
+        self,
+        snapshot: Tensor,
+        taps: Taps,
+        read_noise: float = 0.0,
+        shot: float = 0.0,
+        uncertainty: bool = False,
     ) -> Tensor | tuple[Tensor, Tensor]:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), and with ``uncertainty`` their standard deviation.
 

@@ -16,7 +16,6 @@ from tmca.errors import ShapeError
 from tmca.operators.taps import Taps
 
 
-
 @dataclass(frozen=True)
 class BlockModel:
     """Geometry shared by every block of shape (L, h, w) under the same taps.
@@ -45,11 +44,17 @@ class BlockModel:
         origin, span = min(taps.offsets), max(taps.offsets) - min(taps.offsets)
         if block[0] != taps.scene_channels:
             raise ShapeError(
-                "prior", f"{block[0]} channels", f"the {taps.scene_channels} of the codes", "learn the prior on the same bands"
+                "prior",
+                f"{block[0]} channels",
+                f"the {taps.scene_channels} of the codes",
+                "learn the prior on the same bands",
             )
         if block[2] <= span:
             raise ShapeError(
-                "prior", f"blocks {block[2]} columns wide", f"more than the dispersion of {span}", "learn wider blocks"
+                "prior",
+                f"blocks {block[2]} columns wide",
+                f"more than the dispersion of {span}",
+                "learn wider blocks",
             )
         return cls(block, taps.channels, tuple(o - origin for o in taps.offsets), origin)
 
@@ -85,7 +90,9 @@ class BlockModel:
 
     def complete(self, windows: Tensor) -> Tensor:
         """(P, taps, h, columns) the part of code windows (P, taps, h, w) that feeds the complete measurements."""
-        parts = [windows[:, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)]
+        parts = [
+            windows[:, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)
+        ]
         return torch.stack(parts, 1)
 
     def measure(self, weights: Tensor, blocks: Tensor) -> Tensor:
@@ -93,7 +100,9 @@ class BlockModel:
         scene = blocks.unflatten(-1, self.block)
         total = torch.zeros((), dtype=blocks.dtype)
         for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
-            total = total + scene[..., channel, :, self.span - o : self.span - o + self.columns] * weights[:, t]
+            total = (
+                total + scene[..., channel, :, self.span - o : self.span - o + self.columns] * weights[:, t]
+            )
         return total.flatten(-2)
 
     def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:
@@ -122,7 +131,9 @@ class BlockGrid:
         """Blocks ``stride`` (rows, columns) apart, the last ones flush, whose judged columns cover the frame."""
         (_, h, _), (first, last) = model.block, model.judged
         tops = _starts(frame[0] - h, stride[0])
-        lefts = [x - first for x in _starts(frame[1] - (last - first), min(stride[1], model.columns, last - first))]
+        lefts = [
+            x - first for x in _starts(frame[1] - (last - first), min(stride[1], model.columns, last - first))
+        ]
         return cls(model, frame, tuple(tops), tuple(lefts))
 
     @property
@@ -135,7 +146,12 @@ class BlockGrid:
         """Zeros to add left, right, above and below the frame so that every block lies inside."""
         _, h, w = self.model.block
         left = max(0, -min(self.lefts))
-        return (left, max(0, max(self.lefts) + w - self.frame[1]), 0, max(0, max(self.tops) + h - self.frame[0]))
+        return (
+            left,
+            max(0, max(self.lefts) + w - self.frame[1]),
+            0,
+            max(0, max(self.tops) + h - self.frame[0]),
+        )
 
     def code_windows(self, code: Tensor, positions: list[tuple[int, int]]) -> Tensor:
         """(P, taps, h, w) windows of a code (taps, H, W), zero outside the frame."""
@@ -150,7 +166,9 @@ class BlockGrid:
         right = max(0, max(self.lefts) + model.block[2] + model.origin - snapshot.shape[-1])
         padded = torch.nn.functional.pad(snapshot, (left, right, 0, below))
         first = left + model.origin + model.span
-        views = [padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions]
+        views = [
+            padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions
+        ]
         return torch.stack(views).flatten(2)
 
 

@@ -52,7 +52,9 @@ def expected_mse(
     return variance.unflatten(1, prior.block)[..., first:last].mean()
 
 
-def expected_psnr(prior: GaussianPrior, taps: Taps, read_noise: float = 0.0, shot: float = 0.0, **where: int) -> float:
+def expected_psnr(
+    prior: GaussianPrior, taps: Taps, read_noise: float = 0.0, shot: float = 0.0, **where: int
+) -> float:
     """``expected_mse`` as a peak signal-to-noise ratio in dB."""
     return float(-10 * torch.log10(expected_mse(prior, taps, read_noise, shot, **where)))  # type: ignore[arg-type]
 

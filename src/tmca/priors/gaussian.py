@@ -38,10 +38,14 @@ class GaussianPrior:
         n, lags = self.mean.numel(), (self.mean.shape[0], *self.mean.shape)
         if self.mean.ndim != 3 or tuple(self.moments.shape) not in ((n, n), lags):
             raise ShapeError(
-                "prior", f"mean {tuple(self.mean.shape)} with moments {tuple(self.moments.shape)}", f"{(n, n)} or {lags}"
+                "prior",
+                f"mean {tuple(self.mean.shape)} with moments {tuple(self.moments.shape)}",
+                f"{(n, n)} or {lags}",
             )
         if self.wavelengths is not None and len(self.wavelengths) != self.mean.shape[0]:
-            raise ShapeError("wavelengths", f"{len(self.wavelengths)}", f"{self.mean.shape[0]}, one per channel")
+            raise ShapeError(
+                "wavelengths", f"{len(self.wavelengths)}", f"{self.mean.shape[0]}, one per channel"
+            )
 
     @property
     def block(self) -> tuple[int, int, int]:

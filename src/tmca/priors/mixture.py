@@ -63,7 +63,9 @@ class GaussianMixturePrior:
         g, basis = self.gains[gain], self.basis
         mean = g * (self.base.mean.reshape(-1) + basis @ self.means[kind])
         covariance = self.scales[kind] * self.base.covariance + basis @ self.changes()[kind] @ basis.mT
-        return GaussianPrior(mean.reshape(self.block), g**2 * covariance, self.base.wavelengths, self.base.sources)
+        return GaussianPrior(
+            mean.reshape(self.block), g**2 * covariance, self.base.wavelengths, self.base.sources
+        )
 
     @classmethod
     def of(cls, prior: GaussianPrior, rank: int = 1) -> GaussianMixturePrior:
@@ -103,7 +105,9 @@ class GaussianMixturePrior:
 
         if min(kinds, rank, gains) < 1 or steps < 0 or samples < 10 * kinds:
             raise SettingError(
-                "learn", f"kinds {kinds}, rank {rank}, gains {gains}, samples {samples}", "≥ 1, and 10 samples per kind"
+                "learn",
+                f"kinds {kinds}, rank {rank}, gains {gains}, samples {samples}",
+                "≥ 1, and 10 samples per kind",
             )
         examples = scenes(cubes, block)
         base = GaussianPrior.learn(examples, block, floor=floor, wavelengths=wavelengths, sources=sources)

@@ -51,7 +51,11 @@ class BlockPosterior:
         if not spread:
             return estimate, None
         alone = BlockPosterior(
-            self.mean, self.variance, self.cross[:, block : block + 1], self.factor[block : block + 1], self.expected
+            self.mean,
+            self.variance,
+            self.cross[:, block : block + 1],
+            self.factor[block : block + 1],
+            self.expected,
         )
         return estimate, alone.error_variance().expand_as(estimate)
 
@@ -71,7 +75,12 @@ class GaussianSolver:
     """
 
     def __init__(
-        self, prior: GaussianPrior, model: BlockModel, read_noise: float, shot: float, dtype: torch.dtype | None = None
+        self,
+        prior: GaussianPrior,
+        model: BlockModel,
+        read_noise: float,
+        shot: float,
+        dtype: torch.dtype | None = None,
     ) -> None:
         if not (read_noise >= 0 and shot >= 0):
             raise SettingError("noise", f"read noise {read_noise}, shot {shot}", "numbers ≥ 0")
@@ -101,7 +110,9 @@ def noise_variance(expected: Tensor, read_noise: float, shot: float) -> Tensor:
     return read_noise**2 + NOISE_FLOOR + shot * expected.double().clamp(min=0)
 
 
-def sufficient_precision(prior: GaussianPrior, model: BlockModel, read_noise: float, shot: float) -> torch.dtype:
+def sufficient_precision(
+    prior: GaussianPrior, model: BlockModel, read_noise: float, shot: float
+) -> torch.dtype:
     """float32 where the noise stands well above its rounding errors, float64 where there is next to none."""
     pixels = model.pixels()
     signal = prior.covariance.diagonal()[pixels].sum(1).mean()
