@@ -1,6 +1,6 @@
 """Time-multiplexed coded aperture cameras: spectral, light field, spectral-depth; and dual blind deconvolution.
 
-``import tmca`` loads no third-party package: the rooms (``tmca.cameras``, ``tmca.decoders``, …) are imported on first use.
+``import tmca`` loads no third-party package: the rooms (``tmca.cameras``, ``tmca.decoders``, …) load on first use.
 """
 
 from __future__ import annotations

@@ -1,1 +1,33 @@
 """The command line: it parses, calls and prints; it computes nothing."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from tmca.errors import TmcaError
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Entry point of the ``tmca`` command; wrong input gives one line on standard error and exit code 2."""
+    from cyclopts import CycloptsError
+
+    from tmca.cli.app import app
+
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as error:
+        _leave(f"{' '.join(str(error).split())} Try `tmca --help`." if not tokens else " ".join(str(error).split()))
+    except TmcaError as error:
+        _leave(str(error))
+    except KeyboardInterrupt:
+        print("tmca: stopped; finished files are whole", file=sys.stderr)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.exit(0)
+
+
+def _leave(message: str) -> None:
+    print(f"tmca: {message}", file=sys.stderr)
+    sys.exit(2)

@@ -1,1 +1,17 @@
 """What the aperture and the shutter show in each time slot."""
+
+from tmca.codes.binary import hard_threshold, one_hot_slots
+from tmca.codes.blue_noise import blue_noise_ranks
+from tmca.codes.multiplexed import MultiplexedCodes
+from tmca.codes.patterns import FAMILIES, pattern
+from tmca.codes.plane import CodePlane
+
+__all__ = [
+    "FAMILIES",
+    "CodePlane",
+    "MultiplexedCodes",
+    "blue_noise_ranks",
+    "hard_threshold",
+    "one_hot_slots",
+    "pattern",
+]

@@ -1,1 +1,37 @@
 """Reading and writing files, data sets, splits and rendered scenes."""
+
+from tmca.data.bands import nearest_bands, select_bands
+from tmca.data.cubes import label, read, read_array
+from tmca.data.datasets import read_dataset
+from tmca.data.describe import describe
+from tmca.data.formats.known import KNOWN_SETS, KnownSet
+from tmca.data.formats.wavelengths import metres_to_nm, nm_to_metres
+from tmca.data.rendering import rendered_names, rendered_scene, split_rendered
+from tmca.data.splits import checksum_of, read_split, write_split
+from tmca.data.tiff import write_tiff
+from tmca.data.write import atomic_path, write_dataset, write_json, write_text
+
+__all__ = [
+    "KNOWN_SETS",
+    "KnownSet",
+    "atomic_path",
+    "checksum_of",
+    "describe",
+    "label",
+    "metres_to_nm",
+    "nearest_bands",
+    "nm_to_metres",
+    "read",
+    "read_array",
+    "read_dataset",
+    "read_split",
+    "rendered_names",
+    "rendered_scene",
+    "select_bands",
+    "split_rendered",
+    "write_dataset",
+    "write_json",
+    "write_split",
+    "write_text",
+    "write_tiff",
+]

@@ -1,6 +1,35 @@
 """From a snapshot and its codes back to the scene."""
 
+from tmca.decoders.admm import ADMMTV, admm_tv, default_weight
+from tmca.decoders.blending import Estimate
+from tmca.decoders.data_step import Result
+from tmca.decoders.denoisers import (
+    chambolle_denoiser,
+    module_denoiser,
+    nl_means_denoiser,
+    per_band,
+    tv_denoiser,
+)
 from tmca.decoders.lmmse import PatchLMMSE
-from tmca.decoders.mixture import PatchMixture
+from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.pnp import PnPADMM, pnp_admm
+from tmca.decoders.tv import total_variation, tv_prox
 
-__all__ = ["PatchLMMSE", "PatchMixture"]
+__all__ = [
+    "ADMMTV",
+    "Estimate",
+    "MixtureLMMSE",
+    "PatchLMMSE",
+    "PnPADMM",
+    "Result",
+    "admm_tv",
+    "chambolle_denoiser",
+    "default_weight",
+    "module_denoiser",
+    "nl_means_denoiser",
+    "per_band",
+    "pnp_admm",
+    "total_variation",
+    "tv_denoiser",
+    "tv_prox",
+]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import torch
 from torch import Tensor
@@ -16,6 +16,13 @@ from tmca.priors.blocks import BlockGrid, BlockModel
 
 # Bytes of the covariances of measurements with pixels that are held at once.
 MEMORY = 2**27
+
+
+class Estimate(NamedTuple):
+    """Scenes (B, L, H, W) and, where asked for, the standard deviation (B, L, H, W) of every entry."""
+
+    estimate: Tensor
+    deviation: Tensor | None = None
 
 
 class Posterior(Protocol):
@@ -68,8 +75,8 @@ def decode_blocks(
     stride: tuple[int, int],
     uncertainty: bool,
     progress: Callable[[float], None] | None,
-) -> tuple[Tensor, Tensor | None]:
-    """Estimate (B, L, H, W) and standard deviation (B, L, H, W), if asked for, from snapshots (B, 1, H, W').
+) -> Estimate:
+    """The scenes behind snapshots (B, 1, H, W'), and the standard deviation of every entry if asked for.
 
     Blocks under equal code windows share their matrices. Estimates are weighted by the inverse square of the
     variance that is typical of their place in the block; the variance reported is the same mean of the blocks'
@@ -113,13 +120,13 @@ def _lay(
         yield start + len(part)
 
 
-def _finish(canvas: Canvas, grid: BlockGrid) -> tuple[Tensor, Tensor | None]:
+def _finish(canvas: Canvas, grid: BlockGrid) -> Estimate:
     """Weighted means on the frame."""
     left, _, above, _ = grid.padding
     frame = (..., slice(above, above + grid.frame[0]), slice(left, left + grid.frame[1]))
     weight = canvas.weight[frame]
     estimate = canvas.total[frame] / weight
-    return estimate, None if canvas.spread is None else (canvas.spread[frame] / weight).sqrt()
+    return Estimate(estimate, None if canvas.spread is None else (canvas.spread[frame] / weight).sqrt())
 
 
 def equal_windows(grid: BlockGrid, code: Tensor) -> list[list[tuple[int, int]]]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, overload
 
 import torch
 from torch import Tensor
 
-from tmca.decoders.blending import decode_blocks
+from tmca.decoders.blending import Estimate, decode_blocks
 from tmca.errors import SettingError
 from tmca.operators.taps import Taps
 from tmca.priors.blocks import BlockModel
@@ -25,28 +24,11 @@ class PatchLMMSE:
         prior: Gaussian prior of the blocks (L, h, w).
         stride: rows and columns from block to block; None takes half the block's height and all its judged columns.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
-        progress: called with the share of the work done.
     """
 
     prior: GaussianPrior
     stride: tuple[int, int] | None = None
     dtype: torch.dtype | None = None
-    progress: Callable[[float], None] | None = None
-
-    @overload
-    def __call__(
-        self,
-        snapshot: Tensor,
-        taps: Taps,
-        read_noise: float = ...,
-        shot: float = ...,
-        uncertainty: Literal[False] = ...,
-    ) -> Tensor: ...
-
-    @overload
-    def __call__(
-        self, snapshot: Tensor, taps: Taps, read_noise: float, shot: float, uncertainty: Literal[True]
-    ) -> tuple[Tensor, Tensor]: ...
 
     def __call__(
         self,
@@ -54,13 +36,17 @@ class PatchLMMSE:
         taps: Taps,
         read_noise: float = 0.0,
         shot: float = 0.0,
+        *,
         uncertainty: bool = False,
-    ) -> Tensor | tuple[Tensor, Tensor]:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), and with ``uncertainty`` their standard deviation.
+        progress: Callable[[float], None] | None = None,
+    ) -> Estimate:
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W').
 
         Args:
             read_noise: standard deviation, in snapshot units.
             shot: variance of the shot noise per snapshot unit (full scale / full well).
+            uncertainty: also return the standard deviation of every entry.
+            progress: told the share that is done.
 
         Raises:
             ShapeError: the snapshot does not fit the taps, or the prior's bands or block do not.
@@ -68,10 +54,8 @@ class PatchLMMSE:
         """
         model = BlockModel.of(taps, self.prior.block)
         solver = GaussianSolver(self.prior, model, read_noise, shot, self.dtype)
-        estimate, deviation = decode_blocks(
-            solver, model, snapshot, taps, chosen_stride(model, self.stride), uncertainty, self.progress
-        )
-        return estimate if deviation is None else (estimate, deviation)
+        stride = chosen_stride(model, self.stride)
+        return decode_blocks(solver, model, snapshot, taps, stride, uncertainty, progress)
 
 
 def chosen_stride(model: BlockModel, stride: tuple[int, int] | None) -> tuple[int, int]:

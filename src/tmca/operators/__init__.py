@@ -1,1 +1,27 @@
 """Linear maps from scene to snapshot, with adjoint and pseudo-inverse."""
+
+from tmca.operators.analysis import Conditioning, conditioning, sparse_matrix
+from tmca.operators.gram import gram_diagonal, gram_neighbour
+from tmca.operators.linear import LinearOperator
+from tmca.operators.sheared_code import sheared_code
+from tmca.operators.slotwise import SlotwiseDisperser
+from tmca.operators.spectral import EXPOSURES, coloured_code, dual_disperser, single_disperser
+from tmca.operators.tap_operator import TapOperator
+from tmca.operators.taps import Taps
+
+__all__ = [
+    "EXPOSURES",
+    "Conditioning",
+    "LinearOperator",
+    "SlotwiseDisperser",
+    "TapOperator",
+    "Taps",
+    "coloured_code",
+    "conditioning",
+    "dual_disperser",
+    "gram_diagonal",
+    "gram_neighbour",
+    "sheared_code",
+    "single_disperser",
+    "sparse_matrix",
+]

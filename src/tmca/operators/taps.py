@@ -36,12 +36,14 @@ class Taps:
         taps, _, width = self.code.shape
         if not taps == len(self.channels) == len(self.offsets):
             raise ShapeError(
-                "taps", f"{taps} codes, {len(self.channels)} channels, {len(self.offsets)} offsets", "one of each per tap"
+                "taps",
+                f"{taps} codes, {len(self.channels)} channels, {len(self.offsets)} offsets",
+                "one of each per tap",
             )
         if min(self.offsets) < 0 or max(self.offsets) + width > self.snapshot_width:
             raise ShapeError(
                 "taps",
-                f"offsets {min(self.offsets)}…{max(self.offsets)} for width {width} in a snapshot of {self.snapshot_width}",
+                f"offsets {min(self.offsets)}…{max(self.offsets)}, width {width}, snapshot of {self.snapshot_width}",
                 "every tap inside the snapshot",
             )
 

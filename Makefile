@@ -1,0 +1,27 @@
+# Every target sets up what it needs: a virtual environment in .venv, made once.
+PYTHON ?= python3
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: demo test lint benchmarks clean
+
+.venv/installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	.venv/bin/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	touch $@
+
+demo: .venv/installed
+	.venv/bin/tmca demo --overwrite
+
+test: .venv/installed
+	.venv/bin/pytest -n 2
+
+lint: .venv/installed
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+
+benchmarks: .venv/installed
+	.venv/bin/python benchmarks/spectral.py
+
+clean:
+	rm -rf .venv

@@ -1,0 +1,134 @@
+"""Ratios of the spectral camera's operators to a plain copy of the cube, in one run: ``python benchmarks/spectral.py``.
+
+One thread, CPU time, medians. Bounds: forward and adjoint ≤ 2.5 copies; at K = 8 and the first shape, code and forward
+≤ 0.35 of slot by slot, gradient to aperture and shutter ≤ 10 copies, forward and backward within 3 cubes of memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import statistics
+import time
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from tmca.codes import pattern
+from tmca.operators import single_disperser
+from tmca.optics import Dispersion
+
+SHAPES = ((8, 12, 128, 128), (1, 28, 256, 256))
+SLOTS = 8
+BOUNDS = {
+    "forward": 2.5,
+    "adjoint": 2.5,
+    "code + forward / slot by slot": 0.35,
+    "gradient to codes": 10.0,
+    "memory of forward + backward, cubes": 3.0,
+}
+
+
+def milliseconds(task: Callable[[], object], repeats: int) -> float:
+    for _ in range(3):
+        task()
+    times = []
+    for _ in range(repeats):
+        start = time.process_time_ns()
+        task()
+        times.append((time.process_time_ns() - start) / 1e6)
+    return statistics.median(times)
+
+
+def slot_by_slot(scene: Tensor, aperture: Tensor, shutter: Tensor) -> Tensor:
+    """The plain reference: image every slot in place, one multiply-add per band, and let the shutter integrate."""
+    batch, bands, rows, columns = scene.shape
+    snapshot = scene.new_zeros(batch, rows, columns + bands - 1)
+    for mask, open_ in zip(aperture, shutter, strict=True):
+        slot = torch.zeros_like(snapshot)
+        for band in range(bands):
+            slot[:, :, band : band + columns].addcmul_(scene[:, band], mask)
+        snapshot.addcmul_(slot, open_)
+    return snapshot / len(aperture)
+
+
+def measure(shape: tuple[int, int, int, int], repeats: int) -> dict[str, float]:
+    _, bands, rows, columns = shape
+    dispersion = Dispersion.linear(bands)
+    scene, target = torch.rand(shape), torch.empty(shape)
+    aperture = pattern("random", SLOTS, (rows, columns)).requires_grad_()
+    shutter = pattern("random", SLOTS, (rows, columns + dispersion.spread), seed=1).requires_grad_()
+    fixed = (aperture.detach(), shutter.detach())
+    operator = single_disperser(*fixed, dispersion)
+    snapshot = operator.A(scene)
+
+    def gradient() -> None:
+        aperture.grad = shutter.grad = None
+        single_disperser(aperture, shutter, dispersion).A(scene).backward(snapshot)
+
+    times = {
+        "copy": milliseconds(lambda: target.copy_(scene), repeats),
+        "forward": milliseconds(lambda: operator.A(scene), repeats),
+        "adjoint": milliseconds(lambda: operator.A_adjoint(snapshot), repeats),
+        "code + forward": milliseconds(lambda: single_disperser(*fixed, dispersion).A(scene), repeats),
+        "slot by slot": milliseconds(lambda: slot_by_slot(scene, *fixed), repeats),
+        "gradient to codes": milliseconds(gradient, repeats),
+    }
+    assert torch.allclose(snapshot[:, 0], slot_by_slot(scene, *fixed), atol=1e-5)
+    return times
+
+
+def cubes_of_memory(shape: tuple[int, int, int, int]) -> float:
+    """Peak of forward and backward above the scene, the codes and their gradients, in cubes (the allocator's count)."""
+    from torch.profiler import ProfilerActivity, profile
+
+    _, bands, rows, columns = shape
+    dispersion = Dispersion.linear(bands)
+    scene = torch.rand(shape, requires_grad=True)
+    aperture = pattern("random", SLOTS, (rows, columns)).requires_grad_()
+    shutter = pattern("random", SLOTS, (rows, columns + dispersion.spread), seed=1).requires_grad_()
+    with profile(activities=[ProfilerActivity.CPU], profile_memory=True) as record:
+        single_disperser(aperture, shutter, dispersion).A(scene).square().sum().backward()
+    level = peak = 0
+    for event in record.profiler.kineto_results.events():
+        if event.name() == "[memory]":
+            level += event.nbytes()
+            peak = max(peak, level)
+    return peak / (scene.numel() * scene.element_size())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=50)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    report = {}
+    for shape in SHAPES:
+        times = measure(shape, options.repeats)
+        ratios = {name: times[name] / times["copy"] for name in ("forward", "adjoint", "gradient to codes")}
+        ratios["code + forward / slot by slot"] = times["code + forward"] / times["slot by slot"]
+        ratios["memory of forward + backward, cubes"] = cubes_of_memory(shape)
+        report["×".join(map(str, shape))] = {"milliseconds": times, "ratios": ratios}
+    report["peak resident memory, MB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    if options.json:
+        print(json.dumps(report, indent=1))
+        return
+    for shape in SHAPES:
+        entry = report["×".join(map(str, shape))]
+        print("×".join(map(str, shape)))
+        for name, value in entry["milliseconds"].items():
+            print(f"  {name:32s} {value:8.2f} ms")
+        for name, value in entry["ratios"].items():
+            bound = (
+                f"(bound {BOUNDS[name]})"
+                if (name in BOUNDS and shape == SHAPES[0]) or name in ("forward", "adjoint")
+                else ""
+            )
+            print(f"  {name:36s} {value:6.2f} {bound}")
+
+
+if __name__ == "__main__":
+    main()

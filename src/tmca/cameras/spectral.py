@@ -1,0 +1,265 @@
+"""The spectral camera: CASSI whose aperture and shutter change K times within one exposure (thesis chapter 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from tmca.codes import MultiplexedCodes
+from tmca.errors import SettingError, ShapeError
+from tmca.operators import (
+    EXPOSURES,
+    LinearOperator,
+    SlotwiseDisperser,
+    TapOperator,
+    dual_disperser,
+    single_disperser,
+)
+from tmca.optics import Dispersion, gaussian_spread
+from tmca.sensor import Noise, Sensor
+
+DISPERSERS = ("single", "dual")
+
+PRESETS: dict[str, dict[str, Any]] = {
+    # thesis 4.1, 4.2: 12 bands, 256×256, K = 8, one pixel per band. Assumed, as the thesis does not say: bands from
+    # 400 to 700 nm, flat sensor response, codes of transmittance and duty one half, no noise.
+    "thesis": {
+        "bands": 12,
+        "size": (256, 256),
+        "slots": 8,
+        "aperture": "random",
+        "shutter": "random",
+        "dispersion": 1.0,
+    },
+    "cassi": {
+        "bands": 12,
+        "size": (256, 256),
+        "slots": 1,
+        "aperture": "static",
+        "shutter": "open",
+        "dispersion": 1.0,
+    },
+    "one-hot": {
+        "bands": 12,
+        "size": (256, 256),
+        "slots": 4,
+        "aperture": "random",
+        "shutter": "one-hot",
+        "dispersion": 1.0,
+    },
+}
+
+
+class SpectralCamera(nn.Module):
+    """A snapshot spectral camera with a time-multiplexed coded aperture.
+
+    ``e_{m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ κ_ℓ T^k_{m,n-d_ℓ} f_{m,n-d_ℓ,ℓ}`` (thesis eqs 18–21, errata), then noise.
+    With ``slots=1, shutter="open"`` it is CASSI.
+
+    Args:
+        bands: number of bands L, or their wavelengths in metres. A number means even spacing from 400 to 700 nm.
+        size: (H, W) of the scene, pixels.
+        slots: number of time slots K within the exposure.
+        aperture: family of the aperture codes (``tmca.codes.FAMILIES``) or patterns (K, H, W).
+        shutter: family of the shutter codes or patterns (K, H, W').
+        exposure: ``"equal"``: the slots share one exposure time (mean); ``"per-slot"``: each has its own (sum).
+        dispersion: pixels per band, or the displacement of every band in pixels (negative, fractional, any order).
+        disperser: ``"single"`` (mask, prism, sensor) or ``"dual"`` (prism, mask, opposite prism: nothing is displaced).
+        response: (L,) sensor response κ; ones if None. A ``Parameter`` is learned.
+        relay_blur: standard deviation of the relay's blur, pixels, one or one per band; 0 for none.
+        sensor: noise, full well, bits; an ideal sensor if None.
+        transmittance: share of open aperture pixels of a named family.
+        duty: share of open shutter pixels of a named family.
+        period: tile of the codes, pixels; full frame if None.
+        seed: of the codes.
+        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
+
+    Raises:
+        SettingError, ShapeError: an impossible value or codes that do not fit, naming both sizes.
+    """
+
+    def __init__(
+        self,
+        bands: int | Sequence[float] = 12,
+        size: tuple[int, int] = (256, 256),
+        slots: int = 8,
+        *,
+        aperture: str | Tensor = "random",
+        shutter: str | Tensor = "random",
+        exposure: str = "equal",
+        dispersion: float | Sequence[float] | Dispersion = 1.0,
+        disperser: str = "single",
+        response: Tensor | Sequence[float] | None = None,
+        relay_blur: float | list[float] = 0.0,
+        sensor: Sensor | None = None,
+        transmittance: float = 0.5,
+        duty: float = 0.5,
+        period: int | tuple[int, int] | None = None,
+        seed: int = 0,
+        learnable: bool | str = False,
+    ) -> None:
+        super().__init__()
+        self.response: Tensor
+        self.wavelengths = _wavelengths(bands)
+        self.bands, self.size, self.slots = len(self.wavelengths), _size(size), slots
+        self.exposure = _choice("exposure", exposure, EXPOSURES)
+        self.disperser = _choice("disperser", disperser, DISPERSERS)
+        self.dispersion = Dispersion.of(dispersion, self.bands)
+        self.relay_blur = relay_blur
+        self._hold_response(response)
+        wide = (self.size[0], self.size[1] + self.dispersion.spread)
+        planes = (self.size, wide) if disperser == "single" else (wide, self.size)
+        self.multiplexed = MultiplexedCodes(
+            slots, *planes, aperture=aperture, shutter=shutter, transmittance=transmittance, duty=duty,
+            period=period, seed=seed, learnable=learnable,
+        )  # fmt: skip
+        self.sensor = sensor or Sensor()
+        self._fixed: tuple[tuple[int, ...], TapOperator] | None = None
+
+    @classmethod
+    def from_preset(cls, name: str, **changes: Any) -> SpectralCamera:
+        """A named camera: ``"thesis"`` (K = 8 random), ``"cassi"`` (its static camera), ``"one-hot"`` (K = 4).
+
+        Args:
+            name: of the preset.
+            changes: arguments that replace the preset's.
+
+        Raises:
+            SettingError: unknown preset.
+        """
+        return cls(**{**PRESETS[_choice("preset", name, tuple(PRESETS))], **changes})
+
+    def codes(self) -> tuple[Tensor, Tensor]:
+        """(aperture T (K, H, Wa), shutter S (K, H, Ws)), zeros and ones."""
+        return self.multiplexed()
+
+    def code_cube(self) -> Tensor:
+        """(L, H, W) the time-multiplexed code T̂ of eq. (20), without the sensor response; for a fractional
+        displacement, the sum over its two taps."""
+        aperture, shutter = self.codes()
+        build = single_disperser if self.disperser == "single" else dual_disperser
+        taps = build(aperture, shutter, self.dispersion, None, self.exposure).taps
+        cube = taps.code.new_zeros(taps.scene_shape)
+        return cube.index_add(0, torch.tensor(taps.channels, device=cube.device), taps.code)
+
+    def throughput(self) -> float:
+        """Light throughput: share of a white scene's light that is recorded, mean of T̂ under equal exposure."""
+        with torch.no_grad():
+            share = self.code_cube().mean()
+        return float(share) / (self.slots if self.exposure == "per-slot" else 1)
+
+    @property
+    def full_scale(self) -> float:
+        """Level of a white scene with everything open, snapshot units: Σκ, K times that per slot."""
+        return float(self.response.detach().sum()) * (self.slots if self.exposure == "per-slot" else 1)
+
+    @property
+    def noise(self) -> Noise:
+        """Read and shot noise in snapshot units."""
+        return self.sensor.noise(self.full_scale)
+
+    @property
+    def scene_shape(self) -> tuple[int, int, int]:
+        """(L, H, W)."""
+        return (self.bands, *self.size)
+
+    @property
+    def snapshot_shape(self) -> tuple[int, int, int]:
+        """(1, H, W'): wider than the scene behind a single disperser."""
+        return (1, self.size[0], self.size[1] + (self.dispersion.spread if self.disperser == "single" else 0))
+
+    def operator(self) -> LinearOperator:
+        """The linear part with the present codes; ``relay_blur`` keeps the slots apart and makes it slower."""
+        if self.blurred:
+            return self._slotwise(moving=False)
+        if self.multiplexed.learnable or self.response.requires_grad:
+            return self._collapsed()
+        versions = tuple(t._version for t in (*self.multiplexed.state_dict(keep_vars=True).values(), self.response))
+        if self._fixed is None or self._fixed[0] != versions:
+            self._fixed = (versions, self._collapsed())
+        return self._fixed[1]
+
+    @property
+    def blurred(self) -> bool:
+        """Whether the relay optics blur."""
+        return bool(torch.as_tensor(self.relay_blur).gt(0).any())
+
+    def A(self, scene: Tensor) -> Tensor:
+        """(B, L, H, W) → exact snapshot (B, 1, H, W')."""
+        return self.operator().A(scene)
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W)."""
+        return self.operator().A_adjoint(snapshot)
+
+    def A_dagger(self, snapshot: Tensor) -> Tensor:
+        """(B, 1, H, W') → least-norm scene (B, L, H, W)."""
+        return self.operator().A_dagger(snapshot)
+
+    def forward(self, scene: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
+        """Take a snapshot: ``A``, then the sensor.
+
+        Args:
+            scene: (B, L, H, W) relative irradiance, or (B, K, L, H, W) for a scene that changes from slot to slot.
+            generator: source of the sensor's randomness, or a seed.
+
+        Returns:
+            (B, 1, H, W') snapshot.
+
+        Raises:
+            ShapeError: wrong bands, size or slots.
+        """
+        operator = self._slotwise(moving=True) if scene.ndim == 5 else self.operator()
+        return self.sensor(operator.A(scene), self.full_scale, generator)
+
+    def _collapsed(self) -> TapOperator:
+        build = single_disperser if self.disperser == "single" else dual_disperser
+        return build(*self.codes(), self.dispersion, self.response, self.exposure)
+
+    def _slotwise(self, *, moving: bool) -> SlotwiseDisperser:
+        if self.disperser == "dual":
+            raise SettingError("disperser", "'dual'", "'single' for relay blur or a moving scene")
+        blur = gaussian_spread(self.relay_blur, self.bands).to(self.response) if self.blurred else None
+        return SlotwiseDisperser(*self.codes(), self.dispersion, self.response, self.exposure, blur, moving)
+
+    def _hold_response(self, response: Tensor | Sequence[float] | None) -> None:
+        values = torch.ones(self.bands) if response is None else response
+        values = values if isinstance(values, Tensor) else torch.tensor(list(values), dtype=torch.get_default_dtype())
+        if values.shape != (self.bands,):
+            raise ShapeError("response", f"shape {tuple(values.shape)}", f"({self.bands},), one value per band")
+        if isinstance(values, nn.Parameter):
+            self.response = values
+        else:
+            self.register_buffer("response", values)
+
+    def _apply(self, fn: Any, recurse: bool = True) -> SpectralCamera:
+        self._fixed = None
+        return super()._apply(fn, recurse)
+
+
+def _choice(name: str, value: str, choices: tuple[str, ...]) -> str:
+    if value not in choices:
+        raise SettingError(name, repr(value), f"one of {', '.join(choices)}")
+    return value
+
+
+def _size(size: tuple[int, int]) -> tuple[int, int]:
+    if len(size) != 2 or min(size) < 1:
+        raise SettingError("size", str(size), "(H, W) of at least 1 pixel each")
+    return (int(size[0]), int(size[1]))
+
+
+def _wavelengths(bands: int | Sequence[float]) -> tuple[float, ...]:
+    if isinstance(bands, int):
+        if bands < 1:
+            raise SettingError("bands", str(bands), "at least 1")
+        return tuple(torch.linspace(400e-9, 700e-9, bands, dtype=torch.float64).tolist()) if bands > 1 else (550e-9,)
+    values = tuple(float(w) for w in bands)
+    if not values or not all(100e-9 < w < 100e-6 for w in values):
+        raise SettingError(
+            "bands", str(list(values)), "wavelengths in metres, such as 550e-9", "give nanometres × 1e-9"
+        )
+    return values

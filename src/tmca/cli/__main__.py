@@ -1,0 +1,5 @@
+"""``python -m tmca.cli``."""
+
+from tmca.cli import main
+
+main()

@@ -1,0 +1,26 @@
+"""The commands and where each one lives; none is imported before it is asked for."""
+
+from __future__ import annotations
+
+from cyclopts import App
+
+from tmca import __version__
+
+COMMANDS = {
+    "demo": ("demo:demo", "Rendered scenes through a static and a time-multiplexed camera and back, with a report."),
+    "inspect": ("inspect:inspect", "Say what a file holds: cube, capture, codes, prior."),
+    "simulate": ("simulate:app", "Take a coded snapshot of a scene."),
+    "reconstruct": ("reconstruct:app", "Recover the scene from a snapshot file."),
+    "evaluate": ("evaluate:app", "Compare an estimate with the truth, by every metric."),
+    "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
+    "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
+}
+
+app = App(
+    name="tmca",
+    help="Time-multiplexed coded aperture cameras: simulate, reconstruct, compare.",
+    version=__version__,
+    help_epilogue="Start with `tmca demo`. Every command explains itself with --help.",
+)
+for name, (target, text) in COMMANDS.items():
+    app.command(f"tmca.cli.{target}", name=name, help=text)

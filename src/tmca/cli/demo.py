@@ -1,0 +1,43 @@
+"""``tmca demo``: the whole chain on rendered scenes, nothing downloaded."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def demo(
+    *,
+    out: Path = Path("tmca-demo"),
+    size: str = "192x256",
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Rendered scenes → snapshots with a static and a time-multiplexed code → reconstructions, table, HTML report.
+
+    Args:
+        out: folder for snapshots, reconstructions, pictures and report.html.
+        size: HEIGHTxWIDTH of the scenes.
+        overwrite: replace the results of an earlier demo.
+        json: print the table as JSON.
+    """
+    from tmca.cli.options import size as parsed_size
+    from tmca.cli.progress import step_progress
+
+    wanted = parsed_size(size)
+    assert wanted is not None
+    print("tmca demo: loading", file=sys.stderr)
+    from tmca.experiments.demo import COLUMNS, run_demo
+    from tmca.experiments.results import markdown_table
+
+    with step_progress("demo") as progress:
+        found = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)
+    if json:
+        print(json_module.dumps(found, indent=1))
+        return
+    print(markdown_table(found["rows"], COLUMNS))
+    print(f"{found['seconds']:.0f} s; open {found['report']}")

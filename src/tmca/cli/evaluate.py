@@ -1,0 +1,43 @@
+"""``tmca evaluate``: an estimate beside the truth."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
+
+
+@app.default
+def evaluate(
+    estimate: Path,
+    truth: str,
+    /,
+    *,
+    figure: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """PSNR, SSIM, UIQI, SAM, ERGAS and DD of ESTIMATE against TRUTH; bands are matched by wavelength.
+
+    Args:
+        estimate: a cube file, such as one written by `tmca reconstruct`.
+        truth: a cube file or the name of a rendered scene; a larger truth is cropped to its middle.
+        figure: write a picture of both with error map and spectra (PNG).
+        overwrite: replace the picture if it exists.
+        json: print JSON instead of text.
+    """
+    from tmca.experiments.spectral import evaluate_files
+
+    found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite)
+    if json:
+        print(json_module.dumps(found, indent=1))
+        return
+    for name, value in found.items():
+        print(f"{name:6s} {value:.4f}")
+
+
+app.command(evaluate, name="spectral", help="The same, for the spectral camera.")

@@ -1,0 +1,72 @@
+"""``tmca inspect``: what a file holds."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+
+def inspect(
+    file: Path,
+    /,
+    *,
+    variable: str | None = None,
+    figure: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Say what FILE holds: variables, size, wavelengths, range of values, and for a snapshot its camera.
+
+    Args:
+        file: a cube, capture, snapshot, prior or any array file.
+        variable: which one, where the file holds several.
+        figure: write a picture of it (PNG).
+        overwrite: replace the picture if it exists.
+        json: print JSON instead of text.
+    """
+    from tmca.data import describe
+
+    found = describe(file, variable)
+    if figure is not None:
+        from tmca.experiments.pictures import picture_of
+
+        picture_of(file, figure, variable=variable, overwrite=overwrite)
+        found["figure"] = str(figure)
+    if json:
+        print(json_module.dumps(found, indent=1))
+        return
+    for line in _lines(found):
+        print(line)
+
+
+def _lines(found: dict[str, Any]) -> list[str]:
+    """The description for people: one line a subject."""
+    lines = [f"{found['path']}: {found['kind']} ({found['format']})"]
+    for name, variable in found.get("variables", {}).items():
+        size = " × ".join(map(str, variable["shape"])) or "one value"
+        dims = f" ({', '.join(variable['dims'])})" if variable.get("dims") else ""
+        units = f", {variable['attrs']['units']}" if variable.get("attrs", {}).get("units") else ""
+        lines.append(f"  {name}: {size}{dims} {variable['dtype']}{_levels(variable)}{units}")
+    waves = found.get("wavelengths")
+    if waves:
+        spread = f"{waves['first_nm']:.6g} to {waves['last_nm']:.6g} nm"
+        lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
+    snapshot = "snapshot" in found.get("variables", {})
+    for key in ("scale", "note", "figure"):
+        if found.get(key) is not None and not (snapshot and key == "note"):
+            lines.append(f"  {key}: {found[key]}")
+    return lines + [f"  {key}: {value}" for key, value in found.get("attrs", {}).items()]
+
+
+def _levels(variable: dict[str, Any]) -> str:
+    if variable.get("min") is None:
+        return ""
+    text = f", {variable['min']:.4g} to {variable['max']:.4g}, mean {variable['mean']:.4g}"
+    for key, word in (("zero_share", "zero"), ("saturated_share", "at the top"), ("not_finite", "not finite")):
+        if variable.get(key):
+            share = variable[key]
+            text += f", {share} {word}" if key == "not_finite" else f", {share:.2%} {word}"
+    return text

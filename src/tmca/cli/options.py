@@ -1,0 +1,145 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.cameras import SpectralCamera
+
+_CAMERA = Group("Camera", sort_key=1)
+_SENSOR = Group("Sensor", sort_key=2)
+_OUTPUT = Group("Output", sort_key=3)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SpectralOptions:
+    """The spectral camera."""
+
+    preset: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Start from a named camera: thesis, cassi, one-hot. Other options replace its values."
+    slots: Annotated[int | None, Parameter(group=_CAMERA)] = None
+    "Time slots K within the exposure. [default: 8]"
+    aperture: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns. [default: random]"
+    shutter: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Shutter codes: random, open, one-hot, complementary, blue-noise, or a file of patterns. [default: random]"
+    exposure: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "equal: the slots share one exposure time; per-slot: each has its own. [default: equal]"
+    dispersion: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Pixels per band, or the displacement of every band separated by commas. [default: 1]"
+    disperser: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "single or dual. [default: single]"
+    relay_blur: Annotated[float | None, Parameter(group=_CAMERA)] = None
+    "Blur of the relay optics, standard deviation in pixels. [default: 0]"
+    transmittance: Annotated[float | None, Parameter(group=_CAMERA)] = None
+    "Share of open aperture pixels. [default: 0.5]"
+    duty: Annotated[float | None, Parameter(group=_CAMERA)] = None
+    "Share of open shutter pixels. [default: 0.5]"
+    period: Annotated[int | None, Parameter(group=_CAMERA)] = None
+    "Tile of the codes in pixels; full frame without it."
+    seed: Annotated[int, Parameter(group=_CAMERA)] = 0
+    "Of the codes and the noise."
+
+    def chosen(self) -> dict[str, Any]:
+        """Camera arguments that were given, files read and numbers parsed."""
+        given = {name: value for name, value in vars(self).items() if value is not None and name != "preset"}
+        for plane in ("aperture", "shutter"):
+            if plane in given:
+                given[plane] = codes_argument(given[plane])
+        if "dispersion" in given:
+            given["dispersion"] = numbers(given["dispersion"], "--dispersion")
+        return given
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SensorOptions:
+    """The sensor."""
+
+    read_noise: Annotated[float, Parameter(group=_SENSOR)] = 0.0
+    "Standard deviation in snapshot units (1 = one band of a white scene)."
+    full_well: Annotated[float | None, Parameter(group=_SENSOR)] = None
+    "Electrons at full scale; switches shot noise on."
+    read_noise_electrons: Annotated[float, Parameter(group=_SENSOR)] = 0.0
+    "Read noise in electrons, standard deviation; needs --full-well."
+    bits: Annotated[int | None, Parameter(group=_SENSOR)] = None
+    "Bits of the analogue-to-digital converter."
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class OutputOptions:
+    """Where results go."""
+
+    out: Annotated[Path | None, Parameter(group=_OUTPUT)] = None
+    "File to write; a name made from the input's, in the current folder, without it."
+    overwrite: Annotated[bool, Parameter(group=_OUTPUT, negative="")] = False
+    "Replace files that exist."
+    figures: Annotated[bool, Parameter(group=_OUTPUT)] = True
+    "Write pictures beside the file."
+    json: Annotated[bool, Parameter(group=_OUTPUT, negative="")] = False
+    "Print JSON instead of text."
+
+
+def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: SensorOptions) -> SpectralCamera:
+    """The camera that the options describe, for a scene of this size and these bands."""
+    from tmca.cameras import PRESETS, SpectralCamera
+    from tmca.sensor import Sensor
+
+    settings: dict[str, Any] = {}
+    if camera.preset is not None:
+        if camera.preset not in PRESETS:
+            raise SettingError("--preset", repr(camera.preset), f"one of {', '.join(PRESETS)}")
+        settings |= PRESETS[camera.preset]
+    settings |= camera.chosen()
+    settings |= {
+        "bands": scene["wavelength"].values.tolist(),
+        "size": scene.shape[1:],
+        "sensor": Sensor(**vars(sensor)),
+    }
+    return SpectralCamera(**settings)
+
+
+def codes_argument(value: str) -> Any:
+    """A family's name, or the patterns in a file as a (K, H, W) tensor."""
+    from tmca.codes import FAMILIES
+
+    if value in FAMILIES or not Path(value).suffix:
+        return value
+    import torch
+
+    from tmca.data import read_array
+
+    patterns = torch.from_numpy(read_array(value).astype("float32"))
+    top = patterns.max()
+    return patterns / top if top > 1 else patterns
+
+
+def numbers(text: str, option: str) -> float | list[float]:
+    """One number, or several separated by commas."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise SettingError(option, repr(text), "a number, or numbers separated by commas") from None
+    return values[0] if len(values) == 1 else values
+
+
+def size(text: str | None, option: str = "--size") -> tuple[int, int] | None:
+    """``HxW`` in pixels."""
+    if text is None:
+        return None
+    try:
+        height, width = (int(part) for part in text.lower().replace("×", "x").split("x"))
+    except ValueError:
+        raise SettingError(option, repr(text), "HEIGHTxWIDTH in pixels, such as 256x256") from None
+    return height, width

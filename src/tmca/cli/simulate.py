@@ -1,0 +1,71 @@
+"""``tmca simulate``: a scene goes in, a coded snapshot with its codes comes out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from tmca.cli.options import OutputOptions, SensorOptions, SpectralOptions, size, spectral_camera
+
+app = App(name="simulate", help="Take a coded snapshot of a scene.")
+_OUTPUT, _CAMERA, _SENSOR = OutputOptions(), SpectralOptions(), SensorOptions()
+
+
+@app.command
+def spectral(
+    scene: str,
+    /,
+    *,
+    bands: int = 12,
+    all_bands: Annotated[bool, Parameter(negative="")] = False,
+    wavelengths: str | None = None,
+    variable: str | None = None,
+    crop: str | None = None,
+    camera: SpectralOptions = _CAMERA,
+    sensor: SensorOptions = _SENSOR,
+    output: OutputOptions = _OUTPUT,
+) -> None:
+    """Take a snapshot of SCENE with the spectral camera.
+
+    The file that is written holds the snapshot and everything needed to reconstruct it: codes, displacement with
+    direction and origin, wavelengths, exposure and noise.
+
+    Args:
+        scene: a cube (.mat, ENVI, TIFF, .npy, NetCDF, HDF5, Zarr, CAVE folder) or a rendered scene such as coffee.
+        bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
+        all_bands: keep every band of the file instead.
+        wavelengths: of the file's bands where it does not say, in nm: FIRST:LAST:COUNT or one per band.
+        variable: which one, where the file holds several.
+        crop: HEIGHTxWIDTH, the middle of the scene.
+    """
+    from tmca.cli.wavelengths import metres
+    from tmca.experiments.scenes import load_scene
+    from tmca.experiments.spectral import take_snapshot
+
+    given = None if wavelengths is None else metres(wavelengths)
+    kept = None if all_bands else bands
+    cube = load_scene(scene, bands=kept, size=size(crop, "--crop"), wavelengths=given, variable=variable)
+    taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)
+    target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
+    written = [taken.save(target, overwrite=output.overwrite)]
+    if output.figures:
+        from tmca.experiments.spectral import snapshot_pictures
+
+        written += snapshot_pictures(taken, target, overwrite=output.overwrite)
+    report: dict[str, Any] = {
+        "snapshot": str(target),
+        "size": list(taken.camera.snapshot_shape[1:]),
+        "bands": taken.camera.bands,
+        "slots": taken.camera.slots,
+        "throughput": taken.camera.throughput(),
+        "noise": vars(taken.camera.noise),
+        "files": [str(file) for file in written],
+    }
+    if output.json:
+        print(json.dumps(report, indent=1))
+        return
+    print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {report['bands']} bands, K = {report['slots']}")
+    print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}")

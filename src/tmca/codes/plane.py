@@ -1,0 +1,140 @@
+"""One plane of codes, aperture or shutter: K binary patterns, fixed or learnable, full frame or tiled."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import torch
+from torch import Tensor, nn
+
+from tmca.codes.binary import hard_threshold, one_hot_slots
+from tmca.codes.patterns import pattern
+from tmca.errors import SettingError, ShapeError
+
+_MARGIN = 0.5
+
+
+class CodePlane(nn.Module):
+    """K patterns of one device, all of them 0 or 1 in the forward pass.
+
+    Args:
+        patterns: a family name (see ``tmca.codes.pattern``) or the patterns, (K, h, w), or (h, w) for all slots.
+            Grey values between 0 and 1 (a measured mask) are kept as they are and cannot be learned.
+        slots: number of time slots K.
+        size: (H, W) of the plane, pixels.
+        period: side, or (height, width), of the tile that is repeated over the plane; full frame if None.
+        density: share of open pixels of a named family.
+        seed: of a named family.
+        learnable: logits become a ``Parameter``; the structure of the family (static, one-hot, complementary) is kept.
+        slope: of the surrogate derivative, see ``hard_threshold``; assign to ``plane.slope`` to anneal it.
+
+    Raises:
+        SettingError: unknown family, bad period, values outside [0, 1], grey codes that should be learned.
+        ShapeError: patterns of another number of slots or another size.
+    """
+
+    def __init__(
+        self,
+        patterns: str | Tensor,
+        slots: int,
+        size: tuple[int, int],
+        *,
+        period: int | tuple[int, int] | None = None,
+        density: float = 0.5,
+        seed: int = 0,
+        learnable: bool = False,
+        slope: float = 4.0,
+        name: str = "code",
+    ) -> None:
+        super().__init__()
+        self.name, self.slots, self.size, self.slope = name, slots, size, float(slope)
+        self.period = _tile(period, name)
+        self.family = patterns if isinstance(patterns, str) else "own"
+        tile = self.period or size
+        values = (
+            pattern(patterns, slots, tile, density, seed)
+            if isinstance(patterns, str)
+            else _own_patterns(patterns, slots, size, tile, name)
+        )
+        self.grey = bool(((values != 0) & (values != 1)).any())
+        if learnable and self.grey:
+            raise SettingError(
+                name, "grey values", "zeros and ones where codes are learned", "binarise it or leave it fixed"
+            )
+        self._store(values, learnable)
+
+    def _store(self, values: Tensor, learnable: bool) -> None:
+        kept = values[:1] if self.family == "static" else values[::2] if self.family == "complementary" else values
+        latent = kept.clone() if self.grey else (2 * kept - 1) * _MARGIN
+        if learnable and self.family != "open":
+            self.latent = nn.Parameter(latent)
+        else:
+            self.register_buffer("latent", latent)
+
+    @property
+    def learnable(self) -> bool:
+        """Whether the patterns are a ``Parameter``."""
+        return isinstance(self.latent, nn.Parameter)
+
+    def tile(self) -> Tensor:
+        """(K, h, w) patterns of one period."""
+        if self.grey:
+            return self.latent
+        if self.family == "one-hot":
+            return one_hot_slots(self.latent, self.slope)
+        binary = hard_threshold(self.latent, self.slope)
+        if self.family == "static":
+            return binary.expand(self.slots, -1, -1)
+        if self.family == "complementary":
+            return torch.stack((binary, 1 - binary), dim=1).flatten(0, 1)[: self.slots]
+        return binary
+
+    def forward(self) -> Tensor:
+        """(K, H, W) patterns of the whole plane."""
+        values = self.tile()
+        if self.period is None:
+            return values
+        repeats = (ceil(self.size[0] / self.period[0]), ceil(self.size[1] / self.period[1]))
+        return values.repeat(1, *repeats)[:, : self.size[0], : self.size[1]]
+
+    def extra_repr(self) -> str:
+        """Shown by ``print``."""
+        return f"{self.name}: {self.family}, slots={self.slots}, size={self.size}, period={self.period}"
+
+
+def _tile(period: int | tuple[int, int] | None, name: str) -> tuple[int, int] | None:
+    if period is None:
+        return None
+    tile = (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
+    if min(tile) < 1:
+        raise SettingError(f"{name} period", str(period), "at least 1 pixel", "or None for a full-frame code")
+    return tile
+
+
+def _own_patterns(values: Tensor, slots: int, size: tuple[int, int], tile: tuple[int, int], name: str) -> Tensor:
+    values = torch.as_tensor(values).to(torch.get_default_dtype())
+    if values.ndim == 2:
+        values = values.expand(slots, -1, -1)
+    if values.ndim != 3 or values.shape[0] != slots:
+        raise ShapeError(name, f"patterns of shape {tuple(values.shape)}", f"({slots}, H, W) for {slots} slots")
+    if tuple(values.shape[1:]) == size and tile != size:
+        values = _one_tile(values, tile, name)
+    if tuple(values.shape[1:]) != tuple(min(t, s) for t, s in zip(tile, size, strict=True)):
+        raise ShapeError(
+            name,
+            f"patterns of {values.shape[1]}×{values.shape[2]} pixels",
+            f"{size[0]}×{size[1]}",
+            "crop them or change size=",
+        )
+    if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1:
+        raise SettingError(name, "values outside [0, 1]", "0 = closed, 1 = open", "scale the patterns")
+    return values.contiguous()
+
+
+def _one_tile(values: Tensor, tile: tuple[int, int], name: str) -> Tensor:
+    """The first tile of full-size patterns, once they are seen to repeat."""
+    for axis, step in ((1, tile[0]), (2, tile[1])):
+        length = values.shape[axis] - step
+        if length > 0 and not torch.equal(values.narrow(axis, 0, length), values.narrow(axis, step, length)):
+            raise SettingError(name, f"patterns that do not repeat every {step} pixels", "patterns of this period")
+    return values[:, : tile[0], : tile[1]]

@@ -1,0 +1,1 @@
+"""What stands in files: one module per family of formats, all giving the same ``Contents``."""

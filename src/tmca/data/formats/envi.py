@@ -1,0 +1,76 @@
+"""ENVI cubes: a text header and a flat binary file, read through the ``spectral`` library."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from tmca.data.formats import wavelengths
+from tmca.data.formats.stored import Contents, from_array
+from tmca.errors import DataError
+
+DATA_SUFFIXES = ("", ".img", ".dat", ".raw", ".bin", ".bsq", ".bil", ".bip", ".envi", ".hyspex", ".cube")
+"""Suffixes that the data file beside a header may have; upper case is tried as well."""
+
+
+def header_of(path: Path) -> Path | None:
+    """The ENVI header of ``path``: itself, or the ``.hdr`` beside a data file; None if there is none."""
+    if path.suffix.lower() == ".hdr":
+        return path
+    beside = (path.with_name(path.name + ".hdr"), path.with_suffix(".hdr"))
+    return next((header for header in beside if header.is_file()), None)
+
+
+def _data_of(header: Path, asked: Path) -> Path:
+    if asked != header:
+        return asked
+    stem = header.with_suffix("")
+    names = [stem.with_name(stem.name + s) for suffix in DATA_SUFFIXES for s in (suffix, suffix.upper())]
+    found = next((name for name in names if name.is_file()), None)
+    if found is None:
+        raise DataError(
+            header, "no data file beside the header", f"{stem.name} with one of {' '.join(DATA_SUFFIXES[1:])}"
+        )
+    return found
+
+
+def open_envi(path: Path) -> Contents:
+    """An ENVI cube from its header or its data file, memory-mapped, axes ``(y, x, band)`` for any interleave.
+
+    Raises:
+        DataError: no header, no data file, a header that is not ENVI's, or data shorter than the header says.
+    """
+    from spectral.io import envi
+    from spectral.utilities.errors import SpyException
+
+    header = header_of(path)
+    if header is None:
+        raise DataError(path, "no .hdr beside it", "an ENVI header", f"add {path.stem}.hdr")
+    data = _data_of(header, path)
+    try:
+        image = envi.open(str(header), str(data))
+    except (SpyException, OSError, ValueError, KeyError, TypeError, UnicodeDecodeError) as error:
+        raise DataError(header, f"an unusable ENVI header ({error})", "a whole ENVI header") from error
+    needed = image.offset + image.nrows * image.ncols * image.nbands * image.sample_size
+    if data.stat().st_size < needed:
+        raise DataError(data, f"{data.stat().st_size} bytes", f"{needed} bytes by {header.name}", "fetch it again")
+    return Contents(path, "ENVI", {data.stem: _cube(data.stem, image)}, attrs=_plain(image.metadata))
+
+
+def _cube(name: str, image: Any) -> Any:
+    values = image.open_memmap(interleave="bip")
+    unit = image.metadata.get("wavelength units")
+    metres = wavelengths.from_file(image.bands.centers or [], unit)
+    factor = image.metadata.get("reflectance scale factor")
+    return from_array(
+        name,
+        values,
+        dims=("y", "x", "band"),
+        wavelengths=metres,
+        full_scale=float(factor) if factor else None,
+    )
+
+
+def _plain(metadata: dict[str, Any]) -> dict[str, Any]:
+    """The header's short entries; lists of one value per band are told elsewhere."""
+    return {key: value for key, value in metadata.items() if isinstance(value, str | int | float)}

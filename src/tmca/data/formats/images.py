@@ -1,0 +1,216 @@
+"""Images: CAVE folders (one PNG per band), multi-page TIFF, single pictures."""
+
+from __future__ import annotations
+
+import logging
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data.formats import wavelengths
+from tmca.data.formats.stored import Contents, Index, Stored, from_array
+from tmca.errors import DataError
+
+_BAND_FILE = re.compile(r"_ms_(\d+)\.png$", re.IGNORECASE)
+_BROKEN_TIFF = (OSError, ValueError, IndexError, KeyError, TypeError, struct.error, zlib.error)
+"""What tifffile raises on a cut or damaged file, besides its own error."""
+_LABEL_NM = re.compile(r"(\d+(?:\.\d+)?)\s*(nm|µm|μm|um)\b", re.IGNORECASE)
+
+
+def band_files(folder: Path) -> list[Path]:
+    """The ``*_ms_NN.png`` of a CAVE scene in band order, also where they lie one folder deeper; [] if there
+    are none.
+
+    Raises:
+        DataError: a band is missing or there twice.
+    """
+    for place in (folder, *sorted(child for child in folder.iterdir() if child.is_dir())):
+        numbered = [(int(m[1]), file) for file in place.iterdir() if (m := _BAND_FILE.search(file.name))]
+        if numbered:
+            numbers = sorted(number for number, _ in numbered)
+            wanted = list(range(1, max(numbers) + 1))
+            if numbers != wanted:
+                gone = [f"{n:02d}" for n in wanted if n not in numbers]
+                found = f"bands without {', '.join(gone)}" if gone else "one band number twice"
+                raise DataError(place, found, f"*_ms_01.png to *_ms_{wanted[-1]:02d}.png, each once")
+            return [file for _, file in sorted(numbered)]
+    return []
+
+
+def open_cave(folder: Path) -> Contents:
+    """A CAVE scene: 16-bit grey PNG per band ("watercolors" has 8-bit RGBA; its one luminance channel is
+    used).
+
+    Raises:
+        DataError: no bands, a band missing, or bands of different size or depth.
+    """
+    files = band_files(folder)
+    if not files:
+        raise DataError(
+            folder,
+            "an empty folder" if not any(folder.iterdir()) else "a folder without band images",
+            "a CAVE scene (*_ms_01.png … *_ms_31.png) or a Zarr store",
+        )
+    first = _grey(files[0])
+
+    def load(index: Index) -> NDArray[Any]:
+        bands = range(len(files))[index[0]]
+        if isinstance(bands, int):
+            return _band_like(first, files[bands])[index[1:]]
+        return np.stack([_band_like(first, files[band])[index[1:]] for band in bands])
+
+    name = _BAND_FILE.sub("", files[0].name)
+    stored = Stored(name, (len(files), *first.shape), first.dtype, load, ("band", "y", "x"), usual_axis=0)
+    return Contents(folder, "CAVE folder", {name: stored})
+
+
+def _band_like(first: NDArray[Any], file: Path) -> NDArray[Any]:
+    band = _grey(file)
+    if band.shape != first.shape or band.dtype != first.dtype:
+        raise DataError(file, f"{band.shape} {band.dtype}", f"{first.shape} {first.dtype} as in the first band")
+    return band
+
+
+def _grey(file: Path) -> NDArray[Any]:
+    """One band: a grey image as it is; of a colour image with equal channels one of them, else their mean."""
+    pixels = read_picture(file)
+    if pixels.ndim == 2:
+        return pixels
+    colours = pixels[..., : 1 if pixels.shape[-1] == 2 else 3]
+    if (colours == colours[..., :1]).all():
+        return np.ascontiguousarray(colours[..., 0])
+    return np.rint(colours.mean(axis=-1)).astype(pixels.dtype)
+
+
+def read_picture(file: Path) -> NDArray[Any]:
+    """The pixels of a PNG, JPEG or BMP in their own depth, palette resolved.
+
+    Raises:
+        DataError: the picture cannot be read whole.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(file) as image:
+            image.load()
+            return np.asarray(image.convert() if image.mode == "P" else image)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise DataError(file, f"an unreadable or truncated image ({error})", "a whole PNG, JPEG or BMP") from error
+
+
+def open_picture(path: Path) -> Contents:
+    """A single picture as one array, ``(y, x)`` or ``(y, x, channel)``."""
+    pixels = read_picture(path)
+    dims = ("y", "x", "channel")[: pixels.ndim]
+    return Contents(path, "picture", {path.stem: from_array(path.stem, pixels, dims=dims)})
+
+
+@contextmanager
+def open_tiff(path: Path) -> Iterator[Contents]:
+    """A multi-page TIFF, one band per page; wavelengths from ImageJ labels ("450 nm") or OME channels if
+    there.
+
+    Raises:
+        DataError: not a TIFF, cut short, or pages of different shapes.
+    """
+    import tifffile
+
+    try:
+        with _complaints() as complaints, tifffile.TiffFile(path) as tiff:
+            if len(tiff.series) > 1:
+                shapes = ", ".join(str(series.shape) for series in tiff.series[:4])
+                raise DataError(path, f"pages of different shapes ({shapes})", "bands of one shape")
+            _require_whole(path, tiff, complaints)
+            stored, about = _tiff_array(path, tiff), dict(tiff.imagej_metadata or {})
+    except (tifffile.TiffFileError, *_BROKEN_TIFF) as error:
+        raise _damaged_tiff(path, error) from error
+    yield Contents(path, "TIFF", {stored.name: stored}, attrs=about)
+
+
+def _damaged_tiff(path: Path, error: object) -> DataError:
+    return DataError(path, f"an unreadable or truncated TIFF ({error})", "a whole TIFF", "write it again")
+
+
+@contextmanager
+def _complaints() -> Iterator[list[str]]:
+    """What tifffile logs meanwhile: it goes on reading past broken pages with no more than a message."""
+    messages: list[str] = []
+    handler = logging.Handler()
+    handler.emit = lambda record: messages.append(record.getMessage())  # type: ignore[method-assign]
+    logger = logging.getLogger("tifffile")
+    before = logger.propagate
+    logger.addHandler(handler)
+    logger.propagate = False
+    try:
+        yield messages
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before
+
+
+def _require_whole(path: Path, tiff: Any, complaints: list[str]) -> None:
+    """Refuse a file with broken pages or that ends before its pixels do: the library would fill in zeros."""
+    broken = [text for text in complaints if "invalid" in text or "corrupted" in text]
+    if broken:
+        raise _damaged_tiff(path, broken[0])
+    series, size = tiff.series[0], path.stat().st_size
+    if series.dataoffset is not None:
+        end = series.dataoffset + series.nbytes
+    else:
+        ends = (zip(page.dataoffsets, page.databytecounts, strict=True) for page in series.pages if page)
+        end = max(offset + count for page in ends for offset, count in page)
+    if end > size:
+        raise _damaged_tiff(path, f"{size} bytes of {end}")
+
+
+def _tiff_array(path: Path, tiff: Any) -> Stored:
+    import tifffile
+
+    series, about = tiff.series[0], tiff.imagej_metadata or {}
+    per_page = len(series.pages) == series.shape[0] and len(series.shape) == 3
+    labels = [str(label) for label in about.get("Labels") or ()]
+
+    def load(index: Index) -> NDArray[Any]:
+        try:
+            if per_page and isinstance(index[0], int):
+                return np.asarray(tifffile.imread(path, key=index[0]))[index[1:]]
+            return np.asarray(tifffile.imread(path))[index]
+        except (tifffile.TiffFileError, *_BROKEN_TIFF) as error:
+            raise _damaged_tiff(path, error) from error
+
+    return Stored(
+        path.stem,
+        series.shape,
+        series.dtype,
+        load,
+        dims=("band", "y", "x") if per_page else (),
+        wavelengths=_from_labels(labels) if labels else _from_ome(tiff.ome_metadata),
+        full_scale=1.0 if about.get("quantity") == "relative irradiance" else None,
+    )
+
+
+def _from_labels(labels: list[str]) -> NDArray[np.float64] | None:
+    """Metres from page labels that each name a wavelength with its unit."""
+    found = [_LABEL_NM.search(label) for label in labels]
+    nm = [float(m[1]) * (1.0 if m[2].lower() == "nm" else 1e3) for m in found if m]
+    return wavelengths.nm_to_metres(nm) if len(nm) == len(labels) else None
+
+
+def _from_ome(xml: str | None) -> NDArray[np.float64] | None:
+    """Metres from OME's ``EmissionWavelength`` (nm unless a unit is given), one per channel."""
+    if not xml:
+        return None
+    channels = [e for e in ElementTree.fromstring(xml).iter() if e.tag.endswith("}Channel")]
+    waves = [e.get("EmissionWavelength") for e in channels]
+    if not waves or any(wave is None for wave in waves):
+        return None
+    unit = channels[0].get("EmissionWavelengthUnit", "nm")
+    return wavelengths.from_file(np.array([float(wave) for wave in waves if wave]), unit)

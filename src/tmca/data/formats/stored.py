@@ -1,0 +1,106 @@
+"""What a file holds before it is loaded: its arrays, their axes, and the wavelengths written in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import DataError
+
+Index = tuple[int | slice, ...]
+
+
+@dataclass(frozen=True)
+class Stored:
+    """One array of a file, loaded only where it is indexed.
+
+    Attributes:
+        name: the array's name in the file.
+        shape: its axes in the order a reader expects (MATLAB's own order for a MATLAB file of any version).
+        dtype: element type.
+        load: takes one integer or slice per axis and gives the numpy array.
+        dims: names of the axes where the file has them, else empty.
+        coords: one-dimensional coordinates of the labelled axes.
+        attrs: what the file says about the array.
+        wavelengths: metres, where the file states them for this array.
+        usual_axis: where this format usually keeps the bands (0 or -1); decides only between equal lengths.
+        full_scale: the divisor to relative irradiance where the file states it, else None.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    load: Callable[[Index], NDArray[Any]]
+    dims: tuple[str, ...] = ()
+    coords: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+    wavelengths: NDArray[np.float64] | None = None
+    usual_axis: int = -1
+    full_scale: float | None = None
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the elements are real numbers or logicals."""
+        return self.dtype.kind in "buif"
+
+    @property
+    def size(self) -> int:
+        """How many elements the array has."""
+        return prod(self.shape)
+
+    def whole(self) -> NDArray[Any]:
+        """The whole array, in its own dtype."""
+        return np.asarray(self.load(tuple(slice(None) for _ in self.shape)))
+
+    def plane(self, axis: int, index: int) -> NDArray[Any]:
+        """The slice at ``index`` along ``axis``; the other axes keep their order."""
+        where: list[int | slice] = [slice(None)] * len(self.shape)
+        where[axis] = index
+        return np.asarray(self.load(tuple(where)))
+
+
+@dataclass(frozen=True)
+class Contents:
+    """The numeric and other arrays of one file or folder.
+
+    Attributes:
+        path: the file or folder.
+        format: its format in words.
+        arrays: by name, in the file's order.
+        attrs: what the file says about itself.
+        labelled: whether the file names its axes (NetCDF, Zarr from xarray).
+    """
+
+    path: Path
+    format: str
+    arrays: Mapping[str, Stored]
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+    labelled: bool = False
+
+    def get(self, variable: str) -> Stored:
+        """The array called ``variable``.
+
+        Raises:
+            DataError: the file has no such array, or it is not numeric.
+        """
+        if variable not in self.arrays:
+            raise DataError(
+                self.path,
+                f"no variable {variable!r}",
+                f"one of {', '.join(self.arrays) or 'none: it is empty'}",
+            )
+        stored = self.arrays[variable]
+        if not stored.numeric:
+            raise DataError(self.path, f"variable {variable!r} of type {stored.dtype}", "real numbers")
+        return stored
+
+
+def from_array(name: str, array: NDArray[Any], **about: Any) -> Stored:
+    """A `Stored` over an array in memory or memory-mapped."""
+    return Stored(name, array.shape, array.dtype, array.__getitem__, **about)

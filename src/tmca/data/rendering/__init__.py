@@ -1,0 +1,8 @@
+"""Rendered scenes: real photographs, measured spectra, nothing to download."""
+
+from __future__ import annotations
+
+from tmca.data.rendering.photographs import rendered_names, split_rendered
+from tmca.data.rendering.scene import rendered_scene
+
+__all__ = ["rendered_names", "rendered_scene", "split_rendered"]

@@ -1,0 +1,57 @@
+"""Depth maps of the rendered scenes: measured by stereo for one, staged for the others."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data.rendering.photographs import Photograph
+
+MOTORCYCLE_FOCAL_PX = 994.978
+MOTORCYCLE_BASELINE_M = 0.193001
+MOTORCYCLE_OFFSET_PX = 31.086
+"""Calibration at the size that scikit-image ships (a quarter of Middlebury's)."""
+
+
+def motorcycle_depth() -> NDArray[np.float32]:
+    """Measured depth ``(500, 741)`` in metres, ``Z = f B / (d + Δcx)``; unknown disparities give ``nan``.
+
+    Source: Middlebury Stereo 2014 (Scharstein et al.), calibration as given with scikit-image's copy.
+    """
+    import skimage.data
+
+    disparity = np.asarray(skimage.data.stereo_motorcycle()[2], dtype=np.float64)
+    depth = MOTORCYCLE_FOCAL_PX * MOTORCYCLE_BASELINE_M / (disparity + MOTORCYCLE_OFFSET_PX)
+    return np.where(np.isfinite(disparity), depth, np.nan).astype(np.float32)
+
+
+def staged_depth(
+    rgb: NDArray[np.float32], labels: NDArray[np.intp], entry: Photograph, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """A plausible depth map ``(H, W)`` in metres between the photograph's ``near`` and ``far``.
+
+    Each region is a tilted plane, the lower in the picture the nearer, at its own distance, with a faint
+    relief that follows the brightness. It is drawn, not measured: it has the edges and slopes of real depth,
+    but tells nothing about the place that was photographed.
+
+    Args:
+        rgb: ``(H, W, 3)``.
+        labels: ``(H, W)``, coarse regions numbered from 0.
+        entry: the photograph, for its range of depth.
+        rng: draws distances and tilts.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    height, width = labels.shape
+    rows, columns = (axis / size for axis, size in zip(np.mgrid[:height, :width], (height, width), strict=True))
+    count = int(labels.max()) + 1
+    area = np.bincount(labels.ravel(), minlength=count)
+    row, column = (np.bincount(labels.ravel(), axis.ravel(), count) / area for axis in (rows, columns))
+    level = 0.5 * row + 0.2 * rng.random(count)
+    tilt = rng.normal((0.35, 0.0), (0.15, 0.15), size=(count, 2))
+    relief = gaussian_filter(rgb.mean(axis=-1), 2)
+    nearness = level[labels] + 0.1 * (relief - relief.mean())
+    nearness += tilt[labels, 0] * (rows - row[labels]) + tilt[labels, 1] * (columns - column[labels])
+    nearness = (nearness - nearness.min()) / np.ptp(nearness)
+    inverse = 1 / entry.far + nearness * (1 / entry.near - 1 / entry.far)
+    return (1 / inverse).astype(np.float32)

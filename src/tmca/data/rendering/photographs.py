@@ -1,0 +1,111 @@
+"""The photographs behind the rendered scenes: all ship with scikit-image, none is downloaded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import SettingError
+
+Array = NDArray[np.float32]
+
+WHITE = 0.9
+"""Reflectance given to a photograph's white: the brightest real surfaces reflect about this much."""
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """One photograph of scikit-image and how it is staged.
+
+    Args:
+        source: name of the function in ``skimage.data``.
+        split: whether a prior or a decoder may learn from it.
+        illuminant: name in colour-science's ``SDS_ILLUMINANTS``.
+        near, far: range of the depth map in metres.
+        depth: where the depth map comes from.
+        credit: photographer and licence.
+    """
+
+    source: str
+    split: Literal["train", "test"]
+    illuminant: str
+    near: float
+    far: float
+    depth: Literal["rendered", "measured"]
+    credit: str
+
+
+PHOTOGRAPHS = {
+    "astronaut": Photograph("astronaut", "train", "D65", 0.8, 2.0, "rendered", "NASA, public domain: Eileen Collins"),
+    "chelsea": Photograph("chelsea", "train", "LED-B3", 0.4, 1.2, "rendered", "Stefan van der Walt, CC0"),
+    "rocket": Photograph("rocket", "train", "D55", 0.6, 2.0, "rendered", "SpaceX, public domain"),
+    "retina": Photograph("retina", "train", "D50", 0.4, 0.8, "rendered", "Mikael Häggström, CC0"),
+    "tissue": Photograph(
+        "immunohistochemistry",
+        "train",
+        "A",
+        0.4,
+        0.8,
+        "rendered",
+        "Center for Microscopy And Molecular Imaging (CMMI), no known copyright restrictions",
+    ),
+    "coffee": Photograph("coffee", "test", "LED-B2", 0.4, 0.9, "rendered", "Rachel Michetti, Pikolo Espresso Bar, CC0"),
+    "motorcycle": Photograph(
+        "stereo_motorcycle",
+        "test",
+        "D65",
+        2.0,
+        5.1,
+        "measured",
+        "Middlebury Stereo 2014, Scharstein et al., GCPR 2014, for research use",
+    ),
+}
+
+
+def photograph(name: str) -> Photograph:
+    """The entry of the catalogue.
+
+    Raises:
+        SettingError: there is no such scene.
+    """
+    if name not in PHOTOGRAPHS:
+        raise SettingError("name", repr(name), "a rendered scene", f"choose one of {', '.join(PHOTOGRAPHS)}")
+    return PHOTOGRAPHS[name]
+
+
+def rendered_names() -> tuple[str, ...]:
+    """Names of the scenes that :func:`rendered_scene` renders, training scenes first."""
+    return tuple(PHOTOGRAPHS)
+
+
+def split_rendered() -> dict[str, tuple[str, ...]]:
+    """``{"train": names, "test": names}``.
+
+    Test scenes are made of measured reflectances that no training scene contains; ``motorcycle`` has a
+    measured depth map. Nothing should be learned from them.
+    """
+    return {
+        part: tuple(name for name, entry in PHOTOGRAPHS.items() if entry.split == part) for part in ("train", "test")
+    }
+
+
+@lru_cache(maxsize=2)
+def linear_rgb(name: str) -> Array:
+    """The photograph ``(H, W, 3)`` in linear sRGB, white at reflectance ``WHITE``; large ones are halved."""
+    import skimage.data
+
+    pixels = getattr(skimage.data, photograph(name).source)()
+    pixels = (pixels[0] if isinstance(pixels, tuple) else pixels)[..., :3]
+    encoded = pixels.astype(np.float32) / 255
+    # IEC 61966-2-1.
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    while max(linear.shape[:2]) > 1000:
+        even = linear[: linear.shape[0] // 2 * 2, : linear.shape[1] // 2 * 2]
+        linear = (even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]) / 4
+    linear = np.asarray(WHITE * linear, dtype=np.float32)
+    linear.flags.writeable = False
+    return linear

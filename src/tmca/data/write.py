@@ -1,0 +1,205 @@
+"""Writing whole or not at all: to a temporary name in the same folder, then renamed."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import secrets
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.errors import OutputError
+
+if TYPE_CHECKING:
+    import xarray
+
+_REASONS = {
+    errno.ENOSPC: ("a full disk", "room for the file", "free some space or write elsewhere"),
+    errno.EDQUOT: ("a full disk quota", "room for the file", "free some space or write elsewhere"),
+    errno.EFBIG: ("a file above the size limit", "room for the file", "raise the limit or write elsewhere"),
+    errno.EACCES: ("no permission to write", "a writable folder", "write elsewhere"),
+    errno.EPERM: ("no permission to write", "a writable folder", "write elsewhere"),
+    errno.EROFS: ("a read-only disk", "a writable folder", "write elsewhere"),
+}
+
+
+@contextmanager
+def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """A temporary path beside ``path``, renamed to it when the block ends well and removed when it does not.
+
+    The temporary name keeps the suffix, so that a writer recognises the format; it may become a file or a
+    folder. What was at ``path`` stays whole until the new one is complete.
+
+    Raises:
+        OutputError: ``path`` exists and ``overwrite`` is False, its folder is missing or cannot be written,
+            or the disk is full.
+    """
+    path = Path(path)
+    _check_target(path, overwrite)
+    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}.tmp{path.suffix}")
+    try:
+        yield temporary
+        if not temporary.exists():
+            raise OutputError(path, "nothing written", "a complete file")
+        _check_target(path, overwrite)
+        _replace(temporary, path)
+    except OSError as error:
+        raise _output_error(path, error) from error
+    finally:
+        _remove(temporary)
+
+
+def _check_target(path: Path, overwrite: bool) -> None:
+    if not path.parent.is_dir():
+        raise OutputError(path, "no such folder " + str(path.parent), "an existing folder", "create it first")
+    if path.exists() and not overwrite:
+        raise OutputError(path, "an existing output", "a new name", "choose another or pass overwrite (--overwrite)")
+
+
+def _replace(temporary: Path, path: Path) -> None:
+    """Rename over the old one; an old folder is moved aside first and put back if the rename fails."""
+    if temporary.is_file():
+        _flush(temporary)
+    if not path.is_dir():
+        os.replace(temporary, path)
+        return
+    if not temporary.is_dir():
+        raise OutputError(path, "an existing folder", "a file or a new name", "choose another name")
+    aside = path.with_name(f".{path.name}.{secrets.token_hex(6)}.old")
+    os.replace(path, aside)
+    try:
+        os.replace(temporary, path)
+    except OSError:
+        os.replace(aside, path)
+        raise
+    shutil.rmtree(aside)
+
+
+def _flush(file: Path) -> None:
+    """Bring the bytes to the disk before the rename: a power cut leaves the old file or the new one."""
+    with file.open("rb+") as handle:
+        os.fsync(handle.fileno())
+
+
+def _remove(temporary: Path) -> None:
+    if temporary.is_dir():
+        shutil.rmtree(temporary, ignore_errors=True)
+    else:
+        temporary.unlink(missing_ok=True)
+
+
+def _output_error(path: Path, error: OSError) -> OutputError:
+    unknown = (f"a failure to write ({error})", "a writable place", "free some space or write elsewhere")
+    # numpy's tofile tells a full disk only in words, without the system's number
+    code = errno.ENOSPC if error.errno is None and " requested and " in str(error) else error.errno
+    found, expected, remedy = _REASONS.get(code or 0, unknown)
+    return OutputError(path, found, expected, remedy)
+
+
+def write_text(text: str, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write text (UTF-8) whole or not at all, and give the path back.
+
+    Raises:
+        OutputError: see `atomic_path`.
+    """
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return Path(path)
+
+
+def write_json(value: Any, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write JSON whole or not at all; numpy numbers and arrays become plain ones, NaN and infinity null.
+
+    Raises:
+        OutputError: see `atomic_path`.
+        TypeError: something that JSON cannot hold.
+    """
+    return write_text(json.dumps(plain(value), indent=2, ensure_ascii=False) + "\n", path, overwrite=overwrite)
+
+
+def plain(value: Any) -> Any:
+    """The value in JSON's own types: numpy, paths and bytes converted, NaN and infinity as None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return str(value) if isinstance(value, Path) else value
+
+
+def write_dataset(obj: xarray.DataArray | xarray.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write labelled data as NetCDF4/HDF5 (``.nc``, ``.h5``) or Zarr (``.zarr``), and give the path back.
+
+    Arrays above 64 kB are compressed without loss; in Zarr each band (index of the first axis of a cube) is a
+    chunk. Attributes that NetCDF cannot hold (None, dictionaries, mixed lists) are stored as JSON text.
+
+    Raises:
+        OutputError: an unknown suffix, or see `atomic_path`.
+    """
+    path = Path(path)
+    if path.suffix not in (".nc", ".h5", ".zarr"):
+        raise OutputError(path, f"the suffix {path.suffix!r}", ".nc, .h5 or .zarr", "rename the output")
+    dataset = _storable(obj)
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        if path.suffix == ".zarr":
+            encoding = _zarr_encoding(dataset)
+            dataset.to_zarr(temporary, mode="w", encoding=encoding, consolidated=True, zarr_format=2)
+        else:
+            # HDF5 can crash the process when a write fails under it, so it only writes to memory
+            temporary.write_bytes(dataset.to_netcdf(None, engine="h5netcdf", encoding=_netcdf_encoding(dataset)))
+    return path
+
+
+def _storable(obj: xarray.DataArray | xarray.Dataset) -> xarray.Dataset:
+    """A copy as a dataset with attributes that NetCDF can hold and no encodings of an earlier file."""
+    import xarray
+
+    dataset = obj.to_dataset(name=obj.name or "data") if isinstance(obj, xarray.DataArray) else obj
+    dataset = dataset.copy(deep=False).drop_encoding()
+    dataset.attrs = _storable_attrs(dataset.attrs)
+    for name in dataset.variables:
+        dataset[name].attrs = _storable_attrs(dataset[name].attrs)
+    return dataset
+
+
+def _storable_attrs(attrs: Mapping[Any, Any]) -> dict[str, Any]:
+    return {str(key): _storable_attr(value) for key, value in attrs.items()}
+
+
+def _storable_attr(value: Any) -> Any:
+    if isinstance(value, bool | np.bool_):
+        return int(value)
+    if isinstance(value, str | int | float | np.number) or (
+        isinstance(value, np.ndarray) and value.dtype.kind in "uif"
+    ):
+        return value
+    items = value if isinstance(value, list | tuple) else ()
+    if items and all(isinstance(item, int | float) and not isinstance(item, bool) for item in items):
+        return list(items)
+    return json.dumps(plain(value), ensure_ascii=False)
+
+
+def _netcdf_encoding(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
+    encoding: dict[Any, dict[str, Any]] = {}
+    for name, variable in dataset.variables.items():
+        encoding[name] = {"_FillValue": None} if variable.dtype.kind == "f" else {}
+        if variable.dtype.kind in "buif" and variable.nbytes > 65536:
+            encoding[name] |= {"zlib": True, "complevel": 1, "shuffle": True}
+    return encoding
+
+
+def _zarr_encoding(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
+    cubes = {name: v for name, v in dataset.data_vars.items() if v.ndim >= 3 and v.size}
+    return {name: {"chunks": (1, *variable.shape[1:])} for name, variable in cubes.items()}

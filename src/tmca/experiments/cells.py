@@ -1,0 +1,112 @@
+"""A grid of cells that is computed once: finished cells are kept, failed ones named, a rerun does the rest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import traceback
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from tmca.errors import TmcaError
+
+Settings = dict[str, Any]
+Measured = dict[str, Any]
+Progress = Callable[[int, int, str], None]
+"""Called with (cells done, cells in all, name of the last)."""
+
+
+class CellsFailed(TmcaError):
+    """Some cells of a grid could not be computed; the others are kept."""
+
+
+def cell_key(settings: Settings) -> str:
+    """Name of a cell's file: a digest of everything that makes it."""
+    text = json.dumps(settings, sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def run_cells(
+    cells: Sequence[Settings],
+    compute: Callable[[Settings], Measured],
+    folder: str | Path,
+    *,
+    jobs: int = 1,
+    progress: Progress | None = None,
+) -> list[Measured]:
+    """Compute every cell that has no file in ``folder`` yet.
+
+    Args:
+        cells: settings of each cell, JSON values only.
+        compute: module-level function from settings to measured values (it runs in another process if jobs > 1).
+        folder: where a file per finished cell is kept.
+        jobs: processes side by side.
+        progress: told after each cell.
+
+    Returns:
+        Measured values of all cells, in their order.
+
+    Raises:
+        CellsFailed: some cells raised; the message names the first, the folder keeps every traceback.
+    """
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    files = [place / f"{cell_key(cell)}.json" for cell in cells]
+    waiting = [i for i, file in enumerate(files) if not file.exists()]
+    done, failed = len(cells) - len(waiting), []
+    for index, error in _outcomes(cells, waiting, files, compute, jobs):
+        done += 1
+        if error:
+            failed.append(index)
+        if progress:
+            progress(done, len(cells), str(cells[index].get("name", index)))
+    if failed:
+        named = ", ".join(str(cells[i].get("name", i)) for i in failed[:3])
+        raise CellsFailed(
+            folder,
+            f"{len(failed)} of {len(cells)} cells failed ({named}{', …' if len(failed) > 3 else ''})",
+            "",
+            f"see {files[failed[0]].with_suffix('.error.txt')}; a rerun computes only what is missing",
+        )
+    return [json.loads(file.read_text()) for file in files]
+
+
+def _outcomes(
+    cells: Sequence[Settings],
+    waiting: Sequence[int],
+    files: Sequence[Path],
+    compute: Callable[[Settings], Measured],
+    jobs: int,
+) -> Any:
+    if jobs <= 1:
+        for index in waiting:
+            yield index, _one_cell(cells[index], files[index], compute)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_one_thread) as pool:
+        running = {pool.submit(_one_cell, cells[i], files[i], compute): i for i in waiting}
+        for future in as_completed(running):
+            yield running[future], future.result()
+
+
+def _one_thread() -> None:
+    import torch
+
+    torch.set_num_threads(1)
+
+
+def _one_cell(cell: Settings, file: Path, compute: Callable[[Settings], Measured]) -> bool:
+    """Compute and keep one cell; True if it failed."""
+    from tmca.data import write_json, write_text
+
+    trouble = file.with_suffix(".error.txt")
+    try:
+        measured = compute(cell)
+    except Exception:
+        write_text(traceback.format_exc(), trouble, overwrite=True)
+        return True
+    write_json({**cell, **measured}, file, overwrite=True)
+    trouble.unlink(missing_ok=True)
+    return False

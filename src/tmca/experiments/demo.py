@@ -1,0 +1,153 @@
+"""The demonstration: rendered scenes through a static and a time-multiplexed camera and back, with a report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.errors import OutputError
+from tmca.experiments.figures import codes_figure, reconstruction_figure, save_figure, snapshot_figure
+from tmca.experiments.report import Section, write_report
+from tmca.experiments.results import METRICS, mean_over_scenes
+from tmca.experiments.scenes import load_scene
+from tmca.experiments.spectral import Reconstruction, reconstruct_snapshot, take_snapshot
+from tmca.sensor import Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+SCENES = ("motorcycle", "coffee")
+CODES: dict[str, dict[str, Any]] = {
+    "static (CASSI)": {"slots": 1, "aperture": "random", "shutter": "open"},
+    "time-multiplexed, K = 8": {"slots": 8, "aperture": "random", "shutter": "random"},
+    "one-hot shutter, K = 4": {"slots": 4, "aperture": "random", "shutter": "one-hot"},
+}
+READ_NOISE = 1e-3
+BANDS, PERIOD = 12, 32
+COLUMNS = (
+    ("code", "code", ""),
+    ("scene", "scene", ""),
+    *METRICS,
+    ("throughput", "light", ".1%"),
+    ("seconds", "s", ".1f"),
+)
+
+Progress = Callable[[float, str], None]
+
+
+def run_demo(
+    out: Path, *, size: tuple[int, int] = (192, 256), overwrite: bool = False, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Take and reconstruct snapshots of two rendered scenes that the prior was not learned from.
+
+    Args:
+        out: folder for snapshots, reconstructions, pictures and ``report.html``.
+        size: (H, W) of the scenes, pixels.
+        overwrite: replace earlier results in ``out``.
+        progress: told (share done, what is next).
+
+    Returns:
+        ``rows`` of the table, ``report`` file and ``seconds`` in all.
+
+    Raises:
+        OutputError: ``out`` holds results and ``overwrite`` is False.
+    """
+    from tmca.priors import rendered_prior
+
+    report = out / "report.html"
+    if report.exists() and not overwrite:
+        raise OutputError(report, "the report of an earlier demo", "none", "pass --overwrite or another --out")
+    out.mkdir(parents=True, exist_ok=True)
+    start, told = time.perf_counter(), progress or (lambda share, next_: None)
+    told(0.0, "rendering scenes")
+    scenes = {name: load_scene(name, bands=BANDS, size=size) for name in SCENES}
+    told(0.1, "learning the prior of rendered scenes")
+    prior = rendered_prior(next(iter(scenes.values()))["wavelength"].values.tolist(), BANDS - 1)
+    rows, sections = [], []
+    for index, (name, scene) in enumerate(scenes.items()):
+        results = {}
+        for place, (code, settings) in enumerate(CODES.items()):
+            told(0.3 + 0.6 * (index + place / len(CODES)) / len(scenes), f"{name}, {code}")
+            results[code] = _through(scene, settings, prior, out / f"{name}_{_stem(code)}", overwrite)
+            rows.append(_row(name, code, *results[code]))
+        sections.append(_section(name, scene, results, out, overwrite))
+    told(0.95, "writing the report")
+    write_report(report, "tmca demo: a snapshot spectral camera", [_summary(rows), *sections], overwrite=overwrite)
+    told(1.0, "done")
+    return {"rows": rows, "report": str(report), "seconds": time.perf_counter() - start}
+
+
+def _through(
+    scene: xr.DataArray, settings: dict[str, Any], prior: Any, stem: Path, overwrite: bool
+) -> tuple[Snapshot, Reconstruction]:
+    camera = SpectralCamera(
+        bands=scene["wavelength"].values.tolist(),
+        size=scene.shape[1:],
+        sensor=Sensor(read_noise=READ_NOISE),
+        period=PERIOD,
+        **settings,
+    )
+    snapshot = take_snapshot(scene, camera)
+    snapshot.save(stem.with_name(f"{stem.name}_snapshot.nc"), overwrite=overwrite)
+    result = reconstruct_snapshot(snapshot, "lmmse", prior=prior, uncertainty=True, truth=scene)
+    result.save(stem.with_name(f"{stem.name}_lmmse.nc"), overwrite=overwrite)
+    return snapshot, result
+
+
+def _row(scene: str, code: str, snapshot: Snapshot, result: Reconstruction) -> dict[str, Any]:
+    throughput = snapshot.camera.throughput()
+    return {"code": code, "scene": scene, **result.metrics, "throughput": throughput, "seconds": result.seconds}
+
+
+def _section(
+    name: str, scene: xr.DataArray, results: dict[str, tuple[Snapshot, Reconstruction]], out: Path, overwrite: bool
+) -> Section:
+    multiplexed = results["time-multiplexed, K = 8"][0]
+    deviations = {code: r.deviation.values for code, (_, r) in results.items() if r.deviation is not None}
+    figures: dict[str, Figure] = {
+        "Truth and reconstructions (650, 550, 480 nm as red, green, blue), error, predicted error, spectra.": (
+            reconstruction_figure(
+                {code: result.cube.values for code, (_, result) in results.items()},
+                scene["wavelength"].values.tolist(),
+                scene.values,
+                deviations,
+            )
+        ),
+        "The time-multiplexed snapshot.": snapshot_figure(multiplexed.values[0, 0].numpy(), multiplexed.camera, name),
+        "Aperture T, shutter S, and the code T̂ that they make together (a corner).": codes_figure(multiplexed.camera),
+    }
+    for figure, ending in zip(figures.values(), ("reconstruction", "snapshot", "codes"), strict=True):
+        save_figure(figure, out / f"{name}_{ending}.png", overwrite=overwrite)
+    return Section(f"Scene: {name}", figures=figures)
+
+
+def _summary(rows: Sequence[dict[str, Any]]) -> Section:
+    means = []
+    for code in CODES:
+        mine = {row["scene"]: _numbers(row) for row in rows if row["code"] == code}
+        means.append({"code": code, "scene": "mean", **mean_over_scenes(mine)})
+    gain = means[1]["psnr"] - means[0]["psnr"]
+    return Section(
+        "What happened",
+        text=(
+            f"Two rendered scenes of {BANDS} bands (400–700 nm) were each recorded in one snapshot by a static coded "
+            "aperture and by apertures that change within the exposure while every pixel has its own shutter, at equal "
+            f"exposure time and with read noise σ = {READ_NOISE:g}. Each snapshot was reconstructed in closed form, "
+            "without training, under a Gaussian prior of small blocks learned from other rendered scenes.",
+            f"Time multiplexing with random codes changed the mean PSNR by {gain:+.2f} dB.",
+        ),
+        table=[*means, *rows],
+        columns=COLUMNS,
+    )
+
+
+def _numbers(row: dict[str, Any]) -> dict[str, float]:
+    return {key: value for key, value in row.items() if isinstance(value, float)}
+
+
+def _stem(code: str) -> str:
+    return {"static (CASSI)": "static", "time-multiplexed, K = 8": "tmca8"}.get(code, "onehot4")

@@ -1,0 +1,46 @@
+"""A picture of any file that ``tmca inspect`` can describe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tmca.cameras.snapshots import NEEDED, Snapshot
+from tmca.errors import DataError
+from tmca.experiments.figures import cube_figure, image_figure, save_figure, snapshot_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite: bool = False) -> Path:
+    """Write a PNG of a snapshot, a prior, a cube or an image.
+
+    Raises:
+        DataError: nothing in the file can be drawn.
+        OutputError: ``out`` exists, or cannot be written.
+    """
+    return save_figure(_figure(path, variable), out, overwrite=overwrite)
+
+
+def _figure(path: Path, variable: str | None) -> Figure:
+    from tmca.data import describe, read, read_array
+
+    found = describe(path, variable)
+    names = set(found.get("variables", {})) | set(found.get("coords", {}))
+    if set(NEEDED) - {"wavelength"} <= names:
+        snapshot = Snapshot.load(path)
+        return snapshot_figure(snapshot.values[0, 0].numpy(), snapshot.camera, path.name)
+    if "covariance" in names or "autocovariance" in names:
+        from tmca.priors import load_prior
+
+        return load_prior(path).figure()
+    if found["kind"] == "cube":
+        cube = read(path, variable=variable, negative="keep")
+        return cube_figure(cube.values, cube["wavelength"].values.tolist(), path.name)
+    values = np.squeeze(read_array(path, variable))
+    if values.ndim not in (2, 3):
+        raise DataError(path, f"an array of {values.ndim} dimensions", "2 or 3 for a picture")
+    return image_figure(values, path.name)

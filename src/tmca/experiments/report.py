@@ -1,0 +1,70 @@
+"""HTML reports: one file with its pictures inside, so that it can be mailed and opened anywhere."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass
+class Section:
+    """A heading with text, a table and pictures.
+
+    Args:
+        title: heading.
+        text: paragraphs.
+        table: rows of a table, dictionaries.
+        columns: (key, heading, format) of the table's columns.
+        figures: caption → figure.
+    """
+
+    title: str
+    text: Sequence[str] = ()
+    table: Sequence[dict[str, Any]] = ()
+    columns: Sequence[tuple[str, str, str]] = ()
+    figures: dict[str, Figure] = field(default_factory=dict)
+
+
+def write_report(path: str | Path, title: str, sections: Sequence[Section], *, overwrite: bool = False) -> Path:
+    """Write an HTML page.
+
+    Raises:
+        OutputError: the file exists, or cannot be written.
+    """
+    import jinja2
+
+    from tmca import __version__
+    from tmca.data import write_text
+
+    source = files("tmca.experiments").joinpath("report.html.j2").read_text(encoding="utf-8")
+    template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
+    page = template.render(title=title, version=__version__, sections=[_rendered(section) for section in sections])
+    return write_text(page, path, overwrite=overwrite)
+
+
+def _rendered(section: Section) -> dict[str, Any]:
+    rows = [
+        [format(row[key], spec) if row.get(key) is not None else "" for key, _, spec in section.columns]
+        for row in section.table
+    ]
+    return {
+        "title": section.title,
+        "text": section.text,
+        "headings": [heading for _, heading, _ in section.columns],
+        "rows": rows,
+        "figures": [(caption, _embedded(figure)) for caption, figure in section.figures.items()],
+    }
+
+
+def _embedded(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=110, format="png", facecolor="white")
+    return base64.b64encode(buffer.getvalue()).decode()

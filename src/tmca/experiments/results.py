@@ -1,0 +1,53 @@
+"""Tables of results: JSON for programs, Markdown for people."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+METRICS = (
+    ("psnr", "PSNR (dB)", ".2f"),
+    ("ssim", "SSIM", ".3f"),
+    ("uiqi", "UIQI", ".3f"),
+    ("sam", "SAM (°)", ".2f"),
+    ("ergas", "ERGAS", ".2f"),
+    ("dd", "DD", ".4f"),
+)
+
+
+def mean_over_scenes(scenes: dict[str, dict[str, float]]) -> dict[str, float]:
+    """Mean of every metric over scenes."""
+    names = next(iter(scenes.values())).keys()
+    return {name: sum(scene[name] for scene in scenes.values()) / len(scenes) for name in names}
+
+
+def markdown_table(rows: Sequence[dict[str, Any]], columns: Sequence[tuple[str, str, str]]) -> str:
+    """Rows as a Markdown table.
+
+    Args:
+        rows: dictionaries.
+        columns: (key, heading, format) of each column; a missing value is left empty.
+    """
+    lines = ["| " + " | ".join(heading for _, heading, _ in columns) + " |", "|" + " --- |" * len(columns)]
+    for row in rows:
+        cells = [format(row[key], spec) if row.get(key) is not None else "" for key, _, spec in columns]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def repository_commit() -> str | None:
+    """Commit of the checkout that the package runs from (``-dirty`` with uncommitted changes), None outside of one."""
+    folder = Path(__file__).parent
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12"],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return found.stdout.strip() or None

@@ -1,0 +1,193 @@
+"""The spectral camera's main job: scene → snapshot → reconstruction, with files, metrics and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.decoders.spectral import Decoded, decode, needs_prior
+from tmca.errors import DataError
+from tmca.experiments.figures import codes_figure, reconstruction_figure, save_figure, snapshot_figure
+from tmca.experiments.scenes import centre_crop, load_scene
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.priors import GaussianMixturePrior, GaussianPrior
+
+
+@dataclass
+class Reconstruction:
+    """A reconstructed cube with its coordinates.
+
+    Args:
+        cube: (wavelength, y, x) estimate.
+        deviation: (wavelength, y, x) predicted standard deviation, if known.
+        decoder: which one.
+        seconds: wall time.
+        metrics: against the truth, if it is known.
+        notes: settings and provenance, kept as attributes.
+    """
+
+    cube: xr.DataArray
+    deviation: xr.DataArray | None
+    decoder: str
+    seconds: float
+    metrics: dict[str, float] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write ``estimate`` and ``deviation`` to a NetCDF file.
+
+        Raises:
+            OutputError: the file exists, or cannot be written.
+        """
+        import xarray as xr
+
+        from tmca.data import write_dataset
+
+        parts = {"estimate": self.cube} | ({} if self.deviation is None else {"deviation": self.deviation})
+        measured = {f"metric_{name}": value for name, value in self.metrics.items()}
+        attrs = {**self.notes, "decoder": self.decoder, "seconds": self.seconds, **measured}
+        return write_dataset(xr.Dataset(parts, attrs=attrs), path, overwrite=overwrite)
+
+
+def take_snapshot(cube: xr.DataArray, camera: SpectralCamera, seed: int = 0) -> Snapshot:
+    """Image a (wavelength, y, x) cube; the seed is that of the sensor's noise."""
+    scene = torch.from_numpy(np.ascontiguousarray(cube.values, dtype=np.float32))[None]
+    with torch.no_grad():
+        values = camera(scene, seed)
+    return Snapshot(values, camera, {"scene": str(cube.attrs.get("name", "")), "noise_seed": seed})
+
+
+def reconstruct_snapshot(
+    snapshot: Snapshot,
+    decoder: str = "lmmse",
+    *,
+    prior: str | Path | GaussianPrior | GaussianMixturePrior | None = None,
+    tv_weight: float | None = None,
+    uncertainty: bool = False,
+    truth: xr.DataArray | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Reconstruction:
+    """Recover the scene of a snapshot.
+
+    Args:
+        snapshot: with its camera.
+        decoder: one of ``tmca.decoders.METHODS``.
+        prior: a prior, its file, or None for the rendered scenes' one at the camera's bands.
+        tv_weight: of the total variation.
+        uncertainty: also estimate the standard deviation of every entry.
+        truth: (wavelength, y, x) for metrics.
+        progress: told the share that is done.
+    """
+    chosen = find_prior(prior, decoder, snapshot.camera) if needs_prior(decoder) else None
+    found = decode(snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress)
+    return _labelled(found, decoder, snapshot, truth)
+
+
+def find_prior(
+    prior: str | Path | GaussianPrior | GaussianMixturePrior | None, decoder: str, camera: SpectralCamera
+) -> GaussianPrior | GaussianMixturePrior:
+    """The prior that a decoder shall use: given, from a file, or learned from the rendered scenes and kept."""
+    from tmca.priors import load_prior, rendered_prior
+
+    if prior is None:
+        return rendered_prior(camera.wavelengths, camera.dispersion.spread, mixture=decoder == "mixture")
+    return load_prior(prior) if isinstance(prior, (str, Path)) else prior
+
+
+def true_scene(source: str, snapshot: Snapshot) -> xr.DataArray:
+    """The scene of a snapshot, brought to the camera's bands and size.
+
+    Raises:
+        DataError: it is smaller than the snapshot's scene.
+    """
+    from tmca.data import nearest_bands
+
+    cube = load_scene(source, bands=None)
+    cube = nearest_bands(cube, snapshot.camera.wavelengths)
+    height, width = snapshot.camera.size
+    if cube.shape[1] < height or cube.shape[2] < width:
+        raise DataError(source, f"{cube.shape[1]}×{cube.shape[2]} pixels", f"at least the snapshot's {height}×{width}")
+    return centre_crop(cube, (height, width), source)
+
+
+def snapshot_pictures(snapshot: Snapshot, path: Path, *, overwrite: bool = False) -> list[Path]:
+    """The snapshot and the codes as PNG beside a snapshot file."""
+    title = f"{path.stem}: K = {snapshot.camera.slots}"
+    return [
+        save_figure(
+            snapshot_figure(snapshot.values[0, 0].numpy(), snapshot.camera, title),
+            path.with_suffix(".png"),
+            overwrite=overwrite,
+        ),
+        save_figure(codes_figure(snapshot.camera), path.with_name(f"{path.stem}_codes.png"), overwrite=overwrite),
+    ]
+
+
+def reconstruction_pictures(
+    result: Reconstruction, path: Path, *, truth: xr.DataArray | None = None, overwrite: bool = False
+) -> list[Path]:
+    """Composite, error and uncertainty maps and spectra as PNG beside a reconstruction file."""
+    deviations = {} if result.deviation is None else {result.decoder: result.deviation.values}
+    figure = reconstruction_figure(
+        {result.decoder: result.cube.values},
+        result.cube["wavelength"].values.tolist(),
+        None if truth is None else truth.values,
+        deviations,
+    )
+    return [save_figure(figure, path.with_suffix(".png"), overwrite=overwrite)]
+
+
+def evaluate_files(
+    estimate: str | Path, truth: str, *, figure: Path | None = None, overwrite: bool = False
+) -> dict[str, float]:
+    """Metrics of one cube file against another; bands matched by wavelength, a larger truth cropped to its middle.
+
+    Raises:
+        DataError: the truth is smaller than the estimate.
+    """
+    from tmca.data import nearest_bands, read
+    from tmca.metrics import all_metrics
+
+    cube = read(estimate, scale=1.0, negative="keep")
+    reference = nearest_bands(load_scene(truth, bands=None), cube["wavelength"].values)
+    reference = centre_crop(reference, (cube.shape[1], cube.shape[2]), truth)
+    if figure is not None:
+        drawing = reconstruction_figure(
+            {Path(estimate).stem: cube.values}, cube["wavelength"].values.tolist(), reference.values
+        )
+        save_figure(drawing, figure, overwrite=overwrite)
+    return all_metrics(cube.values, reference.values)
+
+
+def _labelled(found: Decoded, decoder: str, snapshot: Snapshot, truth: xr.DataArray | None) -> Reconstruction:
+    import xarray as xr
+
+    from tmca.metrics import all_metrics
+
+    wavelengths = np.array(snapshot.camera.wavelengths)
+    coords = {
+        "wavelength": ("wavelength", wavelengths, {"units": "m"}),
+        "wavelength_nm": ("wavelength", wavelengths * 1e9, {"units": "nm"}),
+    }
+
+    def cube(values: torch.Tensor, meaning: str) -> xr.DataArray:
+        attrs = {"units": "relative irradiance", "long_name": meaning}
+        return xr.DataArray(values[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs)
+
+    return Reconstruction(
+        cube=cube(found.estimate, f"scene estimated by {decoder}"),
+        deviation=None if found.deviation is None else cube(found.deviation, "predicted standard deviation"),
+        decoder=decoder,
+        seconds=found.seconds,
+        metrics={} if truth is None else all_metrics(found.estimate[0].numpy(), truth.values),
+        notes={**snapshot.notes, **found.notes},
+    )

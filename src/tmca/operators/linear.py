@@ -1,0 +1,97 @@
+"""What every camera's linear part offers: ``A``, ``A_adjoint``, ``A_dagger`` (deepinv's names and meaning)."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import torch
+from torch import Tensor, nn
+
+from tmca.errors import ShapeError
+
+_TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
+
+
+class Imaging(Protocol):
+    """Anything with ``A`` and ``A_adjoint``."""
+
+    def A(self, x: Tensor, /) -> Tensor: ...
+
+    def A_adjoint(self, y: Tensor, /) -> Tensor: ...
+
+
+def conjugate_gradient_gram(
+    operator: Imaging, y: Tensor, shift: float, *, tolerance: float = 1e-6, steps: int = 200
+) -> Tensor:
+    """``(A Aᵀ + shift·I)⁻¹ y`` for a batch of snapshots by conjugate gradients.
+
+    Args:
+        operator: with ``A`` and ``A_adjoint``.
+        y: (B, …).
+        shift: ≥ 0; with 0, y must lie in the range of A.
+        tolerance: residual, as a share of the norm of y, at which each snapshot of the batch is solved.
+        steps: most steps taken.
+    """
+    dims = tuple(range(1, y.ndim))
+
+    def dot(a: Tensor, b: Tensor) -> Tensor:
+        return (a * b).sum(dim=dims, keepdim=True)
+
+    tiny = torch.finfo(y.dtype).tiny
+    solution, residual, direction = torch.zeros_like(y), y.clone(), y.clone()
+    energy = dot(residual, residual)
+    goal = tolerance**2 * energy
+    for _ in range(steps):
+        if bool((energy <= goal).all()):
+            break
+        image = operator.A(operator.A_adjoint(direction)) + shift * direction
+        step = energy / dot(direction, image).clamp_min(tiny)
+        solution, residual = solution + step * direction, residual - step * image
+        energy, previous = dot(residual, residual), energy
+        direction = residual + energy / previous.clamp_min(tiny) * direction
+    return solution
+
+
+class LinearOperator(nn.Module):
+    """A linear map from scenes (B, *scene_shape) to snapshots (B, *snapshot_shape).
+
+    Subclasses set ``scene_shape`` and ``snapshot_shape`` and define ``A`` and ``A_adjoint``.
+    """
+
+    scene_shape: tuple[int, ...]
+    snapshot_shape: tuple[int, ...]
+
+    def A(self, scene: Tensor) -> Tensor:
+        """Scene (B, *scene_shape) → snapshot (B, *snapshot_shape)."""
+        raise TypeError(f"{type(self).__name__} defines no A")
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        """Snapshot → scene, the transpose of ``A``."""
+        raise TypeError(f"{type(self).__name__} defines no A_adjoint")
+
+    def forward(self, scene: Tensor) -> Tensor:
+        """The same as ``A``."""
+        return self.A(scene)
+
+    def gram_solve(self, snapshot: Tensor, shift: float) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``; by conjugate gradients, unless a subclass has a closed form.
+
+        Args:
+            snapshot: (B, *snapshot_shape).
+            shift: ≥ 0; with 0, for snapshots in the range of A.
+        """
+        return conjugate_gradient_gram(self, snapshot, shift, tolerance=_TOLERANCE[snapshot.dtype], steps=1000)
+
+    def A_dagger(self, snapshot: Tensor) -> Tensor:
+        """Least-norm scene that explains the snapshot: ``Aᵀ (A Aᵀ)⁺ snapshot``."""
+        self._check(snapshot, self.snapshot_shape, "snapshot")
+        return self.A_adjoint(self.gram_solve(snapshot, 0.0))
+
+    def _check(self, tensor: Tensor, shape: tuple[int, ...], name: str) -> None:
+        if tensor.ndim != len(shape) + 1 or tuple(tensor.shape[1:]) != tuple(shape):
+            raise ShapeError(
+                name,
+                f"shape {tuple(tensor.shape)}",
+                f"(batch, {', '.join(map(str, shape))})",
+                "give the camera this size and number of bands, or crop the input",
+            )

@@ -1,0 +1,78 @@
+"""Dispersion: where each band falls on the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor, isfinite
+
+from tmca.errors import SettingError
+
+
+@dataclass(frozen=True)
+class Dispersion:
+    """Displacement of every band along the last axis, in pixels: band ℓ of scene column n falls on snapshot column
+    ``n + displacement[ℓ] - origin``.
+
+    Any values will do: negative, fractional, not monotone. A fractional displacement splits the light of a pixel
+    between two neighbours, linearly (thesis eq 21 with the errata).
+
+    Args:
+        displacement: one value per band, pixels.
+
+    Raises:
+        SettingError: no bands, or a displacement that is not finite.
+    """
+
+    displacement: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        values = tuple(float(d) for d in self.displacement)
+        if not values or not all(isfinite(d) for d in values):
+            raise SettingError("displacement", str(list(values)), "one finite number of pixels per band")
+        object.__setattr__(self, "displacement", values)
+
+    @classmethod
+    def linear(cls, bands: int, step: float = 1.0) -> Dispersion:
+        """``d_ℓ = ℓ · step`` pixels (the thesis: 1 pixel per band); a negative step disperses the other way."""
+        return cls(tuple(step * band for band in range(bands)))
+
+    @classmethod
+    def of(cls, displacement: float | Sequence[float] | Dispersion, bands: int) -> Dispersion:
+        """Pixels per band, or one displacement for each band, as a ``Dispersion`` of ``bands`` bands."""
+        if isinstance(displacement, (int, float)):
+            return cls.linear(bands, displacement)
+        found = displacement if isinstance(displacement, Dispersion) else cls(tuple(displacement))
+        if found.bands != bands:
+            raise SettingError("displacement", f"{found.bands} values", f"one for each of {bands} bands")
+        return found
+
+    @property
+    def bands(self) -> int:
+        """Number of bands L."""
+        return len(self.displacement)
+
+    @property
+    def origin(self) -> int:
+        """Scene column on which snapshot column 0 lies, pixels."""
+        return floor(min(self.displacement))
+
+    @property
+    def spread(self) -> int:
+        """Columns that the snapshot is wider than the scene: ⌈max d⌉ - ⌊min d⌋."""
+        return ceil(max(self.displacement)) - self.origin
+
+    @property
+    def fractional(self) -> bool:
+        """Whether any band falls between two pixels."""
+        return any(d != floor(d) for d in self.displacement)
+
+    def taps(self) -> tuple[tuple[int, int, float], ...]:
+        """(band, offset on the snapshot, weight) of every tap: one per band, two where it falls between pixels."""
+        found = []
+        for band, d in enumerate(self.displacement):
+            whole, part = floor(d) - self.origin, d - floor(d)
+            found.append((band, whole, 1 - part))
+            if part > 0:
+                found.append((band, whole + 1, part))
+        return tuple(found)

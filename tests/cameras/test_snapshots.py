@@ -1,0 +1,104 @@
+"""A snapshot file carries everything that is needed to reconstruct it."""
+
+import h5py
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.errors import DataError, OutputError
+from tmca.sensor import Sensor
+
+CAMERAS = {
+    "thesis-like": {"bands": 5, "size": (6, 9), "slots": 3},
+    "fractional, backwards": {"bands": 5, "size": (7, 8), "slots": 2, "dispersion": -0.7, "exposure": "per-slot"},
+    "dual": {"bands": 4, "size": (5, 8), "slots": 2, "disperser": "dual", "response": [1.0, 0.5, 0.2, 0.9]},
+    "uneven bands, tiled": {
+        "bands": [430e-9, 520e-9, 650e-9],
+        "size": (9, 10),
+        "slots": 2,
+        "period": 4,
+        "dispersion": [0.0, 3.0, 1.0],
+        "sensor": Sensor(read_noise=0.01, full_well=1e4, read_noise_electrons=3, bits=12),
+    },
+    "blurred": {"bands": 3, "size": (9, 10), "slots": 2, "relay_blur": [0.5, 0.6, 0.7]},
+}
+
+
+@pytest.fixture(params=sorted(CAMERAS))
+def taken(request):
+    camera = SpectralCamera(**CAMERAS[request.param], seed=4)
+    scene = torch.rand(1, *camera.scene_shape)
+    return Snapshot(camera(scene, 1), camera, {"scene": "random"}), scene
+
+
+def test_the_camera_comes_back_whole(taken, tmp_path):
+    snapshot, scene = taken
+    back = Snapshot.load(snapshot.save(tmp_path / "s.nc"))
+    assert torch.equal(back.values, snapshot.values)
+    assert torch.allclose(back.camera.A(scene), snapshot.camera.A(scene))
+    assert back.camera.wavelengths == snapshot.camera.wavelengths
+    assert back.camera.noise == snapshot.camera.noise
+    assert back.camera.full_scale == snapshot.camera.full_scale
+    assert back.camera.sensor.settings() == snapshot.camera.sensor.settings()
+    assert back.camera.multiplexed.aperture.period == snapshot.camera.multiplexed.aperture.period
+    assert back.notes == {"scene": "random"}
+
+
+def test_grey_codes_of_a_measured_mask_come_back(tmp_path):
+    camera = SpectralCamera(bands=3, size=(4, 5), slots=1, aperture=torch.rand(4, 5), shutter="open")
+    back = Snapshot.load(Snapshot(torch.rand(1, *camera.snapshot_shape), camera).save(tmp_path / "s.nc"))
+    assert torch.equal(back.camera.codes()[0], camera.codes()[0])
+
+
+def test_the_file_opens_in_other_tools(taken, tmp_path):
+    snapshot, _ = taken
+    path = snapshot.save(tmp_path / "s.nc")
+    with xr.open_dataset(path) as dataset:
+        assert dataset["snapshot"].dims[0] == "y"
+        assert dataset["wavelength"].attrs["units"] == "m"
+        assert dataset.attrs["origin"] == snapshot.camera.dispersion.origin
+        assert dataset["aperture"].shape == tuple(snapshot.camera.codes()[0].shape)
+    with h5py.File(path) as file:
+        np.testing.assert_array_equal(file["snapshot"][()], snapshot.values[0, 0].numpy())
+
+
+def rewritten(tmp_path, change):
+    camera = SpectralCamera(bands=3, size=(4, 5), slots=2)
+    path = Snapshot(torch.rand(1, *camera.snapshot_shape), camera).save(tmp_path / "s.nc")
+    with xr.open_dataset(path) as dataset:
+        change(dataset.load()).to_netcdf(tmp_path / "changed.nc", engine="h5netcdf")
+    return tmp_path / "changed.nc"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.drop_vars(["aperture", "shutter"]), "no aperture, shutter"),
+        (lambda d: d.drop_vars("displacement"), "no displacement"),
+        (lambda d: d.isel(slot=[0]).assign(shutter=d["shutter"].rename(slot="other")), "codes that make no camera"),
+        (lambda d: d.isel(x_sensor=slice(1, None)), "shutter"),
+        (lambda d: d.assign(snapshot=d["snapshot"] * np.nan), "not a finite"),
+        (lambda d: d.assign_attrs(sensor="{"), "attribute sensor"),
+        (lambda d: d.assign_attrs(exposure="mean"), "exposure"),
+        (lambda d: d.assign(aperture=d["aperture"] + 3), "aperture"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_named_in_one_line(tmp_path, change, words):
+    path = rewritten(tmp_path, change)
+    with pytest.raises(DataError, match=words) as caught:
+        Snapshot.load(path)
+    assert "changed.nc" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_existing_file_is_not_replaced_unasked(tmp_path):
+    camera = SpectralCamera(bands=3, size=(4, 5), slots=2)
+    snapshot = Snapshot(torch.rand(1, *camera.snapshot_shape), camera)
+    path = snapshot.save(tmp_path / "s.nc")
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match=r"s\.nc"):
+        snapshot.save(path)
+    assert path.read_bytes() == before
+    snapshot.save(path, overwrite=True)

@@ -1,0 +1,135 @@
+"""The spectral camera as a whole."""
+
+import pytest
+import torch
+
+from tmca.cameras import SpectralCamera
+from tmca.errors import SettingError, ShapeError
+from tmca.optics import Dispersion
+from tmca.sensor import Sensor
+
+
+def test_thesis_preset():
+    camera = SpectralCamera.from_preset("thesis")
+    assert (camera.bands, camera.size, camera.slots) == (12, (256, 256), 8)
+    assert camera.snapshot_shape == (1, 256, 267)
+    assert camera.wavelengths[0] == pytest.approx(400e-9)
+    assert camera.wavelengths[-1] == pytest.approx(700e-9)
+    assert camera.full_scale == 12
+
+
+def test_a_white_scene_through_an_open_camera_is_full_scale():
+    camera = SpectralCamera(bands=5, size=(6, 20), slots=3, aperture="open", shutter="open")
+    snapshot = camera(torch.ones(1, 5, 6, 20))
+    assert snapshot.max().item() == pytest.approx(camera.full_scale)
+    assert snapshot[..., 4:20].min().item() == pytest.approx(5)
+
+
+def test_exposures_differ_by_the_number_of_slots():
+    scene = torch.rand(1, 5, 6, 9)
+    equal, per_slot = (SpectralCamera(bands=5, size=(6, 9), slots=4, exposure=e) for e in ("equal", "per-slot"))
+    assert torch.allclose(4 * equal(scene), per_slot(scene))
+    assert per_slot.full_scale == 4 * equal.full_scale
+    assert per_slot.throughput() == pytest.approx(equal.throughput())
+
+
+@pytest.mark.parametrize(("slots", "shutter", "share"), [(1, "open", 0.5), (8, "random", 0.25), (4, "one-hot", 0.125)])
+def test_throughput_is_transmittance_times_duty(slots, shutter, share):
+    camera = SpectralCamera(size=(100, 100), slots=slots, shutter=shutter)
+    assert camera.throughput() == pytest.approx(share, rel=0.03)
+
+
+@pytest.mark.parametrize("disperser", ["single", "dual"])
+@pytest.mark.parametrize("dispersion", [1.0, -0.6])
+def test_codes_code_cube_and_operator_agree(disperser, dispersion):
+    camera = SpectralCamera(
+        bands=4, size=(5, 8), slots=3, dispersion=dispersion, disperser=disperser, response=[1, 2, 3, 4.0]
+    )
+    camera.double()
+    aperture, shutter = camera.codes()
+    wide = 8 + camera.dispersion.spread
+    assert (aperture.shape[2], shutter.shape[2]) == ((8, wide) if disperser == "single" else (wide, 8))
+    light = camera.A_adjoint(torch.ones(1, *camera.snapshot_shape, dtype=torch.float64))[0]
+    assert torch.allclose(light, camera.code_cube() * camera.response[:, None, None])
+
+
+def test_noise_comes_after_the_optics_and_is_seeded():
+    camera = SpectralCamera(bands=4, size=(5, 8), sensor=Sensor(read_noise=0.1))
+    scene = torch.rand(2, 4, 5, 8)
+    assert torch.equal(camera(scene, 7), camera(scene, 7))
+    assert not torch.equal(camera(scene, 7), camera.A(scene))
+
+
+def test_a_moving_scene_is_accepted():
+    camera = SpectralCamera(bands=4, size=(5, 8), slots=3)
+    still = torch.rand(2, 1, 4, 5, 8)
+    assert torch.allclose(camera(still.expand(-1, 3, -1, -1, -1)), camera(still[:, 0]))
+    with pytest.raises(ShapeError, match="2, 2, 4"):
+        camera(still.expand(-1, 2, -1, -1, -1))
+
+
+def test_relay_blur_spreads_light_without_making_any():
+    sharp, soft = (
+        SpectralCamera(bands=3, size=(30, 31), slots=2, relay_blur=b, aperture="open", shutter="open") for b in (0, 1)
+    )
+    scene = torch.zeros(1, 3, 30, 31)
+    scene[:, 1, 15, 15] = 1
+    assert soft.A(scene).sum().item() == pytest.approx(sharp.A(scene).sum().item(), rel=1e-5)
+    assert soft.A(scene).max().item() == pytest.approx(1 / (2 * torch.pi), rel=0.02)
+
+
+def test_codes_and_response_learn_when_they_are_parameters():
+    kappa = torch.nn.Parameter(torch.ones(3))
+    camera = SpectralCamera(bands=3, size=(6, 7), slots=2, learnable=True, response=kappa)
+    camera(torch.rand(1, 3, 6, 7)).square().sum().backward()
+    moved = [name for name, p in camera.named_parameters() if p.grad is not None and p.grad.abs().sum() > 0]
+    assert sorted(moved) == ["multiplexed.aperture.latent", "multiplexed.shutter.latent", "response"]
+    assert not list(SpectralCamera(bands=3, size=(6, 7)).parameters())
+
+
+def test_loading_other_codes_changes_the_operator():
+    a, b = (SpectralCamera(bands=3, size=(6, 7), slots=2, seed=s) for s in (0, 1))
+    scene = torch.rand(1, 3, 6, 7)
+    assert not torch.equal(a.A(scene), b.A(scene))
+    a.load_state_dict(b.state_dict())
+    assert torch.equal(a.A(scene), b.A(scene))
+
+
+def test_changing_precision_changes_the_operator():
+    camera = SpectralCamera(bands=3, size=(6, 7))
+    camera.A(torch.rand(1, 3, 6, 7))
+    assert camera.double().A(torch.rand(1, 3, 6, 7).double()).dtype == torch.float64
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [
+        ({"bands": 0}, "bands"),
+        ({"bands": [550.0, 600.0]}, "metres"),
+        ({"size": (0, 4)}, "size"),
+        ({"exposure": "mean"}, "equal"),
+        ({"disperser": "triple"}, "dual"),
+        ({"shutter": "oneshot"}, "one-hot"),
+        ({"response": [1.0]}, "response"),
+        ({"dispersion": [1.0, 2.0]}, "12 bands"),
+    ],
+)
+def test_impossible_cameras_are_refused_in_one_line(settings, word):
+    with pytest.raises((SettingError, ShapeError), match=word):
+        SpectralCamera(**settings)
+    with pytest.raises(SettingError, match="thesis"):
+        SpectralCamera.from_preset("tehsis")
+
+
+def test_wrong_scene_names_both_shapes():
+    with pytest.raises(ShapeError, match=r"31, 6, 7.*12, 6, 7"):
+        SpectralCamera(size=(6, 7))(torch.rand(1, 31, 6, 7))
+
+
+def test_non_monotone_bands_keep_their_order():
+    camera = SpectralCamera(
+        bands=3, size=(2, 4), dispersion=Dispersion((2.0, 0.0, 1.0)), aperture="open", shutter="open"
+    )
+    scene = torch.zeros(1, 3, 2, 4)
+    scene[:, 0, :, 0] = 1
+    assert camera.A(scene)[0, 0, 0].tolist() == [0, 0, 1, 0, 0, 0]

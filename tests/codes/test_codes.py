@@ -1,0 +1,137 @@
+"""What the devices show: zeros and ones, of the family that was asked for."""
+
+import numpy as np
+import pytest
+import torch
+
+from tmca.codes import FAMILIES, CodePlane, MultiplexedCodes, blue_noise_ranks, hard_threshold, one_hot_slots, pattern
+from tmca.errors import SettingError, ShapeError
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+@pytest.mark.parametrize("slots", [1, 4, 5])
+@pytest.mark.parametrize("period", [None, (7, 6)])
+@pytest.mark.parametrize("learnable", [False, True])
+def test_every_family_is_binary_and_of_the_size_asked(family, slots, period, learnable):
+    plane = CodePlane(family, slots, (19, 24), period=period, seed=3, learnable=learnable)
+    values = plane()
+    assert values.shape == (slots, 19, 24)
+    assert set(values.unique().tolist()) <= {0.0, 1.0}
+    if period:
+        assert torch.equal(values[:, :12], values[:, 7:])
+        assert torch.equal(values[..., :18], values[..., 6:])
+
+
+def test_families_are_what_their_names_say():
+    size = (40, 41)
+    assert pattern("open", 3, size).eq(1).all()
+    static = pattern("static", 3, size)
+    assert torch.equal(static[0], static[2])
+    assert 0 < static.mean() < 1
+    assert pattern("one-hot", 4, size).sum(0).eq(1).all()
+    pairs = pattern("complementary", 4, size)
+    assert (pairs[0] + pairs[1]).eq(1).all()
+    assert not torch.equal(pairs[0], pairs[2])
+    assert abs(pattern("random", 8, (100, 100), density=0.3).mean() - 0.3) < 0.01
+
+
+def test_learned_families_keep_their_structure_when_the_logits_move():
+    torch.manual_seed(0)
+    for family, holds in (
+        ("one-hot", lambda v: v.sum(0).eq(1).all()),
+        ("static", lambda v: v.eq(v[:1]).all()),
+        ("complementary", lambda v: (v[0] + v[1]).eq(1).all()),
+    ):
+        plane = CodePlane(family, 4, (9, 8), learnable=True)
+        before = plane().detach().clone()
+        with torch.no_grad():
+            plane.latent.copy_(torch.randn_like(plane.latent))
+        assert holds(plane())
+        assert not torch.equal(plane(), before)
+
+
+def test_same_seed_same_codes_and_planes_draw_from_different_streams():
+    a, b = (MultiplexedCodes(4, (20, 20), (20, 20), seed=5)() for _ in range(2))
+    assert torch.equal(a[0], b[0])
+    assert not torch.equal(a[0], a[1])
+    assert not torch.equal(a[0], MultiplexedCodes(4, (20, 20), (20, 20), seed=6)()[0])
+
+
+@pytest.mark.parametrize("density", [0.25, 0.5])
+def test_blue_noise_has_less_energy_at_low_frequency_than_white_noise(density):
+    size = 96
+    radius = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.fftfreq(size)[None])
+    low = (radius > 0) & (radius < 0.12)
+
+    def low_energy(values):
+        centred = values - values.mean()
+        return (np.abs(np.fft.fft2(centred)) ** 2)[low].mean() / centred.size / centred.var()
+
+    blue = pattern("blue-noise", 1, (size, size), density)[0].numpy()
+    white = pattern("random", 1, (size, size), density)[0].numpy()
+    assert abs(blue.mean() - density) < 0.02
+    assert low_energy(blue) < 0.1 * low_energy(white)
+
+
+def test_blue_noise_ranks_are_a_permutation():
+    ranks = blue_noise_ranks(32, seed=1)
+    assert np.array_equal(np.sort(ranks.ravel()), np.arange(32 * 32))
+
+
+def test_threshold_has_the_derivative_of_the_sigmoid():
+    logits = torch.linspace(-2, 2, 41, dtype=torch.float64, requires_grad=True)
+    weight = torch.randn(41, dtype=torch.float64)
+    (hard_threshold(logits, 3.0) * weight).sum().backward()
+    smooth = logits.detach().clone().requires_grad_()
+    (torch.sigmoid(3.0 * smooth) * weight).sum().backward()
+    assert torch.allclose(logits.grad, smooth.grad)
+    steep = torch.tensor([0.01], requires_grad=True)
+    hard_threshold(steep, 40.0).backward()
+    assert steep.grad > 5
+
+
+def test_one_hot_has_the_derivative_of_the_softmax():
+    logits = torch.randn(5, 3, 4, dtype=torch.float64, requires_grad=True)
+    weight = torch.randn(5, 3, 4, dtype=torch.float64)
+    (one_hot_slots(logits, 2.0) * weight).sum().backward()
+    smooth = logits.detach().clone().requires_grad_()
+    (torch.softmax(2 * smooth, 0) * weight).sum().backward()
+    assert torch.allclose(logits.grad, smooth.grad)
+
+
+def test_own_patterns_binary_or_measured():
+    mine = torch.randint(2, (3, 6, 7)).float()
+    assert torch.equal(CodePlane(mine, 3, (6, 7))(), mine)
+    assert torch.equal(CodePlane(mine, 3, (6, 7), learnable=True)(), mine)
+    grey = torch.rand(6, 7)
+    assert torch.equal(CodePlane(grey, 2, (6, 7))(), grey.expand(2, -1, -1))
+    tiled = torch.randint(2, (3, 4, 5)).float()
+    full = tiled.repeat(1, 2, 2)[:, :6, :7]
+    assert torch.equal(CodePlane(full, 3, (6, 7), period=(4, 5))(), full)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: CodePlane("radnom", 2, (4, 4)), ["radnom", "one-hot"]),
+        (lambda: CodePlane("random", 0, (4, 4)), ["slots", "0"]),
+        (lambda: CodePlane("random", 2, (4, 4), density=1.5), ["1.5"]),
+        (lambda: CodePlane("random", 2, (4, 4), period=0), ["period", "0"]),
+        (lambda: CodePlane(torch.rand(2, 4, 4), 2, (4, 4), learnable=True), ["grey"]),
+        (lambda: CodePlane(2 * torch.ones(2, 4, 4), 2, (4, 4)), ["[0, 1]"]),
+        (lambda: CodePlane(torch.full((2, 4, 4), torch.nan), 2, (4, 4)), ["[0, 1]"]),
+        (lambda: CodePlane(torch.rand(1, 6, 6).round(), 1, (6, 6), period=4), ["repeat"]),
+    ],
+)
+def test_impossible_codes_are_refused_in_one_line(make, words):
+    with pytest.raises(SettingError) as caught:
+        make()
+    assert all(word in str(caught.value) for word in words)
+    assert "\n" not in str(caught.value)
+
+
+def test_codes_of_the_wrong_size_name_both_sizes():
+    with pytest.raises(ShapeError, match=r"5×4.*6×7"):
+        CodePlane(torch.ones(3, 5, 4), 3, (6, 7))
+    with pytest.raises(ShapeError, match="3 slots"):
+        CodePlane(torch.ones(2, 6, 7), 3, (6, 7))

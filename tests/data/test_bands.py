@@ -1,0 +1,94 @@
+"""Band selection takes the nearest band, once, within the cube's range."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tmca.data import label, metres_to_nm, nearest_bands, nm_to_metres, select_bands
+from tmca.errors import DataError, SettingError
+
+
+def cube_of(nm):
+    nm = np.asarray(nm, dtype=float)
+    return label(np.zeros((nm.size, 2, 3), dtype=np.float32), nm_to_metres(nm))
+
+
+CAVE = cube_of(np.arange(400, 701, 10))
+
+
+def test_twelve_bands_of_cave_are_the_usual_ones():
+    index = np.linspace(0, 30, 12).round().astype(int)
+    xr.testing.assert_equal(select_bands(CAVE, 12), CAVE[index])
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 7, 11, 16, 31])
+def test_selection_is_nearest_to_even_spacing(count):
+    chosen = select_bands(CAVE, count).wavelength_nm.values
+    targets = np.linspace(400, 700, count) if count > 1 else np.array([550.0])
+    assert chosen.size == count
+    assert np.abs(chosen - targets).max() <= 5 + 1e-9
+
+
+def test_order_of_the_bands_in_the_file_does_not_matter():
+    backwards = CAVE.isel(wavelength=slice(None, None, -1))
+    xr.testing.assert_equal(select_bands(backwards, 12), select_bands(CAVE, 12))
+
+
+@given(st.lists(st.integers(4000, 7000), min_size=1, max_size=8))
+def test_nearest_band_is_nearest_or_two_share_one(tenths):
+    targets, nm = np.array(tenths) / 10, np.arange(400.0, 701.0, 10.0)
+    nearest = np.abs(nm[None] - targets[:, None]).argmin(axis=1)
+    if np.unique(nearest).size < targets.size:
+        with pytest.raises(SettingError, match=r"different bands are nearest"):
+            nearest_bands(CAVE, nm_to_metres(targets))
+    else:
+        np.testing.assert_array_equal(nearest_bands(CAVE, nm_to_metres(targets)).wavelength_nm, nm[nearest])
+
+
+def test_of_two_equally_near_bands_the_shorter_is_taken():
+    for t in (405, 455, 555, 695):
+        assert nearest_bands(CAVE, [t * 1e-9]).wavelength_nm.item() == t - 5
+
+
+def test_more_bands_than_the_cube_has_apart_is_an_error():
+    with pytest.raises(SettingError, match=r"only 31 different bands"):
+        select_bands(CAVE, 40)
+    with pytest.raises(SettingError, match=r"only 1 different"):
+        nearest_bands(CAVE, [400e-9, 401e-9])
+
+
+def test_a_range_that_is_not_covered_is_an_error():
+    with pytest.raises(DataError, match=r"bands from 400 to 700 nm, expected bands that cover 380 to 700"):
+        select_bands(CAVE, 5, low=380e-9)
+    with pytest.raises(DataError, match=r"cover 400 to 1000"):
+        select_bands(CAVE, 5, high=1000e-9)
+    uneven = cube_of([429.5, 442.5, 456, 471.5, 489.5, 510.5, 534, 562, 598, 646, 687])
+    with pytest.raises(DataError, match=r"429\.5 to 687 nm"):
+        select_bands(uneven, 4)
+    assert select_bands(uneven, 4, low=430e-9, high=687e-9).sizes["wavelength"] == 4
+
+
+def test_half_a_band_beyond_the_last_centre_is_covered():
+    samson = cube_of(np.linspace(401, 889, 156))
+    assert select_bands(samson, 12).wavelength_nm.values[0] == 401
+
+
+def test_impossible_settings_are_refused():
+    for count, low, high in ((0, 4e-7, 7e-7), (3, 7e-7, 4e-7), (3, 400, 700)):
+        with pytest.raises((SettingError, DataError)):
+            select_bands(CAVE, count, low, high)
+    with pytest.raises(SettingError, match=r"empty list"):
+        nearest_bands(CAVE, [])
+    with pytest.raises(DataError, match=r"no wavelength coordinate"):
+        select_bands(CAVE.drop_vars(["wavelength", "wavelength_nm"]), 3)
+
+
+@given(st.floats(100, 20000))
+def test_nanometres_and_metres_are_inverse_to_the_last_bit(nm):
+    nm = round(nm, 6)
+    assert metres_to_nm(nm_to_metres(nm)) == nm
+    assert nm_to_metres(metres_to_nm(nm_to_metres(nm))) == nm_to_metres(nm)

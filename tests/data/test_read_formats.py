@@ -1,0 +1,307 @@
+"""Every supported format gives the same labelled cube, axes and wavelengths right."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import tifffile
+import xarray as xr
+import zarr
+from PIL import Image
+
+from tmca.data import label, nm_to_metres, read, read_array, write_dataset, write_tiff
+from tmca.errors import DataError, SettingError
+
+CAVE_NM = np.arange(400.0, 701.0, 10.0)
+
+
+def save_73(path, **variables):
+    """A MATLAB 7.3 file as MATLAB writes it: a header block and column-major data, hence reversed axes."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, (values, kind) in variables.items():
+            data = file.create_dataset(name, data=np.asarray(values).T)
+            data.attrs["MATLAB_class"] = np.bytes_(kind)
+    with path.open("rb+") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    return path
+
+
+def save_envi(folder, pixels, nm, interleave, units):
+    """An ENVI cube written by hand, so that the reader is not tested against its own library."""
+    order = {"bsq": (0, 1, 2), "bil": (1, 0, 2), "bip": (1, 2, 0)}[interleave]
+    (folder / "scene.raw").write_bytes(np.ascontiguousarray(pixels.transpose(order)).tobytes())
+    bands, lines, samples = pixels.shape
+    values = nm if units == "Nanometers" else nm / 1000
+    header = f"""ENVI
+samples = {samples}
+lines = {lines}
+bands = {bands}
+header offset = 0
+file type = ENVI Standard
+data type = 4
+interleave = {interleave}
+byte order = 0
+wavelength units = {units}
+wavelength = {{{", ".join(f"{v:.6g}" for v in values)}}}
+"""
+    (folder / "scene.hdr").write_text(header)
+    return folder / "scene.hdr"
+
+
+def save_cave(folder, cube, mode="uint16"):
+    folder.mkdir(parents=True)
+    for band, plane in enumerate(cube, 1):
+        if mode == "rgba":
+            opaque = np.full_like(plane, 255)
+            Image.fromarray(np.stack([plane, plane, plane, opaque], -1)).save(folder / f"s_ms_{band:02d}.png")
+        else:
+            Image.fromarray(plane).save(folder / f"s_ms_{band:02d}.png")
+    (folder / "s_RGB.bmp").write_bytes(b"not a band")
+    (folder / "Thumbs.db").write_bytes(b"not a band")
+    return folder
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".h5", ".zarr"])
+def test_a_written_cube_reads_back_the_same(cube, tmp_path, suffix):
+    path = write_dataset(cube, tmp_path / f"a{suffix}")
+    back = read(path)
+    xr.testing.assert_equal(back, cube)
+    assert back.attrs["wavelengths_from"] == "file"
+    assert back.dtype == np.float32
+
+
+def test_a_written_tiff_reads_back_the_same(cube, tmp_path):
+    xr.testing.assert_equal(read(write_tiff(cube, tmp_path / "a.tif")), cube)
+
+
+def test_a_cube_above_one_that_we_wrote_keeps_its_values(cube, tmp_path):
+    bright = cube.copy(data=cube.values * 3)
+    xr.testing.assert_equal(read(write_dataset(bright, tmp_path / "a.zarr")), bright)
+    xr.testing.assert_equal(read(write_dataset(bright, tmp_path / "b.nc")), bright)
+    xr.testing.assert_equal(read(write_tiff(bright, tmp_path / "b.tif")), bright)
+
+
+def test_a_foreign_cube_above_one_is_divided_by_its_maximum(cube, tmp_path):
+    foreign = cube.copy(data=cube.values * 3).drop_attrs(deep=False)
+    foreign.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    back = read(tmp_path / "a.nc", bands=[0, 1])
+    assert back.attrs["scale"] == pytest.approx(float(foreign.max()))
+    np.testing.assert_allclose(back, foreign[:2] / foreign.max())
+
+
+def test_spatial_coordinates_survive(cube, tmp_path):
+    placed = cube.assign_coords(y=np.linspace(0, 1, 10), x=np.linspace(0, 2, 13))
+    xr.testing.assert_equal(read(write_dataset(placed, tmp_path / "a.nc")), placed)
+
+
+@pytest.mark.parametrize("order", [("y", "x", "wavelength"), ("x", "y", "wavelength"), ("wavelength", "x", "y")])
+def test_named_axes_are_put_in_order(cube, tmp_path, order):
+    cube.transpose(*order).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    xr.testing.assert_equal(read(tmp_path / "a.nc"), cube)
+    xr.testing.assert_equal(read(tmp_path / "a.nc", bands=[1, 4]), cube[[1, 4]])
+
+
+def test_netcdf_before_version_4_is_read(cube, tmp_path):
+    cube.to_netcdf(tmp_path / "a.nc", engine="scipy")
+    xr.testing.assert_allclose(read(tmp_path / "a.nc"), cube)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("nm", 1.0), ("um", 1e-3), ("m", 1e-9)])
+def test_netcdf_wavelengths_of_any_unit_become_metres(pixels, nm, tmp_path, unit, factor):
+    axis = ("wavelength", nm * factor, {"units": unit})
+    xr.DataArray(pixels, dims=("wavelength", "y", "x"), coords={"wavelength": axis}, name="r").to_netcdf(
+        tmp_path / "a.nc", engine="h5netcdf"
+    )
+    np.testing.assert_array_equal(read(tmp_path / "a.nc").wavelength, nm_to_metres(nm))
+
+
+def test_matlab_5_and_73_have_the_same_axes(pixels, nm, tmp_path):
+    cube = pixels.transpose(1, 2, 0).astype(np.float64)
+    scipy.io.savemat(tmp_path / "five.mat", {"hyper": cube, "wavelengths": nm})
+    save_73(tmp_path / "seven.mat", hyper=(cube, "double"), wavelengths=(nm[:, None], "double"))
+    for name in ("five.mat", "seven.mat"):
+        back = read(tmp_path / name)
+        np.testing.assert_array_equal(back, pixels)
+        np.testing.assert_array_equal(back.wavelength_nm, nm)
+        np.testing.assert_array_equal(read(tmp_path / name, bands=[5, 2]), pixels[[5, 2]])
+        np.testing.assert_array_equal(read_array(tmp_path / name, "hyper"), cube)
+
+
+def test_icvl_is_divided_by_twelve_bits(tmp_path):
+    counts = np.random.default_rng(0).integers(0, 4000, (12, 14, 31)).astype(np.float64)
+    rgb = np.random.default_rng(1).random((12, 14, 3))
+    path = tmp_path / "icvl.mat"
+    save_73(path, rad=(counts, "double"), bands=(CAVE_NM[None], "double"), rgb=(rgb, "double"))
+    back = read(path)
+    assert back.attrs["scale"] == 4095
+    assert back.attrs["variable"] == "rad"
+    assert back.attrs["wavelengths_from"] == "file"
+    np.testing.assert_allclose(back, counts.transpose(2, 0, 1) / 4095, rtol=1e-6)
+    assert read(path, bands=[0]).attrs["scale"] == 4095
+
+
+def test_kaist_without_wavelengths_is_a_known_set(tmp_path):
+    cube = np.random.default_rng(0).random((20, 31, 31)).astype(np.float32)
+    scipy.io.savemat(tmp_path / "kaist.mat", {"data": cube})
+    back = read(tmp_path / "kaist.mat")
+    np.testing.assert_array_equal(back, cube.transpose(2, 0, 1))
+    np.testing.assert_array_equal(back.wavelength_nm, CAVE_NM)
+    assert "known set CAVE" in back.attrs["wavelengths_from"]
+
+
+def test_harvard_has_31_bands_from_420_nm(tmp_path):
+    scipy.io.savemat(tmp_path / "imga1.mat", {"ref": np.full((6, 8, 31), 0.5), "lbl": np.ones((6, 8))})
+    np.testing.assert_array_equal(read(tmp_path / "imga1.mat").wavelength_nm, CAVE_NM + 20)
+
+
+def test_a_double_that_matlab_packed_as_integers_is_scaled_as_a_double(tmp_path):
+    counts = np.random.default_rng(0).integers(0, 3000, (6, 7, 31)).astype(np.float64)
+    counts[3, 4, 5] = 3000
+    scipy.io.savemat(tmp_path / "a.mat", {"x": counts})
+    assert read(tmp_path / "a.mat").attrs["scale"] == 3000
+
+
+@pytest.mark.parametrize(("dtype", "top"), [("uint8", 255), ("uint16", 65535), ("int16", 32767), ("float32", 1)])
+def test_counts_are_divided_by_the_types_maximum(tmp_path, dtype, top):
+    counts = np.ones((4, 5, 31), dtype=dtype)
+    scipy.io.savemat(tmp_path / "a.mat", {"x": counts})
+    back = read(tmp_path / "a.mat")
+    assert back.attrs["scale"] == top
+    np.testing.assert_allclose(back, 1 / top, rtol=1e-6)
+
+
+def test_scale_overrides_and_is_recorded(tmp_path):
+    scipy.io.savemat(tmp_path / "a.mat", {"x": np.full((4, 5, 31), 1023, dtype=np.uint16)})
+    back = read(tmp_path / "a.mat", scale=1023)
+    assert back.attrs["scale"] == 1023
+    assert float(back.max()) == 1.0
+    for bad in (0, -1, np.nan):
+        with pytest.raises(SettingError, match=r"scale"):
+            read(tmp_path / "a.mat", scale=bad)
+
+
+@pytest.mark.parametrize("nested", [False, True])
+def test_cave_folder(tmp_path, nested):
+    counts = np.random.default_rng(0).integers(0, 65536, (31, 9, 12)).astype(np.uint16)
+    save_cave(tmp_path / "paints_ms" / "paints_ms" if nested else tmp_path / "paints_ms", counts)
+    back = read(tmp_path / "paints_ms")
+    np.testing.assert_array_equal(back, counts.astype(np.float32) / np.float32(65535))
+    np.testing.assert_array_equal(back.wavelength_nm, CAVE_NM)
+    np.testing.assert_array_equal(read(tmp_path / "paints_ms", bands=[30, 3]), back[[30, 3]])
+
+
+def test_cave_watercolors_has_one_luminance_in_rgba(tmp_path):
+    counts = np.random.default_rng(0).integers(0, 256, (31, 9, 12)).astype(np.uint8)
+    back = read(save_cave(tmp_path / "watercolors_ms", counts, "rgba"))
+    np.testing.assert_array_equal(back, counts.astype(np.float32) / np.float32(255))
+    assert back.attrs["scale"] == 255
+
+
+def test_cave_band_missing_is_named(tmp_path):
+    folder = save_cave(tmp_path / "s_ms", np.zeros((31, 4, 4), np.uint16))
+    (folder / "s_ms_07.png").unlink()
+    with pytest.raises(DataError, match=r"without 07"):
+        read(folder)
+
+
+@pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
+@pytest.mark.parametrize("units", ["Nanometers", "Micrometers", "Unknown"])
+def test_envi_of_every_interleave_and_unit(pixels, nm, tmp_path, interleave, units):
+    header = save_envi(tmp_path, pixels, nm, interleave, units)
+    for path in (header, header.with_suffix(".raw")):
+        back = read(path)
+        np.testing.assert_array_equal(back, pixels)
+        np.testing.assert_array_equal(back.wavelength_nm, nm)
+    np.testing.assert_array_equal(read(header, bands=[6, 0]), pixels[[6, 0]])
+
+
+def test_envi_cut_short_or_alone_is_an_error(pixels, nm, tmp_path):
+    header = save_envi(tmp_path, pixels, nm, "bsq", "Nanometers")
+    data = header.with_suffix(".raw")
+    data.write_bytes(data.read_bytes()[:-4])
+    with pytest.raises(DataError, match=r"3636 bytes.*3640 bytes"):
+        read(header)
+    data.unlink()
+    with pytest.raises(DataError, match=r"no data file beside"):
+        read(header)
+    header.write_text("not a header")
+    data.write_bytes(b"0" * 3640)
+    with pytest.raises(DataError, match=r"unusable ENVI header"):
+        read(header)
+
+
+def test_tiff_with_labels_sidecar_or_argument(pixels, nm, tmp_path):
+    tifffile.imwrite(tmp_path / "plain.tif", pixels, photometric="minisblack")
+    with pytest.raises(DataError, match=r"7 bands without wavelengths.*plain.tif.wavelengths.txt"):
+        read(tmp_path / "plain.tif")
+    argument = read(tmp_path / "plain.tif", wavelengths=nm_to_metres(nm))
+    np.testing.assert_array_equal(argument, pixels)
+    assert argument.attrs["wavelengths_from"] == "argument"
+    (tmp_path / "plain.wavelengths.txt").write_text("# nm\n" + "\n".join(map(str, nm)))
+    sidecar = read(tmp_path / "plain.tif")
+    np.testing.assert_array_equal(sidecar.wavelength_nm, nm)
+    assert sidecar.attrs["wavelengths_from"] == "sidecar"
+    np.testing.assert_array_equal(read(tmp_path / "plain.tif", bands=[2]), pixels[[2]])
+
+
+def test_ome_tiff_channels_carry_wavelengths(pixels, nm, tmp_path):
+    channels = {"EmissionWavelength": nm.tolist(), "EmissionWavelengthUnit": ["nm"] * 7}
+    about = {"axes": "CYX", "Channel": channels}
+    tifffile.imwrite(tmp_path / "a.ome.tif", pixels, photometric="minisblack", metadata=about)
+    back = read(tmp_path / "a.ome.tif")
+    np.testing.assert_array_equal(back, pixels)
+    np.testing.assert_array_equal(back.wavelength_nm, nm)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_npy_spectral_axis_is_found_by_the_wavelengths(pixels, nm, tmp_path, axis):
+    np.save(tmp_path / "a.npy", np.moveaxis(pixels, 0, axis))
+    np.testing.assert_array_equal(read(tmp_path / "a.npy", wavelengths=nm_to_metres(nm)), pixels)
+
+
+def test_the_odd_axis_out_is_the_spectral_one(tmp_path):
+    cube = np.random.default_rng(0).random((20, 5, 20)).astype(np.float32)
+    np.save(tmp_path / "a.npy", cube)
+    (tmp_path / "a.wavelengths.csv").write_text("wavelength_nm\n450,500,550,600,650\n")
+    np.testing.assert_array_equal(read(tmp_path / "a.npy"), cube.transpose(1, 0, 2))
+    np.save(tmp_path / "b.npy", np.zeros((20, 20, 20)))
+    with pytest.raises(DataError, match=r"no axis stands out"):
+        read(tmp_path / "b.npy")
+
+
+def test_plain_hdf5_with_groups_and_wavelengths_beside(pixels, nm, tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("scan/cube", data=pixels)
+        file.create_dataset("scan/wavelengths", data=nm / 1000).attrs["units"] = "um"
+        file.create_dataset("scan/dark", data=np.zeros((10, 13)))
+    back = read(tmp_path / "a.h5")
+    np.testing.assert_array_equal(back, pixels)
+    np.testing.assert_array_equal(back.wavelength_nm, nm)
+    assert back.attrs["variable"] == "scan/cube"
+
+
+def test_plain_zarr_array_and_group(pixels, nm, tmp_path):
+    zarr.save_array(str(tmp_path / "a.zarr"), pixels)
+    np.testing.assert_array_equal(read(tmp_path / "a.zarr", wavelengths=nm_to_metres(nm)), pixels)
+    group = zarr.open_group(str(tmp_path / "b.zarr"), mode="w")
+    group["cube"], group["wavelength_nm"] = pixels, nm
+    back = read(tmp_path / "b.zarr")
+    np.testing.assert_array_equal(back, pixels)
+    np.testing.assert_array_equal(back.wavelength_nm, nm)
+
+
+def test_pictures_are_read_as_arrays(tmp_path):
+    capture = np.random.default_rng(0).integers(0, 65536, (9, 12)).astype(np.uint16)
+    Image.fromarray(capture).save(tmp_path / "capture.png")
+    np.testing.assert_array_equal(read_array(tmp_path / "capture.png"), capture)
+    with pytest.raises(DataError, match=r"no array of three axes.*read_array"):
+        read(tmp_path / "capture.png")
+
+
+def test_label_gives_both_units(pixels, nm):
+    cube = label(pixels, nm_to_metres(nm))
+    np.testing.assert_array_equal(cube.wavelength_nm, nm)
+    assert cube.wavelength.attrs["units"] == "m"
+    assert cube.wavelength_nm.attrs["units"] == "nm"

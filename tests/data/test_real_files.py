@@ -1,0 +1,128 @@
+"""Every real cube and capture is read with its axes, scale and wavelengths right."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import scipy.io
+
+from tmca.data import describe, read, read_array, read_split, select_bands
+from tmca.errors import DataError
+
+CUBES = {
+    "hsi/cave_uint8_512/feathers.mat": ("orig", 31, 255, (400, 700)),
+    "hsi/cave_uint8_512/paints.mat": ("orig", 31, 255, (400, 700)),
+    "hsi/cave_uint8_512/toys.mat": ("orig", 31, 255, (400, 700)),
+    "hsi/cave_uint8_512/sushi.mat": ("orig", 31, 255, (400, 700)),
+    "hsi/cave_uint16_256/chart_and_stuffed_toy_256.mat": ("NRD", 31, 65535, (400, 700)),
+    "hsi/cave_uint16_256/real_and_fake_apples_256.mat": ("NRD", 31, 65535, (400, 700)),
+    "hsi/cave_crops/kbrdn_testMSI_1.mat": ("Omsi", 31, 1, (400, 700)),
+    "hsi/cave_crops/kbrdn_testMSI_2.mat": ("Omsi", 31, 1, (400, 700)),
+    "hsi/cave_crops/kbrdn_testMSI_3.mat": ("Omsi", 31, 1, (400, 700)),
+    "hsi/cave_crops/balloons_101_101_31.mat": ("Omsi", 31, 1, (400, 700)),
+    "hsi/hdsp_ccassi/fullFlor.mat": ("Ori", 11, 14607, (429.5, 687)),
+    "hsi/samson/Samson.mat": ("T", 156, 1, (401, 889)),
+}
+CAPTURES = {
+    "cassi/deepcassi_real_mask512.mat": ("mask", (512, 512)),
+    "cassi/tsa/mask_256_sim.mat": ("mask", (256, 256)),
+    "cassi/tsa/mask_660_real.mat": ("mask", (660, 660)),
+    "cassi/tsa/real_scene1.mat": ("meas_real", (660, 714)),
+    "cassi/tsa/real_scene2.mat": ("meas_real", (660, 714)),
+    "cassi/tsa/real_scene3.mat": ("meas_real", (660, 714)),
+}
+
+
+def test_the_table_covers_every_real_file(real_data):
+    found = {
+        p.relative_to(real_data).as_posix() for kind in ("hsi", "cassi") for p in (real_data / kind).rglob("*.mat")
+    }
+    assert found <= {*CUBES, *CAPTURES, "cassi/pixel_shutter_wine/wine.mat"}
+
+
+@pytest.mark.parametrize("name", CUBES)
+def test_a_real_cube_has_its_axes_scale_and_wavelengths(real_data, name):
+    variable, count, scale, ends = CUBES[name]
+    stored = scipy.io.loadmat(real_data / name)[variable]
+    cube = read(real_data / name)
+    assert cube.dims == ("wavelength", "y", "x")
+    assert cube.dtype == np.float32
+    assert (cube.attrs["variable"], cube.attrs["scale"]) == (variable, scale)
+    assert cube.sizes["wavelength"] == count
+    assert (cube.wavelength_nm.values[0], cube.wavelength_nm.values[-1]) == ends
+    np.testing.assert_allclose(cube.values, np.moveaxis(stored, -1, 0) / scale, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", CAPTURES)
+def test_a_real_capture_is_an_array_and_no_cube(real_data, name):
+    variable, shape = CAPTURES[name]
+    np.testing.assert_array_equal(read_array(real_data / name), scipy.io.loadmat(real_data / name)[variable])
+    with pytest.raises(DataError, match=r"no array of three axes"):
+        read(real_data / name)
+    about = describe(real_data / name)
+    assert (about["kind"], about["variable"], about["shape"]) == ("array", variable, list(shape))
+    json.dumps(about, allow_nan=False)
+
+
+def test_the_pixel_shutter_file_asks_which_variable(real_data):
+    path = real_data / "cassi/pixel_shutter_wine/wine.mat"
+    with pytest.raises(DataError, match=r"measO_roi.*measR_roi.*opt_mask.*rnd_mask"):
+        read_array(path)
+    with pytest.raises(DataError, match=r"opt_mask, rnd_mask"):
+        read(path)
+    shutter = read_array(path, "opt_mask")
+    assert shutter.shape == (256, 256, 256)
+    np.testing.assert_array_equal(shutter.sum(axis=2), 1)
+    about = describe(path)
+    assert set(about["variables"]) == {"measO_roi", "measR_roi", "opt_mask", "rnd_mask"}
+    assert about["variables"]["opt_mask"]["mean"] == 1 / 256
+
+
+def test_two_files_of_one_scene_agree_in_geometry(real_data):
+    """CAVE's toys are there at 512² (8 bits) and 256² (16 bits): the same but for resampling."""
+    coarse = read(real_data / "hsi/cave_uint16_256/chart_and_stuffed_toy_256.mat").values
+    fine = read(real_data / "hsi/cave_uint8_512/toys.mat").values
+    halved = fine.reshape(31, 256, 2, 256, 2).mean(axis=(2, 4))
+    assert np.corrcoef(halved.ravel(), coarse.ravel())[0, 1] > 0.98
+    assert np.corrcoef(halved[..., ::-1].ravel(), coarse.ravel())[0, 1] < 0.9
+
+
+def test_the_usual_twelve_bands_of_cave(real_data):
+    cube = read(real_data / "hsi/cave_crops/balloons_101_101_31.mat")
+    index = np.linspace(0, 30, 12).round().astype(int)
+    np.testing.assert_array_equal(select_bands(cube, 12).wavelength, cube.wavelength[index])
+
+
+@pytest.mark.parametrize("split", ["spectral_train", "spectral_val", "spectral_test"])
+def test_spectral_splits_hold(real_data, split):
+    scenes = read_split(real_data / "splits" / f"{split}.txt")
+    assert scenes
+    assert all(scene.is_file() and scene.is_relative_to(real_data) for scene in scenes)
+
+
+@pytest.mark.parametrize("split", ["light_field_test", "light_field_train", "spectral_depth_train"])
+def test_splits_of_folders_and_name_beginnings_hold(real_data, split):
+    assert read_split(real_data / "splits" / f"{split}.txt")
+
+
+def test_describe_of_a_real_cube(real_data):
+    about = describe(real_data / "hsi/cave_uint8_512/sushi.mat")
+    assert (about["kind"], about["shape"], about["dims"]) == (
+        "cube",
+        [512, 512, 31],
+        ["y", "x", "wavelength"],
+    )
+    waves = about["wavelengths"]
+    assert (waves["count"], waves["first_nm"], waves["last_nm"], waves["spacing_nm"]) == (
+        31,
+        400,
+        700,
+        [10, 10],
+    )
+    stored = scipy.io.loadmat(real_data / "hsi/cave_uint8_512/sushi.mat")["orig"]
+    assert about["mean"] == pytest.approx(stored.mean())
+    assert about["zero_share"] == pytest.approx((stored == 0).mean())
+    assert (about["max"], about["saturated_share"], about["scale"]) == (244, 0, 255)
+    json.dumps(about, allow_nan=False)

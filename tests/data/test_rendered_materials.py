@@ -1,0 +1,110 @@
+"""Measured spectra and the metamers made of them: what the eye sees is kept, what it does not see varies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tmca.data.rendering import measured, metamers
+from tmca.data.rendering.photographs import linear_rgb
+from tmca.errors import SettingError
+
+
+@pytest.fixture(scope="module")
+def model():
+    return metamers.colour_model(measured.reflectances("train"))
+
+
+def test_training_and_test_materials_are_different():
+    train, test = measured.reflectances("train"), measured.reflectances("test")
+    assert min(len(train), len(test)) > 100
+    for part in (train, test):
+        assert part.shape[1] == 61
+        assert part.min() >= 0
+        assert part.max() <= 1
+    assert np.abs(train[:, None] - test[None]).max(axis=2).min() > 1e-3
+
+
+def test_a_white_surface_is_white_under_daylight():
+    np.testing.assert_allclose(measured.rgb_observer().sum(axis=1), 1, atol=3e-4)
+
+
+def test_the_observer_agrees_with_colour_science():
+    import colour
+
+    sd = colour.SDS_COLOURCHECKERS["ColorChecker N Ohta"]["orange"]
+    with colour.utilities.suppress_warnings(colour_runtime_warnings=True):
+        xyz = colour.sd_to_XYZ(sd, illuminant=colour.SDS_ILLUMINANTS["D65"]) / 100
+    expected = np.linalg.inv(colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ) @ xyz
+    reflectance = np.interp(measured.GRID_NM, sd.wavelengths, sd.values)
+    np.testing.assert_allclose(measured.rgb_observer() @ reflectance, expected, atol=2e-3)
+
+
+def test_primaries_show_their_colours_and_share_white():
+    basis = measured.primaries()
+    np.testing.assert_allclose(basis @ measured.rgb_observer().T, np.eye(3), atol=1e-12)
+    assert basis.min() > 0
+    np.testing.assert_allclose(basis.sum(axis=0), 1, atol=1e-3)
+
+
+def test_blacks_are_invisible_and_likely_spectra_have_their_colour(model):
+    observer = measured.rgb_observer()
+    np.testing.assert_allclose(observer @ model.blacks, 0, atol=1e-12)
+    np.testing.assert_allclose(observer @ model.likely, np.eye(3), atol=1e-10)
+    assert np.abs(model.blacks).max(axis=0).min() > 0.01
+
+
+def test_any_colour_gets_a_reflectance_of_that_colour(model):
+    rng = np.random.default_rng(0)
+    corners = np.stack(np.meshgrid(*[[0.0, 0.5, 0.9]] * 3), axis=-1).reshape(1, -1, 3)
+    rgb = np.concatenate([corners, 0.9 * rng.random(corners.shape) ** 2], axis=1).astype(np.float32)
+    labels = rng.permutation(rgb.shape[1]).reshape(1, -1) % 7
+    materials = metamers.region_materials(model, rgb.astype(float), labels, rng)
+    amplitudes = metamers.black_amplitudes(labels, rng)
+    spectra = metamers.pixel_reflectances(model, rgb, labels, materials, amplitudes)
+    assert spectra.min() >= 0
+    assert spectra.max() <= 1
+    np.testing.assert_allclose(spectra @ measured.rgb_observer().T, rgb, atol=2e-6)
+
+
+def test_one_colour_in_two_regions_has_two_spectra(model):
+    """Mid grey in 200 regions: equal colours, spectra several degrees apart."""
+    rng = np.random.default_rng(1)
+    labels = np.arange(200).reshape(1, -1)
+    rgb = np.full((1, 200, 3), 0.25, dtype=np.float32)
+    materials = metamers.region_materials(model, rgb.astype(float), labels, rng)
+    amplitudes = metamers.black_amplitudes(labels, rng)
+    spectra = metamers.pixel_reflectances(model, rgb, labels, materials, amplitudes)[0]
+    np.testing.assert_allclose(spectra @ measured.rgb_observer().T, 0.25, atol=1e-5)
+    unit = spectra / np.linalg.norm(spectra, axis=1, keepdims=True)
+    angles = np.degrees(np.arccos(np.clip(np.sum(unit[:-1] * unit[1:], axis=1), -1, 1)))
+    assert 3 < np.median(angles) < 20
+
+
+def test_shading_alone_does_not_change_a_spectrum(model):
+    rng = np.random.default_rng(2)
+    shade = np.linspace(0.2, 1, 5, dtype=np.float32).reshape(1, 5, 1)
+    rgb = shade * np.array([0.5, 0.4, 0.3], dtype=np.float32)
+    labels = np.zeros((1, 5), dtype=int)
+    materials = metamers.region_materials(model, rgb.astype(float), labels, rng)
+    amplitudes = np.full((1, 5, metamers.BLACKS), 0.1, dtype=np.float32)
+    spectra = metamers.pixel_reflectances(model, rgb, labels, materials, amplitudes)
+    np.testing.assert_allclose(spectra / shade, np.broadcast_to(spectra[:, -1:], spectra.shape), rtol=1e-4)
+
+
+def test_photographs_are_linearised():
+    import skimage.data
+    from skimage.color import rgb2xyz, xyz2rgb
+
+    rgb = linear_rgb("astronaut")
+    assert rgb.max() == pytest.approx(0.9)
+    # An independent sRGB decoder: linear sRGB to XYZ is a matrix, and white is (0.9505, 1, 1.089).
+    xyz = rgb2xyz(skimage.data.astronaut()[::16, ::16])
+    assert np.allclose(xyz2rgb(xyz), skimage.data.astronaut()[::16, ::16] / 255, atol=1e-3)
+    luminance = rgb[::16, ::16] @ np.array([0.2126, 0.7152, 0.0722]) / 0.9
+    np.testing.assert_allclose(luminance, xyz[..., 1], atol=1e-3)
+
+
+def test_an_unknown_illuminant_is_named():
+    with pytest.raises(SettingError, match=r"'D66'.*D65"):
+        measured.illuminant("D66")

@@ -1,0 +1,196 @@
+"""Rendered scenes: complete, repeatable, of the photograph's colours and of real spectra's diversity."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.io
+import skimage.data
+
+from tmca.data import rendered_names, rendered_scene, split_rendered
+from tmca.data.rendering import measured, resample
+from tmca.data.rendering.depth import motorcycle_depth
+from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb
+from tmca.data.rendering.scene import band_weights
+from tmca.errors import SettingError
+
+BANDS_12 = np.linspace(400e-9, 700e-9, 12)
+FIVE_NM = np.arange(400, 701, 5) * 1e-9
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    return {name: rendered_scene(name, size=(128, 128)) for name in rendered_names()}
+
+
+def test_every_scene_is_complete(scenes):
+    for name, scene in scenes.items():
+        assert scene.radiance.dims == ("wavelength", "y", "x")
+        assert scene.radiance.shape == scene.reflectance.shape == (31, 128, 128)
+        np.testing.assert_allclose(scene.wavelength, np.arange(400, 701, 10) * 1e-9)
+        for cube in (scene.radiance, scene.reflectance):
+            assert cube.dtype == np.float32
+            assert 0 <= float(cube.min()) < float(cube.max()) <= 1
+        near, far = PHOTOGRAPHS[name].near, PHOTOGRAPHS[name].far
+        assert near - 1e-3 <= float(scene.depth.min()) < float(scene.depth.max()) <= far + 1e-3
+        assert scene.attrs["credit"]
+        assert scene.attrs["split"] in ("train", "test")
+        assert scene.attrs["seed"] == 0
+
+
+def test_the_split_covers_all_scenes_and_keeps_the_motorcycle_for_tests():
+    split = split_rendered()
+    assert set(split["train"]) | set(split["test"]) == set(rendered_names())
+    assert not set(split["train"]) & set(split["test"])
+    assert "motorcycle" in split["test"]
+
+
+@pytest.mark.parametrize("name", ["coffee", "motorcycle", "rocket"])
+def test_colours_are_those_of_the_photograph(name):
+    scene = rendered_scene(name, wavelengths=FIVE_NM)
+    seen = np.einsum("cl,lyx->yxc", measured.rgb_observer(), scene.reflectance.values)
+    error = np.abs(seen - linear_rgb(name))
+    assert error.max() < 2.5e-3
+    assert error.mean() < 3e-4
+
+
+def test_colours_stay_below_what_an_eye_can_tell():
+    import colour
+
+    scene = rendered_scene("astronaut", wavelengths=FIVE_NM, size=(64, 64))
+    seen = np.einsum("cl,lyx->yxc", measured.rgb_observer(), scene.reflectance.values)
+    truth = resample.area_average(np.moveaxis(linear_rgb("astronaut"), -1, 0).copy(), (64, 64))
+    to_xyz = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ
+    labs = [colour.XYZ_to_Lab(np.clip(c, 0, 1) @ to_xyz.T) for c in (seen, np.moveaxis(truth, 0, -1))]
+    assert colour.delta_E(*labs, method="CIE 2000").max() < 0.5
+
+
+def test_radiance_is_reflectance_times_illuminant():
+    scene = rendered_scene("chelsea", size=(60, 60), illuminant="A")
+    assert scene.attrs["illuminant"] == "A"
+    assert float(scene.illuminant.max()) == 1
+    np.testing.assert_allclose(scene.radiance, scene.reflectance * scene.illuminant, atol=2e-3)
+
+
+def test_the_same_seed_gives_the_same_scene_and_another_seed_another():
+    first, again, other = (rendered_scene("coffee", size=(64, 64), seed=seed) for seed in (3, 3, 4))
+    assert first.identical(again)
+    assert float(np.abs(first.reflectance - other.reflectance).max()) > 0.05
+    assert float(np.abs(first.depth - other.depth).max()) > 0.01
+
+
+def test_a_colour_does_not_tell_its_spectrum(scenes):
+    """Pixels of one colour (to 1 %) differ in spectrum by more than such a difference of colour explains."""
+    scene = scenes["astronaut"].reflectance.values.reshape(31, -1).T
+    rgb = scene @ (measured.rgb_observer() @ _interpolation(scene.shape[1])).T
+    rng = np.random.default_rng(0)
+    angles = []
+    for pixel in rng.choice(np.flatnonzero(rgb.min(axis=1) > 0.1), 200):
+        alike = np.flatnonzero(np.abs(rgb - rgb[pixel]).max(axis=1) < 0.01 * rgb[pixel].max())
+        cosine = scene[alike] @ scene[pixel] / np.linalg.norm(scene[alike], axis=1) / np.linalg.norm(scene[pixel])
+        angles.extend(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    assert np.percentile(angles, 90) > 3
+
+
+def _interpolation(bands):
+    """``(61, bands)``: a 5 nm spectrum from evenly spaced bands, by linear interpolation."""
+    positions = np.linspace(0, bands - 1, 61)
+    return np.maximum(1 - np.abs(positions[:, None] - np.arange(bands)), 0)
+
+
+def _components(cube, share):
+    spectra = cube.reshape(len(cube), -1).T.astype(np.float64)
+    energy = np.linalg.eigvalsh(np.cov(spectra.T))[::-1]
+    return int(np.searchsorted(np.cumsum(energy) / energy.sum(), share) + 1)
+
+
+def _unexplained(cube):
+    """Share of the energy that no linear function of RGB predicts."""
+    spectra = cube.reshape(len(cube), -1).T.astype(np.float64)
+    rgb = spectra @ (measured.rgb_observer() @ _interpolation(len(cube))).T
+    predicted = rgb @ np.linalg.lstsq(rgb, spectra, rcond=None)[0]
+    return np.sum((spectra - predicted) ** 2) / np.sum(spectra**2)
+
+
+def test_spectra_are_as_diverse_as_real_ones(scenes, real_data):
+    folder = real_data / "hsi" / "cave_uint8_512"
+    files = [scipy.io.loadmat(folder / f"{name}.mat")["orig"] for name in ("feathers", "paints", "toys")]
+    cubes = [np.moveaxis(cube[::2, ::2] / 255.0, -1, 0) for cube in files]
+    real = [_components(cube, 0.999) for cube in cubes]
+    rendered = [_components(scene.radiance.values, 0.999) for scene in scenes.values()]
+    assert min(real) <= min(rendered)
+    assert max(rendered) <= max(real) + 1
+    assert 0.3 * min(map(_unexplained, cubes)) < np.median([_unexplained(s.radiance.values) for s in scenes.values()])
+    assert np.median([_unexplained(s.radiance.values) for s in scenes.values()]) < 1.5 * max(map(_unexplained, cubes))
+
+
+def test_reflectances_are_as_smooth_as_measured_ones(scenes):
+    def roughness(spectra):
+        return np.linalg.norm(np.diff(spectra, 2, axis=0)) / np.linalg.norm(spectra)
+
+    real = roughness(measured.reflectances("test")[:, ::2].T)
+    for scene in scenes.values():
+        assert roughness(scene.reflectance.values.reshape(31, -1)) < 2.5 * real
+
+
+def test_measured_depth_follows_the_calibration():
+    depth, disparity = motorcycle_depth(), skimage.data.stereo_motorcycle()[2]
+    known = np.isfinite(disparity)
+    assert np.array_equal(np.isfinite(depth), known)
+    # Similar triangles: (d + Δcx) / f = B / Z.
+    np.testing.assert_allclose((disparity[known] + 31.086) * depth[known], 994.978 * 0.193001, rtol=1e-5)
+
+
+def test_staged_depth_has_planes_and_edges():
+    depth = rendered_scene("astronaut", size=(256, 256)).depth.values
+    steps = np.abs(np.diff(1 / depth, axis=1))
+    assert np.median(steps) < 0.005
+    assert np.percentile(steps, 99.5) > 0.05
+
+
+def test_bands_are_means_over_their_width():
+    weights = band_weights(np.array([450e-9, 500e-9, 600e-9]))
+    np.testing.assert_allclose(weights.sum(axis=1), 1)
+    centres = weights @ measured.GRID_NM
+    # 425–475, 475–550 and 550–650 nm.
+    np.testing.assert_allclose(centres, [450, 512.5, 600], atol=0.1)
+    assert (band_weights(np.array([550e-9])) @ measured.GRID_NM)[0] == pytest.approx(550)
+
+
+@pytest.mark.parametrize(("old", "new"), [(8, 4), (9, 4), (7, 7), (512, 100)])
+def test_area_averages_keep_the_mean(old, new):
+    weights = resample.area_weights(old, new)
+    np.testing.assert_allclose(weights.sum(axis=1), 1, rtol=1e-5)
+    np.testing.assert_allclose(weights.sum(axis=0), new / old, rtol=1e-5)
+    image = np.random.default_rng(0).random((2, old, old)).astype(np.float32)
+    np.testing.assert_allclose(resample.area_average(image, (new, new)).mean(), image.mean(), rtol=1e-5)
+    if old == 2 * new:
+        blocks = image.reshape(2, new, 2, new, 2).mean(axis=(2, 4))
+        np.testing.assert_allclose(resample.area_average(image, (new, new)), blocks, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        ({"name": "eileen"}, "astronaut"),
+        ({"size": (1024, 10)}, "512 × 512"),
+        ({"size": (0, 10)}, "size"),
+        ({"wavelengths": [450, 550]}, "1e-9"),
+        ({"wavelengths": [550e-9, 450e-9]}, "ascending"),
+        ({"wavelengths": []}, "wavelengths"),
+        ({"illuminant": "sun"}, "D65"),
+        ({"seed": -1}, "seed"),
+        ({"seed": 0.5}, "seed"),
+    ],
+)
+def test_impossible_requests_are_refused_by_name(settings, named):
+    with pytest.raises(SettingError, match=named):
+        rendered_scene(**{"name": "astronaut", **settings})
+
+
+def test_uneven_bands_and_odd_sizes_are_rendered():
+    bands = np.array([423e-9, 471e-9, 520e-9, 650e-9])
+    scene = rendered_scene("chelsea", wavelengths=bands, size=(37, 90))
+    assert scene.radiance.shape == (4, 37, 90)
+    np.testing.assert_array_equal(scene.wavelength, bands)
+    assert rendered_scene("chelsea", wavelengths=BANDS_12).radiance.shape == (12, 300, 451)

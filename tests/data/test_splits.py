@@ -1,0 +1,138 @@
+"""A split names exactly the files behind a result, and a missing or altered one is told."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+
+import pytest
+
+from tmca.data import checksum_of, read_split, write_split
+from tmca.errors import DataError, OutputError
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A data folder: two files, a CAVE folder, a manifest of all, and splits in a folder of their own."""
+    files = [
+        "hsi/a.mat",
+        "hsi/b scene.mat",
+        "cave/paints_ms/paints_ms_01.png",
+        "cave/paints_ms/paints_ms_02.png",
+    ]
+    files += ["rgbd/art_rgb.png", "rgbd/art_disp.png", "rgbd/art2_rgb.png"]
+    lines = []
+    for name in files:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(name.encode())
+        lines.append(f"{hashlib.sha256(name.encode()).hexdigest()}  ./{name}\n")
+    (tmp_path / "MANIFEST.sha256").write_text("".join(lines))
+    (tmp_path / "splits").mkdir()
+    return tmp_path
+
+
+def split_of(root, text):
+    (root / "splits" / "train.txt").write_text(text)
+    return root / "splits" / "train.txt"
+
+
+def test_a_split_is_verified_against_the_manifest(root):
+    split = split_of(root, "# the train list\nhsi/a.mat\n\nhsi/b scene.mat\ncave/paints_ms/\nrgbd/art\n")
+    expected = ["hsi/a.mat", "hsi/b scene.mat", "cave/paints_ms", "rgbd/art"]
+    assert read_split(split) == [root / name for name in expected]
+
+
+@pytest.mark.parametrize("altered", ["hsi/a.mat", "cave/paints_ms/paints_ms_02.png", "rgbd/art_disp.png"])
+def test_an_altered_file_is_named(root, altered):
+    split = split_of(root, "hsi/a.mat\ncave/paints_ms\nrgbd/art\n")
+    (root / altered).write_bytes(b"altered")
+    with pytest.raises(DataError, match=rf"{altered}: found SHA-256.*altered"):
+        read_split(split)
+
+
+@pytest.mark.parametrize("gone", ["hsi/a.mat", "cave/paints_ms/paints_ms_02.png", "rgbd/art_disp.png"])
+def test_a_missing_file_is_named_with_its_split(root, gone):
+    split = split_of(root, "hsi/a.mat\ncave/paints_ms\nrgbd/art\n")
+    (root / gone).unlink()
+    with pytest.raises(DataError, match=rf"{gone}: found no such file.*train.txt"):
+        read_split(split)
+
+
+def test_a_scene_with_a_similar_name_is_not_part_of_an_entry(root):
+    (root / "rgbd/art2_rgb.png").write_bytes(b"altered")
+    assert read_split(split_of(root, "rgbd/art\n"))
+
+
+def test_an_entry_in_no_list_only_has_to_exist(root):
+    (root / "hsi/new.mat").write_bytes(b"x")
+    assert read_split(split_of(root, "hsi/new.mat\n")) == [root / "hsi/new.mat"]
+    with pytest.raises(DataError, match=r"hsi/other.mat: found no such file"):
+        read_split(split_of(root, "hsi/other.mat\n"))
+
+
+@pytest.mark.parametrize("form", ["{sum}  {name}", "{sum} *{name}", "{name} {sum}", "{name}\t{sum}", "{sum}  ./{name}"])
+def test_a_checksum_may_stand_before_or_after_the_path(root, form):
+    checksum = hashlib.sha256(b"hsi/b scene.mat").hexdigest()
+    split = split_of(root, form.format(sum=checksum, name="hsi/b scene.mat") + "\n")
+    assert read_split(split) == [root / "hsi/b scene.mat"]
+    split = split_of(root, form.format(sum="0" * 64, name="hsi/b scene.mat") + "\n")
+    with pytest.raises(DataError, match=r"altered"):
+        read_split(split)
+
+
+def test_a_written_split_is_verified_without_a_manifest(root):
+    (root / "MANIFEST.sha256").unlink()
+    paths = [root / "hsi/a.mat", root / "cave/paints_ms"]
+    split = write_split(paths, root / "train.txt")
+    assert read_split(split) == paths
+    (root / "cave/paints_ms/paints_ms_03.png").write_bytes(b"one more")
+    with pytest.raises(DataError, match=r"paints_ms: found SHA-256"):
+        read_split(split)
+
+
+def test_a_written_split_of_files_passes_sha256sum(root):
+    split = write_split([root / "hsi/a.mat", root / "hsi/b scene.mat"], root / "splits/train.txt", root)
+    done = subprocess.run(["sha256sum", "-c", str(split)], cwd=root, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert read_split(split, root) == read_split(split) == [root / "hsi/a.mat", root / "hsi/b scene.mat"]
+
+
+def test_writing_refuses_what_it_cannot_name(root, tmp_path_factory):
+    with pytest.raises(DataError, match=r"no such file"):
+        write_split([root / "gone"], root / "s.txt")
+    with pytest.raises(DataError, match=r"a path outside"):
+        write_split([root / "hsi/a.mat"], root / "splits/s.txt")
+    with pytest.raises(DataError, match=r"no entries"):
+        write_split([], root / "s.txt")
+    write_split([root / "hsi/a.mat"], root / "s.txt")
+    with pytest.raises(OutputError, match=r"existing output"):
+        write_split([root / "hsi/a.mat"], root / "s.txt")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "an empty split"),
+        ("hsi/a.mat\n./hsi/a.mat\n", "twice"),
+        ("../x\n", "inside it"),
+        ("/etc/passwd\n", "inside it"),
+    ],
+)
+def test_an_unusable_split_is_refused(root, text, message):
+    with pytest.raises(DataError, match=message):
+        read_split(split_of(root, text))
+
+
+def test_a_missing_or_binary_split_is_refused(root):
+    with pytest.raises(DataError, match=r"gone\.txt: found an unreadable list"):
+        read_split(root / "gone.txt")
+    (root / "splits/train.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DataError, match=r"an unreadable list"):
+        read_split(root / "splits/train.txt")
+
+
+def test_a_folders_checksum_sees_names_and_contents(root):
+    folder = root / "cave/paints_ms"
+    before = checksum_of(folder)
+    (folder / "paints_ms_01.png").rename(folder / "paints_ms_00.png")
+    assert checksum_of(folder) != before

@@ -1,0 +1,192 @@
+import cvxpy
+import numpy as np
+import pytest
+import torch
+from small_cameras import BlurredCamera, TapCamera, blocky_scene, coded_camera, matrix, noisy, plain_camera
+
+from tmca.decoders import ADMMTV, Result, admm_tv, default_weight
+from tmca.decoders.data_step import DataStep, conjugate_gradient_gram
+from tmca.decoders.tv import tv_prox
+from tmca.errors import DataError, SettingError, ShapeError
+
+SHAPE = (3, 6, 7)
+
+
+def differences(size: int) -> np.ndarray:
+    """Forward differences with a zero last row, as a matrix."""
+    rows = np.eye(size, k=1) - np.eye(size)
+    rows[-1] = 0
+    return rows
+
+
+def reference(
+    system: np.ndarray, y: np.ndarray, weight: float, joint: bool, bounds: tuple[float, float] | None
+) -> tuple[float, np.ndarray]:
+    """Smallest objective and its scene, by a generic convex solver."""
+    bands, height, width = SHAPE
+    scene = cvxpy.Variable(bands * height * width)
+    down, right = np.kron(differences(height), np.eye(width)), np.kron(np.eye(height), differences(width))
+    parts = [scene[band * height * width : (band + 1) * height * width] for band in range(bands)]
+    stacks = [cvxpy.vstack([down @ part, right @ part]) for part in parts]
+    stacks = [cvxpy.vstack(stacks)] if joint else stacks
+    variation = sum(cvxpy.sum(cvxpy.norm(stack, 2, axis=0)) for stack in stacks)
+    limits = [] if bounds is None else [scene >= bounds[0], scene <= bounds[1]]
+    problem = cvxpy.Problem(cvxpy.Minimize(0.5 * cvxpy.sum_squares(system @ scene - y) + weight * variation), limits)
+    problem.solve(solver=cvxpy.CLARABEL)
+    return float(problem.value), scene.value
+
+
+@pytest.mark.parametrize("bounds", [None, (0.3, 0.6)], ids=["free", "bounded"])
+@pytest.mark.parametrize("joint", [False, True], ids=["band-wise", "joint"])
+@pytest.mark.parametrize("weight", [0.003, 0.1])
+def test_admm_reaches_the_solution_of_a_generic_convex_solver(
+    weight: float, joint: bool, bounds: tuple[float, float] | None
+) -> None:
+    camera = coded_camera(SHAPE)
+    snapshot = noisy(camera.A(blocky_scene((1, *SHAPE))), 0.02)
+    best, _ = reference(matrix(camera).numpy(), snapshot.flatten().numpy(), weight, joint, bounds)
+    result = admm_tv(camera, snapshot, weight, joint=joint, bounds=bounds, max_iterations=5000, tolerance=1e-6)
+    assert result.converged
+    assert result.objective[-1] == pytest.approx(best, rel=1e-4)
+    if bounds is not None:
+        assert bounds[0] <= result.estimate.min()
+        assert result.estimate.max() <= bounds[1]
+
+
+def test_a_camera_without_gram_solve_reaches_the_same_solution_by_conjugate_gradients() -> None:
+    camera = BlurredCamera(coded_camera(SHAPE))
+    snapshot = noisy(camera.A(blocky_scene((1, *SHAPE))), 0.02)
+    best, _ = reference(matrix(camera).numpy(), snapshot.flatten().numpy(), 0.05, True, (0, 1))
+    result = admm_tv(camera, snapshot, 0.05, joint=True, bounds=(0, 1), max_iterations=5000, tolerance=1e-6)
+    assert result.objective[-1] == pytest.approx(best, rel=1e-4)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("shape", [(3, 4, 5), (2, 5, 6)])
+@pytest.mark.parametrize("blurred", [False, True])
+def test_data_step_equals_the_dense_solve(shape: tuple[int, int, int], blurred: bool, dtype: torch.dtype) -> None:
+    camera: TapCamera | BlurredCamera = coded_camera(shape, dtype)
+    camera = BlurredCamera(camera) if blurred else camera
+    point, rho = blocky_scene((2, *shape), dtype, seed=4), 0.3
+    snapshot = noisy(camera.A(blocky_scene((2, *shape), dtype)), 0.1)
+    system = matrix(camera, dtype)
+    right = snapshot.flatten(1) @ system + rho * point.flatten(1)
+    dense = torch.linalg.solve(system.mT @ system + rho * torch.eye(system.shape[1], dtype=dtype), right.mT).mT
+    step = DataStep(camera, snapshot)(point, rho)
+    assert step.dtype == dtype
+    assert torch.allclose(step.flatten(1), dense, atol=2e-5 if dtype == torch.float32 else 3e-6)
+
+
+def test_conjugate_gradients_solve_every_snapshot_of_a_batch() -> None:
+    camera = BlurredCamera(coded_camera(SHAPE))
+    snapshots = camera.A(blocky_scene((3, *SHAPE))) * torch.tensor([0.0, 1.0, 100.0]).reshape(3, 1, 1, 1)
+    system = matrix(camera)
+    gram = system @ system.mT + 0.01 * torch.eye(len(system), dtype=torch.float64)
+    solution = conjugate_gradient_gram(camera, snapshots, 0.01, tolerance=1e-10)
+    assert torch.allclose(solution.flatten(1), torch.linalg.solve(gram, snapshots.flatten(1).mT).mT, atol=1e-6)
+
+
+@pytest.mark.parametrize("bounds", [None, (0.0, 1.0)])
+def test_without_weight_a_consistent_snapshot_is_reproduced(bounds: tuple[float, float] | None) -> None:
+    camera = coded_camera((3, 9, 8))
+    snapshot = camera.A(blocky_scene((1, 3, 9, 8)))
+    result = admm_tv(camera, snapshot, 0.0, bounds=bounds, max_iterations=3000, tolerance=1e-7)
+    assert result.converged
+    assert torch.allclose(camera.A(result.estimate), snapshot, atol=1e-5)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("size", [(12, 15), (9, 8)])
+def test_with_the_identity_for_a_camera_it_denoises(size: tuple[int, int], dtype: torch.dtype) -> None:
+    camera = plain_camera((1, *size), dtype)
+    image = noisy(blocky_scene((2, 1, *size), dtype), 0.05)
+    estimate = admm_tv(camera, image, 0.05, max_iterations=2000, tolerance=1e-6).estimate
+    assert estimate.dtype == dtype
+    assert torch.allclose(estimate, tv_prox(image, 0.05, max_iterations=3000, tolerance=1e-9), atol=1e-3)
+
+
+def test_a_batch_gives_what_its_snapshots_give_alone() -> None:
+    camera = coded_camera((3, 8, 9))
+    snapshots = camera.A(torch.cat([blocky_scene((1, 3, 8, 9)), 0.3 * blocky_scene((1, 3, 8, 9), seed=7)]))
+    together = admm_tv(camera, snapshots, 0.01, joint=True, max_iterations=4000, tolerance=1e-7)
+    alone = [admm_tv(camera, one[None], 0.01, joint=True, max_iterations=4000, tolerance=1e-7) for one in snapshots]
+    assert torch.allclose(together.estimate, torch.cat([one.estimate for one in alone]), atol=1e-4)
+    assert together.objective[-1] == pytest.approx(sum(one.objective[-1] for one in alone), rel=1e-6)
+
+
+@pytest.mark.parametrize("rho", [1e-4, 1e3])
+def test_a_poor_penalty_is_balanced(rho: float) -> None:
+    camera = coded_camera(SHAPE)
+    snapshot = noisy(camera.A(blocky_scene((1, *SHAPE))), 0.02)
+    best = admm_tv(camera, snapshot, 0.02, max_iterations=5000, tolerance=1e-8).objective[-1]
+    assert admm_tv(camera, snapshot, 0.02, rho=rho, max_iterations=1000, tolerance=1e-6).objective[-1] == (
+        pytest.approx(best, rel=1e-4)
+    )
+
+
+def test_the_variation_prior_improves_on_the_pseudo_inverse() -> None:
+    camera = coded_camera((4, 24, 25), torch.float32)
+    scene = blocky_scene((1, 4, 24, 25), torch.float32)
+    snapshot = noisy(camera.A(scene), 0.01)
+    error = (ADMMTV(noise_sigma=0.01)(snapshot, camera) - scene).square().mean()
+    assert error < 0.1 * (camera.A_dagger(snapshot) - scene).square().mean()
+
+
+def test_progress_sees_the_residuals_that_the_result_keeps() -> None:
+    camera, seen = coded_camera(SHAPE), []
+    snapshot = camera.A(blocky_scene((1, *SHAPE)))
+    decoder = ADMMTV(0.01, max_iterations=25, tolerance=0.0, progress=lambda *state: seen.append(state))
+    estimate = decoder(snapshot, camera)
+    result = decoder.result
+    assert isinstance(result, Result)
+    assert result.estimate is estimate
+    assert (result.checked, result.iterations, result.converged) == ((10, 20, 25), 25, False)
+    assert seen == list(zip(result.checked, result.primal, result.dual, strict=True))
+    assert result.objective[-1] < result.objective[0]
+
+
+def test_a_start_at_the_solution_changes_little() -> None:
+    camera = coded_camera(SHAPE)
+    snapshot = camera.A(blocky_scene((1, *SHAPE)))
+    settled = admm_tv(camera, snapshot, 0.01, max_iterations=5000, tolerance=1e-7)
+    again = admm_tv(camera, snapshot, 0.01, max_iterations=5000, tolerance=1e-7, initial=settled.estimate)
+    assert again.objective[-1] == pytest.approx(settled.objective[-1], rel=1e-6)
+    assert torch.allclose(again.estimate, settled.estimate, atol=1e-3)
+
+
+def test_weight_for_noise_grows_with_its_variance() -> None:
+    assert default_weight() > 0
+    low, high = default_weight(0.1) - default_weight(), default_weight(0.2) - default_weight()
+    assert high == pytest.approx(4 * low)
+    assert ADMMTV(noise_sigma=0.1).weight == default_weight(0.1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        ({"weight": -0.1}, "weight: found -0.1"),
+        ({"weight": float("nan")}, "weight: found nan"),
+        ({"max_iterations": 0}, "max_iterations: found 0"),
+        ({"tolerance": -1e-3}, "tolerance: found -0.001"),
+        ({"rho": 0.0}, "rho: found 0.0"),
+        ({"bounds": (1.0, 0.0)}, "bounds: found"),
+    ],
+)
+def test_impossible_settings_are_named(settings: dict[str, object], named: str) -> None:
+    camera = coded_camera(SHAPE)
+    with pytest.raises(SettingError, match=named):
+        admm_tv(camera, torch.zeros(1, *camera.snapshot_shape), **{"weight": 0.1, **settings})
+    with pytest.raises(SettingError, match=named):
+        ADMMTV(**{"weight": 0.1, **settings})
+    with pytest.raises(SettingError, match="noise_sigma"):
+        default_weight(-0.1)
+
+
+def test_a_snapshot_of_another_camera_is_refused() -> None:
+    camera = coded_camera(SHAPE)
+    with pytest.raises(ShapeError, match=r"snapshot: found shape \(1, 1, 6, 7\), expected \(B, 1, 6, 9\)"):
+        admm_tv(camera, torch.zeros(1, 1, 6, 7), 0.1)
+    with pytest.raises(ShapeError, match="initial"):
+        admm_tv(camera, torch.zeros(1, 1, 6, 9), 0.1, initial=torch.zeros(1, 3, 6, 9))
+    with pytest.raises(DataError, match="snapshot: found NaN"):
+        admm_tv(camera, torch.full((1, 1, 6, 9), float("nan")), 0.1)

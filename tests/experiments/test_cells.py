@@ -1,0 +1,54 @@
+"""Grids of cells: finished ones are kept, failed ones named, a rerun does the rest."""
+
+import json
+
+import pytest
+
+from tmca.experiments.cells import CellsFailed, cell_key, run_cells
+
+CELLS = [{"name": f"cell {i}", "value": i} for i in range(5)]
+
+
+def square(cell):
+    return {"square": cell["value"] ** 2}
+
+
+def square_but_not_three(cell):
+    if cell["value"] == 3:
+        raise ValueError("three is too many")
+    return square(cell)
+
+
+def never(cell):
+    raise AssertionError("computed again")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_cell_is_computed_in_order(tmp_path, jobs):
+    found = run_cells(CELLS, square, tmp_path, jobs=jobs)
+    assert [cell["square"] for cell in found] == [0, 1, 4, 9, 16]
+
+
+def test_finished_cells_are_not_computed_again(tmp_path):
+    run_cells(CELLS, square, tmp_path)
+    assert len(run_cells(CELLS, never, tmp_path)) == 5
+
+
+def test_failed_cells_are_named_and_the_rest_is_kept(tmp_path):
+    told = []
+    with pytest.raises(CellsFailed, match=r"1 of 5.*cell 3"):
+        run_cells(CELLS, square_but_not_three, tmp_path, progress=lambda done, total, name: told.append((done, total)))
+    assert told[-1] == (5, 5)
+    trouble = tmp_path / f"{cell_key(CELLS[3])}.error.txt"
+    assert "three is too many" in trouble.read_text()
+    run_cells([c for c in CELLS if c["value"] != 3], never, tmp_path)
+    run_cells(CELLS, square, tmp_path)
+    assert not trouble.exists()
+
+
+def test_other_settings_make_another_cell(tmp_path):
+    run_cells(CELLS[:1], square, tmp_path)
+    changed = [{**CELLS[0], "value": 7}]
+    assert run_cells(changed, square, tmp_path)[0]["square"] == 49
+    files = [json.loads(f.read_text()) for f in tmp_path.glob("*.json")]
+    assert sorted(f["square"] for f in files) == [0, 49]

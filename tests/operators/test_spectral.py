@@ -1,0 +1,208 @@
+"""Dispersers against slow loops, their transpose, their matrix and their pseudo-inverse."""
+
+import numpy as np
+import pytest
+import torch
+
+from tests.operators.references import (
+    DISPERSIONS,
+    SIZES,
+    dual_disperser_by_loops,
+    planes,
+    single_disperser_by_loops,
+)
+from tmca.errors import SettingError, ShapeError
+from tmca.operators import coloured_code, conditioning, dual_disperser, single_disperser, sparse_matrix
+from tmca.optics import Dispersion
+
+KAPPA = torch.tensor([1.0, 0.5, 0.8, 0.3], dtype=torch.float64)
+BUILDERS = {
+    "single": (single_disperser, single_disperser_by_loops),
+    "dual": (lambda near, wide, *rest: dual_disperser(wide, near, *rest), None),
+}
+
+
+def build(kind, displacement, size, slots=3, dtype=torch.float64, exposure="equal", seed=0):
+    dispersion = Dispersion(displacement)
+    near, wide = planes(slots, size, dispersion.spread, dtype, seed)
+    operator = BUILDERS[kind][0](near, wide, dispersion, KAPPA.to(dtype), exposure)
+    return operator, near, wide
+
+
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", DISPERSIONS)
+def test_single_disperser_equals_the_loops_of_the_thesis(name, size, exposure):
+    operator, aperture, shutter = build("single", DISPERSIONS[name], size, exposure=exposure)
+    scene = torch.rand(2, *operator.scene_shape, dtype=torch.float64)
+    weight = 1 / 3 if exposure == "equal" else 1.0
+    truth = single_disperser_by_loops(
+        scene.numpy(), aperture.numpy(), shutter.numpy(), DISPERSIONS[name], KAPPA.numpy(), weight
+    )
+    assert truth.shape == (2, *operator.snapshot_shape)
+    np.testing.assert_allclose(operator.A(scene).numpy(), truth, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", DISPERSIONS)
+def test_dual_disperser_equals_the_loops_of_the_errata(name, size):
+    operator, shutter, aperture = build("dual", DISPERSIONS[name], size)
+    scene = torch.rand(2, *operator.scene_shape, dtype=torch.float64)
+    truth = dual_disperser_by_loops(
+        scene.numpy(), aperture.numpy(), shutter.numpy(), DISPERSIONS[name], KAPPA.numpy(), 1 / 3
+    )
+    np.testing.assert_allclose(operator.A(scene).numpy(), truth, atol=1e-12)
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float32, 1e-5), (torch.float64, 1e-12)])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("name", DISPERSIONS)
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_adjoint_is_the_transpose(kind, name, size, dtype, tolerance):
+    operator, *_ = build(kind, DISPERSIONS[name], size, dtype=dtype)
+    x = torch.randn(3, *operator.scene_shape, dtype=dtype)
+    y = torch.randn(3, *operator.snapshot_shape, dtype=dtype)
+    left, right = (operator.A(x) * y).sum(), (x * operator.A_adjoint(y)).sum()
+    assert abs(left - right) <= tolerance * operator.A(x).norm() * y.norm()
+
+
+@pytest.mark.parametrize("size", [(3, 5), (2, 6)])
+@pytest.mark.parametrize("name", DISPERSIONS)
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_operator_equals_its_matrix_and_dagger_its_pseudo_inverse(kind, name, size):
+    operator, *_ = build(kind, DISPERSIONS[name], size, slots=2)
+    matrix = sparse_matrix(operator).toarray()
+    scene = torch.randn(2, *operator.scene_shape, dtype=torch.float64)
+    snapshot = torch.randn(2, *operator.snapshot_shape, dtype=torch.float64)
+    np.testing.assert_allclose(operator.A(scene).reshape(2, -1).numpy(), scene.reshape(2, -1).numpy() @ matrix.T)
+    np.testing.assert_allclose(
+        operator.A_adjoint(snapshot).reshape(2, -1).numpy(), snapshot.reshape(2, -1).numpy() @ matrix
+    )
+    dagger = np.linalg.pinv(matrix, rcond=1e-9)
+    np.testing.assert_allclose(
+        operator.A_dagger(snapshot).reshape(2, -1).numpy(), snapshot.reshape(2, -1).numpy() @ dagger.T, atol=1e-5
+    )
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float32, 2e-5), (torch.float64, 1e-9)])
+@pytest.mark.parametrize("name", DISPERSIONS)
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_dagger_explains_every_snapshot_in_the_range(kind, name, dtype, tolerance):
+    operator, *_ = build(kind, DISPERSIONS[name], (7, 31), dtype=dtype)
+    snapshot = operator.A(torch.rand(2, *operator.scene_shape, dtype=dtype))
+    assert (operator.A(operator.A_dagger(snapshot)) - snapshot).abs().max() < tolerance
+
+
+def test_a_lone_fractional_band_is_singular_and_still_inverted():
+    code = torch.ones(1, 3, 10, dtype=torch.float64)
+    operator = coloured_code(code, Dispersion((0.5,)))
+    scene = torch.rand(1, 1, 3, 10, dtype=torch.float64)
+    assert (operator.A_dagger(operator.A(scene)) - scene).abs().max() < 1e-6
+
+
+def test_closed_pixels_give_zero():
+    operator = coloured_code(torch.zeros(2, 4, 5), Dispersion((0.0, 1.0)))
+    assert operator.A_dagger(torch.ones(1, 1, 4, 6)).eq(0).all()
+
+
+@pytest.mark.parametrize("name", DISPERSIONS)
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_gram_solve_is_the_shifted_inverse(kind, name):
+    operator, *_ = build(kind, DISPERSIONS[name], (3, 6))
+    matrix = sparse_matrix(operator).toarray()
+    snapshot = torch.randn(2, *operator.snapshot_shape, dtype=torch.float64)
+    truth = np.linalg.solve(matrix @ matrix.T + 0.1 * np.eye(len(matrix)), snapshot.reshape(2, -1).numpy().T).T
+    np.testing.assert_allclose(operator.gram_solve(snapshot, 0.1).reshape(2, -1).numpy(), truth, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["one pixel per band", "fractional", "not monotone"])
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_gradients_to_scene_codes_and_response(kind, name):
+    dispersion = Dispersion(DISPERSIONS[name])
+    near, wide = (
+        p.requires_grad_() for p in (torch.rand(2, 2, 3).double(), torch.rand(2, 2, 3 + dispersion.spread).double())
+    )
+    scene = torch.rand(2, 4, 2, 3, dtype=torch.float64, requires_grad=True)
+    kappa = KAPPA.clone().requires_grad_()
+
+    def snapshot(scene, near, wide, kappa):
+        return BUILDERS[kind][0](near, wide, dispersion, kappa).A(scene)
+
+    def estimate(scene, near, wide, kappa):
+        operator = BUILDERS[kind][0](near, wide, dispersion, kappa)
+        return operator.A_adjoint(operator.A(scene))
+
+    assert torch.autograd.gradcheck(snapshot, (scene, near, wide, kappa))
+    assert torch.autograd.gradcheck(estimate, (scene, near, wide, kappa))
+    assert torch.autograd.gradgradcheck(snapshot, (scene, near, wide, kappa))
+
+
+def test_multiplexing_with_an_open_shutter_is_cassi():
+    dispersion = Dispersion.linear(4)
+    mask = planes(1, (6, 9), 3, torch.float32)[0]
+    cassi = single_disperser(mask, torch.ones(1, 6, 12), dispersion)
+    multiplexed = single_disperser(mask.expand(5, -1, -1), torch.ones(5, 6, 12), dispersion)
+    scene = torch.rand(1, 4, 6, 9)
+    assert (cassi.A(scene) - multiplexed.A(scene)).abs().max() < 1e-6
+
+
+def test_an_open_aperture_gives_one_code_shifted_with_wavelength():
+    dispersion = Dispersion.linear(4)
+    shutter = planes(5, (6, 9), 3)[1]
+    code = single_disperser(torch.ones(5, 6, 9, dtype=torch.float64), shutter, dispersion).taps.code
+    mean = shutter.mean(0)
+    for band in range(4):
+        assert torch.allclose(code[band], mean[:, band : band + 9])
+
+
+@pytest.mark.parametrize("slots", [1, 3, 8])
+def test_the_code_takes_the_levels_j_over_k(slots):
+    near, wide = planes(slots, (20, 21), 3)
+    levels = (single_disperser(near, wide, Dispersion.linear(4)).taps.code * slots).unique()
+    assert torch.allclose(levels, levels.round())
+    assert levels.min() >= 0
+    assert levels.max() <= slots
+    assert len(levels) > min(slots, 3)
+
+
+def test_a_one_hot_shutter_makes_a_binary_coloured_code():
+    slots = 4
+    near, _ = planes(slots, (8, 9), 3)
+    choice = torch.randint(slots, (8, 12))
+    shutter = torch.nn.functional.one_hot(choice, slots).permute(2, 0, 1).double()
+    code = single_disperser(near, shutter, Dispersion.linear(4), exposure="per-slot").taps.code
+    assert set(code.unique().tolist()) == {0.0, 1.0}
+    assert not torch.equal(code[0], code[1])
+
+
+def test_a_coloured_code_is_the_multiplexed_one_it_came_from():
+    operator, *_ = build("single", DISPERSIONS["not monotone"], (5, 7))
+    code = operator.taps.code / KAPPA[:, None, None]
+    same = coloured_code(code, Dispersion(DISPERSIONS["not monotone"]), KAPPA)
+    scene = torch.rand(1, 4, 5, 7, dtype=torch.float64)
+    assert torch.allclose(same.A(scene), operator.A(scene))
+
+
+def test_rank_condition_and_coherence_of_known_matrices():
+    report = conditioning(np.array([[3.0, 0, 3.0, 0], [0, 1.0, 0, 0]]))
+    assert report.rank == 2
+    assert report.condition == pytest.approx(3 * np.sqrt(2))
+    assert report.coherence == pytest.approx(1.0)
+    assert report.dark_columns == 1
+
+
+def test_shapes_that_do_not_fit_name_both():
+    dispersion = Dispersion.linear(4)
+    with pytest.raises(ShapeError, match=r"\(2, 5, 7\).*\(2, 5, 10\)"):
+        single_disperser(torch.ones(2, 5, 7), torch.ones(2, 5, 7), dispersion)
+    operator = single_disperser(torch.ones(2, 5, 7), torch.ones(2, 5, 10), dispersion)
+    with pytest.raises(ShapeError, match=r"\(1, 3, 5, 7\).*4, 5, 7"):
+        operator.A(torch.ones(1, 3, 5, 7))
+    with pytest.raises(ShapeError):
+        operator.A(torch.ones(4, 5, 7))
+    with pytest.raises(SettingError, match="equal"):
+        single_disperser(torch.ones(2, 5, 7), torch.ones(2, 5, 10), dispersion, exposure="mean")
+    with pytest.raises(SettingError, match="4 bands"):
+        Dispersion.of((1.0, 2.0), 4)
+    with pytest.raises(SettingError, match="20000"):
+        sparse_matrix(coloured_code(torch.ones(4, 80, 80), dispersion))

@@ -1,0 +1,77 @@
+"""Noise has the variance it states, digital numbers are digital, and gradients pass."""
+
+import pytest
+import torch
+
+from tmca.errors import SettingError
+from tmca.sensor import Noise, Sensor, quantise, shot_noise
+
+SCALE = 12.0
+
+
+def test_an_ideal_sensor_changes_nothing():
+    y = 20 * torch.rand(1, 1, 5, 6)
+    assert torch.equal(Sensor()(y, SCALE), y)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        Sensor(read_noise=0.05, saturates=False),
+        Sensor(full_well=1000, saturates=False),
+        Sensor(full_well=10_000, read_noise_electrons=3, saturates=False),
+    ],
+)
+@pytest.mark.parametrize("level", [0.02, 3.0])
+def test_measured_mean_and_variance_are_the_stated_ones(sensor, level):
+    y = torch.full((1, 1, 600, 600), level, dtype=torch.float64)
+    recorded = sensor(y, SCALE, 1)
+    variance = sensor.noise(SCALE).variance(torch.tensor(level)).item()
+    assert recorded.mean().item() == pytest.approx(level, abs=5 * (variance / y.numel()) ** 0.5)
+    assert recorded.var().item() == pytest.approx(variance, rel=0.02)
+
+
+def test_a_real_sensor_in_snapshot_units():
+    noise = Sensor(full_well=10_000, read_noise_electrons=3).noise(SCALE)
+    assert noise.read == pytest.approx(3 * 12 / 1e4)
+    assert noise.shot == pytest.approx(12 / 1e4)
+    assert Noise(0.01).variance(torch.tensor(5.0)).item() == pytest.approx(1e-4)
+
+
+def test_same_seed_same_noise():
+    sensor, y = Sensor(read_noise=0.1, full_well=100), torch.rand(1, 1, 9, 9)
+    assert torch.equal(sensor(y, SCALE, 3), sensor(y, SCALE, 3))
+    assert not torch.equal(sensor(y, SCALE, 3), sensor(y, SCALE, 4))
+
+
+def test_converter_has_evenly_spaced_levels_down_to_the_pedestal_and_saturates():
+    sensor = Sensor(bits=4, pedestal=0.1)
+    y = torch.linspace(-5, 20, 2001, dtype=torch.float64).reshape(1, 1, 1, -1)
+    levels = sensor(y, SCALE).unique()
+    assert len(levels) == 16
+    assert levels[0].item() == pytest.approx(-1.2)
+    assert levels[-1].item() == pytest.approx(12)
+    assert torch.allclose(levels.diff(), levels.diff()[:1])
+    inside = (y > -1.2) & (y < 12)
+    assert ((sensor(y, SCALE) - y).abs()[inside] <= 13.2 / 15 / 2 + 1e-9).all()
+
+
+def test_gradients_pass_through_rounding_and_stop_at_saturation():
+    y = torch.tensor([-5.0, 0.3, 5.2, 14.0], requires_grad=True)
+    quantise(y, 0.0, 12.0, 8).sum().backward()
+    assert y.grad.tolist() == [0, 1, 1, 0]
+
+
+def test_shot_noise_gradient_is_that_of_the_mean_on_average():
+    electrons = torch.full((200_000,), 50.0, requires_grad=True)
+    (shot_noise(electrons, torch.Generator().manual_seed(0)) ** 2).mean().backward()
+    assert electrons.grad.sum().item() == pytest.approx(2 * 50 + 1, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"read_noise": -1}, {"full_well": 0}, {"read_noise_electrons": 3}, {"bits": 0}, {"read_noise": float("nan")}],
+)
+def test_impossible_sensors_are_refused(settings):
+    with pytest.raises(SettingError, match=next(iter(settings))):
+        Sensor(**settings)

@@ -1,0 +1,57 @@
+"""Every command of the README runs as it is written; every file it points to exists."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "README.md").read_text()
+BASH = [line.strip() for block in re.findall(r"```bash\n(.*?)```", TEXT, re.S) for line in block.splitlines() if line]
+PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.S)
+
+
+def run(arguments, folder):
+    return subprocess.run(arguments, cwd=folder, capture_output=True, text=True, timeout=600)
+
+
+def test_the_tour_has_commands():
+    assert len(BASH) >= 8
+    assert len(PYTHON) >= 1
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("tour")
+
+
+def test_the_tour_runs_in_its_order(folder):
+    for line in BASH:
+        words = shlex.split(line)
+        assert words[0] == "tmca", line
+        done = run([sys.executable, "-m", "tmca", *words[1:]], folder)
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+
+
+@pytest.mark.parametrize("code", PYTHON)
+def test_the_python_of_the_tour_runs(code, tmp_path):
+    done = run([sys.executable, "-c", code], tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_two_commands_are_what_the_makefile_and_ci_call():
+    makefile, ci = (ROOT / "Makefile").read_text(), (ROOT / ".ci" / "run").read_text()
+    assert "make demo" in TEXT
+    assert "tmca demo" in makefile
+    assert "make test" in TEXT
+    assert "make test" in ci
+    assert 'install -c constraints.txt -e ".[dev]"' in TEXT
+    assert '-c constraints.txt -e ".[dev]"' in makefile
+
+
+def test_links_lead_somewhere():
+    for target in re.findall(r"\]\(([^)#:]+)\)", TEXT):
+        assert (ROOT / target).exists(), target
