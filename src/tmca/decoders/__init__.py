@@ -1,6 +1,7 @@
 """From a snapshot and its codes back to the scene."""
 
 from tmca.decoders.admm import ADMMTV, admm_tv, default_weight
+from tmca.decoders.blending import Estimate
 from tmca.decoders.data_step import Result
 from tmca.decoders.denoisers import (
     chambolle_denoiser,
@@ -9,11 +10,16 @@ from tmca.decoders.denoisers import (
     per_band,
     tv_denoiser,
 )
+from tmca.decoders.lmmse import PatchLMMSE
+from tmca.decoders.mixture import MixtureLMMSE
 from tmca.decoders.pnp import PnPADMM, pnp_admm
 from tmca.decoders.tv import total_variation, tv_prox
 
 __all__ = [
     "ADMMTV",
+    "Estimate",
+    "MixtureLMMSE",
+    "PatchLMMSE",
     "PnPADMM",
     "Result",
     "admm_tv",

@@ -1,1 +1,17 @@
 """Gaussian and Gaussian-mixture priors of small scene blocks."""
+
+from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.priors.expected_error import expected_mse, expected_psnr
+from tmca.priors.figures import draw_prior
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.mixture import GaussianMixturePrior
+
+__all__ = [
+    "BlockGrid",
+    "BlockModel",
+    "GaussianMixturePrior",
+    "GaussianPrior",
+    "draw_prior",
+    "expected_mse",
+    "expected_psnr",
+]

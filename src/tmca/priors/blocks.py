@@ -1,0 +1,177 @@
+"""The block model: which measurements a scene block explains completely, and their joint covariance.
+
+A block is a window (L, h, w) of the scene. Of the snapshot it explains the columns whose light comes wholly from
+inside the block: the others also carry light from its neighbours, and are left to the blocks that see them whole.
+Beyond the frame there is no light, so blocks may hang over the image's edge, where the code is zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from tmca.errors import ShapeError
+from tmca.operators.taps import Taps
+
+
+@dataclass(frozen=True)
+class BlockModel:
+    """Geometry shared by every block of shape (L, h, w) under the same taps.
+
+    Measurement (i, c) of a block is snapshot row i and the c-th complete column.
+
+    Args:
+        block: (L, h, w).
+        channels: channel of each tap.
+        offsets: offset of each tap past the smallest one, in pixels.
+        origin: the smallest offset, in pixels.
+    """
+
+    block: tuple[int, int, int]
+    channels: tuple[int, ...]
+    offsets: tuple[int, ...]
+    origin: int
+
+    @classmethod
+    def of(cls, taps: Taps, block: tuple[int, int, int]) -> BlockModel:
+        """The model of blocks (L, h, w) seen through ``taps``.
+
+        Raises:
+            ShapeError: other channel count, or a block no wider than the dispersion.
+        """
+        origin, span = min(taps.offsets), max(taps.offsets) - min(taps.offsets)
+        if block[0] != taps.scene_channels:
+            raise ShapeError(
+                "prior",
+                f"{block[0]} channels",
+                f"the {taps.scene_channels} of the codes",
+                "learn the prior on the same bands",
+            )
+        if block[2] <= span:
+            raise ShapeError(
+                "prior",
+                f"blocks {block[2]} columns wide",
+                f"more than the dispersion of {span}",
+                "learn wider blocks",
+            )
+        return cls(block, taps.channels, tuple(o - origin for o in taps.offsets), origin)
+
+    @property
+    def span(self) -> int:
+        """Columns between the first and the last tap."""
+        return max(self.offsets)
+
+    @property
+    def columns(self) -> int:
+        """Complete snapshot columns of a block."""
+        return self.block[2] - self.span
+
+    @property
+    def measurements(self) -> int:
+        """Complete measurements of a block."""
+        return self.block[1] * self.columns
+
+    @property
+    def judged(self) -> tuple[int, int]:
+        """First and one-past-last block column whose light lands on complete snapshot columns in the most taps."""
+        w = self.block[2]
+        count = [sum(self.span <= x + o < w for o in self.offsets) for x in range(w)]
+        seen = [x for x in range(w) if count[x] == max(count)]
+        return seen[0], seen[-1] + 1
+
+    def pixels(self) -> Tensor:
+        """(measurements, taps) flat index, in the block, of the pixel that each tap brings to each measurement."""
+        _, h, w = self.block
+        row = torch.arange(h)[:, None, None]
+        column = self.span + torch.arange(self.columns)[None, :, None] - torch.tensor(self.offsets)
+        return (torch.tensor(self.channels) * h * w + row * w + column).reshape(self.measurements, -1)
+
+    def complete(self, windows: Tensor) -> Tensor:
+        """(P, taps, h, columns) the part of code windows (P, taps, h, w) that feeds the complete measurements."""
+        parts = [
+            windows[:, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)
+        ]
+        return torch.stack(parts, 1)
+
+    def measure(self, weights: Tensor, blocks: Tensor) -> Tensor:
+        """A applied to blocks (..., P, n), with weights (P, taps, h, columns): (..., P, measurements)."""
+        scene = blocks.unflatten(-1, self.block)
+        total = torch.zeros((), dtype=blocks.dtype)
+        for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
+            total = (
+                total + scene[..., channel, :, self.span - o : self.span - o + self.columns] * weights[:, t]
+            )
+        return total.flatten(-2)
+
+    def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:
+        """(measurements, P, n) covariance A S of measurements with pixels; ``rows`` is ``covariance[pixels()]``."""
+        return torch.bmm(weights.permute(2, 3, 0, 1).flatten(0, 1), rows)
+
+
+@dataclass(frozen=True)
+class BlockGrid:
+    """Where blocks are laid over a frame: corners may hang over its edges.
+
+    Args:
+        model: geometry of one block.
+        frame: (H, W) of the scene.
+        tops: first row of each row of blocks.
+        lefts: first column of each column of blocks, may be negative.
+    """
+
+    model: BlockModel
+    frame: tuple[int, int]
+    tops: tuple[int, ...]
+    lefts: tuple[int, ...]
+
+    @classmethod
+    def cover(cls, model: BlockModel, frame: tuple[int, int], stride: tuple[int, int]) -> BlockGrid:
+        """Blocks ``stride`` (rows, columns) apart, the last ones flush, whose judged columns cover the frame."""
+        (_, h, _), (first, last) = model.block, model.judged
+        tops = _starts(frame[0] - h, stride[0])
+        lefts = [
+            x - first for x in _starts(frame[1] - (last - first), min(stride[1], model.columns, last - first))
+        ]
+        return cls(model, frame, tuple(tops), tuple(lefts))
+
+    @property
+    def positions(self) -> list[tuple[int, int]]:
+        """(top, left) of every block, row by row."""
+        return [(top, left) for top in self.tops for left in self.lefts]
+
+    @property
+    def padding(self) -> tuple[int, int, int, int]:
+        """Zeros to add left, right, above and below the frame so that every block lies inside."""
+        _, h, w = self.model.block
+        left = max(0, -min(self.lefts))
+        return (
+            left,
+            max(0, max(self.lefts) + w - self.frame[1]),
+            0,
+            max(0, max(self.tops) + h - self.frame[0]),
+        )
+
+    def code_windows(self, code: Tensor, positions: list[tuple[int, int]]) -> Tensor:
+        """(P, taps, h, w) windows of a code (taps, H, W), zero outside the frame."""
+        _, h, w = self.model.block
+        padded, left = torch.nn.functional.pad(code, self.padding), self.padding[0]
+        return torch.stack([padded[:, y : y + h, x + left : x + left + w] for y, x in positions])
+
+    def snapshot_windows(self, snapshot: Tensor, positions: list[tuple[int, int]]) -> Tensor:
+        """(P, B, measurements) complete measurements of each block in snapshots (B, H, W'), zero outside."""
+        model = self.model
+        left, _, _, below = self.padding
+        right = max(0, max(self.lefts) + model.block[2] + model.origin - snapshot.shape[-1])
+        padded = torch.nn.functional.pad(snapshot, (left, right, 0, below))
+        first = left + model.origin + model.span
+        views = [
+            padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions
+        ]
+        return torch.stack(views).flatten(2)
+
+
+def _starts(slack: int, stride: int) -> list[int]:
+    """0, stride, 2·stride … and ``slack`` itself as the last; [0] where there is no slack."""
+    return [*range(0, slack, stride), slack] if slack > 0 else [0]

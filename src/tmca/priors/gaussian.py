@@ -1,0 +1,130 @@
+"""Gaussian prior of small scene blocks: mean and covariance, learned from example scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from tmca.errors import SettingError, ShapeError
+from tmca.priors.statistics import autocovariance, sample_moments, scenes, toeplitz
+
+# Variance of what examples cannot tell (quantisation, noise of the example camera), in squared irradiance.
+FLOOR = 1e-6
+
+
+@dataclass(frozen=True)
+class GaussianPrior:
+    """Scene blocks x of shape (L, h, w) as samples of one Gaussian.
+
+    Args:
+        mean: (L, h, w) mean irradiance, float64.
+        moments: (n, n) covariance of the flattened block, n = L·h·w; or (L, L, h, w) covariance of two pixels by
+            their distance in rows and columns, for a prior that is the same everywhere and in mirror image.
+        wavelengths: of the L channels, in metres, or None.
+        sources: names (and checksums) of the scenes it was learned from.
+    """
+
+    mean: Tensor
+    moments: Tensor
+    wavelengths: tuple[float, ...] | None = None
+    sources: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n, lags = self.mean.numel(), (self.mean.shape[0], *self.mean.shape)
+        if self.mean.ndim != 3 or tuple(self.moments.shape) not in ((n, n), lags):
+            raise ShapeError(
+                "prior",
+                f"mean {tuple(self.mean.shape)} with moments {tuple(self.moments.shape)}",
+                f"{(n, n)} or {lags}",
+            )
+        if self.wavelengths is not None and len(self.wavelengths) != self.mean.shape[0]:
+            raise ShapeError(
+                "wavelengths", f"{len(self.wavelengths)}", f"{self.mean.shape[0]}, one per channel"
+            )
+
+    @property
+    def block(self) -> tuple[int, int, int]:
+        """(L, h, w)."""
+        channels, rows, columns = self.mean.shape
+        return channels, rows, columns
+
+    @property
+    def stationary(self) -> bool:
+        """Whether the covariance depends on distance only."""
+        return self.moments.ndim == 4
+
+    @cached_property
+    def covariance(self) -> Tensor:
+        """(n, n) covariance of the flattened block, float64."""
+        return toeplitz(self.moments) if self.stationary else self.moments
+
+    @classmethod
+    def learn(
+        cls,
+        cubes: Iterable[Tensor],
+        block: tuple[int, int] = (12, 36),
+        *,
+        stationary: bool = True,
+        samples: int = 24000,
+        seed: int = 0,
+        floor: float = FLOOR,
+        wavelengths: Sequence[float] | None = None,
+        sources: Sequence[str] = (),
+    ) -> GaussianPrior:
+        """The prior of blocks (h, w) cut from example cubes (L, H, W), which may differ in size.
+
+        Args:
+            stationary: average over every position and its mirror images, which uses all the examples' pixels; else
+                plain moments of ``samples`` random blocks, half of them mirrored on each axis.
+            floor: variance added to every pixel.
+
+        Raises:
+            ShapeError: no cube, different band counts, or a block larger than a cube.
+            DataError: values that are not finite.
+        """
+        examples = scenes(cubes, block)
+        if floor < 0 or samples < 2:
+            raise SettingError("learn", f"floor {floor}, samples {samples}", "floor ≥ 0 and samples ≥ 2")
+        if stationary:
+            mean, moments = autocovariance(examples, block)
+            moments[:, :, 0, 0] += floor * torch.eye(len(moments), dtype=moments.dtype)
+        else:
+            mean, moments = sample_moments(examples, block, samples, seed)
+            moments += floor * torch.eye(len(moments), dtype=moments.dtype)
+        lengths = None if wavelengths is None else tuple(float(v) for v in wavelengths)
+        return cls(mean, moments, lengths, tuple(sources))
+
+    def sample(self, count: int, seed: int) -> Tensor:
+        """(count, L, h, w) random blocks of this prior."""
+        generator = torch.Generator().manual_seed(seed)
+        white = torch.randn(count, self.mean.numel(), generator=generator, dtype=torch.float64)
+        return self.mean + (white @ torch.linalg.cholesky(self.covariance).mT).reshape(count, *self.block)
+
+    def save(self, path: str | Path) -> None:
+        """Write the prior as NetCDF4, under a temporary name until it is whole.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from tmca.priors.files import write_prior
+
+        name = "autocovariance" if self.stationary else "covariance"
+        write_prior(path, "gaussian", {"mean": self.mean, name: self.moments}, self.wavelengths, self.sources)
+
+    @classmethod
+    def load(cls, path: str | Path) -> GaussianPrior:
+        """Read a prior that ``save`` wrote.
+
+        Raises:
+            DataError: no such file, no prior in it, or damaged content.
+        """
+        from tmca.priors.files import read_prior
+
+        arrays, wavelengths, sources = read_prior(path, "gaussian")
+        moments = arrays["autocovariance"] if "autocovariance" in arrays else arrays["covariance"]
+        return cls(arrays["mean"], moments, wavelengths, sources)
