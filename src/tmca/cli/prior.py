@@ -42,7 +42,15 @@ def learn(
     from tmca.experiments.priors import learn_to_file
 
     prior = learn_to_file(
-        scenes, out, mixture=mixture, split=split, bands=bands, spread=spread, figure=figure, overwrite=overwrite, seed=seed
+        scenes,
+        out,
+        mixture=mixture,
+        split=split,
+        bands=bands,
+        spread=spread,
+        seed=seed,
+        figure=figure,
+        overwrite=overwrite,
     )
     rows, columns = prior.block[1:]
     kind = "mixture" if mixture else "Gaussian"

@@ -141,9 +141,7 @@ def equal_windows(grid: BlockGrid, code: Tensor) -> list[list[tuple[int, int]]]:
 def check_snapshot(snapshot: Tensor, taps: Taps) -> None:
     """Raise ShapeError unless the snapshot (B, 1, H, W') is one that the taps make, SettingError if not finite."""
     if snapshot.ndim != 4 or tuple(snapshot.shape[1:]) != taps.snapshot_shape:
-        raise ShapeError(
-            "snapshot", f"{tuple(snapshot.shape)}", f"(B, {', '.join(map(str, taps.snapshot_shape))})"
-        )
+        raise ShapeError("snapshot", f"{tuple(snapshot.shape)}", f"(B, {', '.join(map(str, taps.snapshot_shape))})")
     if not torch.isfinite(snapshot).all():
         raise SettingError("snapshot", "values that are not finite", "numbers", "fill dead pixels first")
 

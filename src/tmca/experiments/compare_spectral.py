@@ -89,7 +89,7 @@ def measure(cell: Settings) -> Measured:
     scene = load_scene(cell["path"], bands=cell["bands"])
     camera = SpectralCamera(
         bands=scene["wavelength"].values.tolist(),
-        size=scene.shape[1:],
+        size=(scene.sizes["y"], scene.sizes["x"]),
         sensor=Sensor(**NOISES[cell["noise"]]),
         seed=cell["seed"],
         **CODES[cell["code"]],

@@ -86,7 +86,7 @@ def _through(
 ) -> tuple[Snapshot, Reconstruction]:
     camera = SpectralCamera(
         bands=scene["wavelength"].values.tolist(),
-        size=scene.shape[1:],
+        size=(scene.sizes["y"], scene.sizes["x"]),
         sensor=Sensor(read_noise=READ_NOISE),
         period=PERIOD,
         **settings,
@@ -126,7 +126,7 @@ def _section(
 
 
 def _summary(rows: Sequence[dict[str, Any]]) -> Section:
-    means = []
+    means: list[dict[str, Any]] = []
     for code in CODES:
         mine = {row["scene"]: _numbers(row) for row in rows if row["code"] == code}
         means.append({"code": code, "scene": "mean", **mean_over_scenes(mine)})

@@ -47,7 +47,7 @@ def learn_to_file(
     prior = learn_prior(cubes, spread=bands - 1 if spread is None else spread, mixture=mixture, seed=seed)
     prior.save(out, overwrite=overwrite)
     if figure is not None:
-        save_figure(draw_prior(prior), figure, overwrite=overwrite)
+        save_figure(draw_prior(prior if isinstance(prior, GaussianPrior) else prior.base), figure, overwrite=overwrite)
     return prior
 
 

@@ -4,6 +4,7 @@ from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.expected_error import expected_mse, expected_psnr
 from tmca.priors.figures import draw_prior
 from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.learning import Prior, block_for, cache_folder, learn_prior, load_prior, rendered_prior
 from tmca.priors.mixture import GaussianMixturePrior
 
 __all__ = [
@@ -11,7 +12,13 @@ __all__ = [
     "BlockModel",
     "GaussianMixturePrior",
     "GaussianPrior",
+    "Prior",
+    "block_for",
+    "cache_folder",
     "draw_prior",
     "expected_mse",
     "expected_psnr",
+    "learn_prior",
+    "load_prior",
+    "rendered_prior",
 ]

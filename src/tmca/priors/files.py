@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.errors import DataError, OutputError
+from tmca.errors import DataError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,47 +63,42 @@ def write_prior(
     arrays: dict[str, Tensor],
     wavelengths: tuple[float, ...] | None,
     sources: tuple[str, ...],
-) -> None:
-    """Write a prior's arrays as NetCDF4, under a temporary name until the file is whole.
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Write a prior's arrays as NetCDF4, whole or not at all.
 
     Raises:
-        OutputError: the file cannot be written.
+        OutputError: the file exists, or cannot be written.
     """
     import xarray as xr
 
-    path = Path(path)
+    from tmca.data import write_dataset
+
     variables = {name: (DIMENSIONS[name], value.numpy()) for name, value in arrays.items()}
     data = xr.Dataset(variables, attrs={"format": FORMAT, "kind": kind, "sources": "\n".join(sources)})
     data.attrs["block"] = list(arrays["mean"].shape)
     if wavelengths is not None:
         data = data.assign_coords(wavelength=("channel", np.array(wavelengths), {"units": "m"}))
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        data.to_netcdf(temporary, engine="h5netcdf", encoding={name: {"zlib": True} for name in variables})
-        os.replace(temporary, path)
-    except OSError as error:
-        raise OutputError(path, f"it cannot be written ({error})", "a writable place with room") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    return write_dataset(data, path, overwrite=overwrite)
 
 
-def read_prior(
-    path: str | Path, kind: str
-) -> tuple[dict[str, Tensor], tuple[float, ...] | None, tuple[str, ...]]:
+def kind_of(path: str | Path) -> str:
+    """``"gaussian"`` or ``"gaussian mixture"``, as the file says.
+
+    Raises:
+        DataError: no such file, or no prior in it.
+    """
+    return str(_open(path).attrs["kind"])
+
+
+def read_prior(path: str | Path, kind: str) -> tuple[dict[str, Tensor], tuple[float, ...] | None, tuple[str, ...]]:
     """Arrays, wavelengths in metres and sources of a prior file.
 
     Raises:
         DataError: no such file, no prior of this kind in it, or damaged content.
     """
-    import xarray as xr
-
-    if not Path(path).is_file():
-        raise DataError(path, "no such file", "a prior", "learn one and save it there")
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as data:
-            data = data.load()
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(path, f"no readable NetCDF4 ({error})", "a prior file") from error
+    data = _open(path)
     _check(path, data, kind)
     arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in DIMENSIONS if n in data}
     sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
@@ -112,16 +106,19 @@ def read_prior(
     return arrays, lengths, sources
 
 
+def _open(path: str | Path) -> xr.Dataset:
+    from tmca.data import read_dataset
+
+    data = read_dataset(path)
+    if data.attrs.get("format") != FORMAT or data.attrs.get("kind") not in REQUIRED:
+        raise DataError(path, "no prior in it", "a file written by `tmca prior learn`", "learn one and name it")
+    return data
+
+
 def _check(path: str | Path, data: xr.Dataset, kind: str) -> None:
     """Raise DataError unless the file holds a whole prior of this kind."""
-    if data.attrs.get("format") != FORMAT:
-        raise DataError(
-            path, f"format {data.attrs.get('format')!r}", repr(FORMAT), "write it with the prior's save()"
-        )
     if data.attrs.get("kind") != kind:
-        raise DataError(
-            path, f"a {data.attrs.get('kind')} prior", f"a {kind} prior", "load it with its own class"
-        )
+        raise DataError(path, f"a {data.attrs.get('kind')} prior", f"a {kind} prior", "load it with its own class")
     missing = [name for name in REQUIRED[kind] if name not in data]
     if not {"covariance", "autocovariance"} & set(data):
         missing.append("covariance")

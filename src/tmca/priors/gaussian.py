@@ -43,9 +43,7 @@ class GaussianPrior:
                 f"{(n, n)} or {lags}",
             )
         if self.wavelengths is not None and len(self.wavelengths) != self.mean.shape[0]:
-            raise ShapeError(
-                "wavelengths", f"{len(self.wavelengths)}", f"{self.mean.shape[0]}, one per channel"
-            )
+            raise ShapeError("wavelengths", f"{len(self.wavelengths)}", f"{self.mean.shape[0]}, one per channel")
 
     @property
     def block(self) -> tuple[int, int, int]:
@@ -105,16 +103,17 @@ class GaussianPrior:
         white = torch.randn(count, self.mean.numel(), generator=generator, dtype=torch.float64)
         return self.mean + (white @ torch.linalg.cholesky(self.covariance).mT).reshape(count, *self.block)
 
-    def save(self, path: str | Path) -> None:
-        """Write the prior as NetCDF4, under a temporary name until it is whole.
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the prior as NetCDF4, whole or not at all.
 
         Raises:
-            OutputError: the file cannot be written.
+            OutputError: the file exists, or cannot be written.
         """
         from tmca.priors.files import write_prior
 
         name = "autocovariance" if self.stationary else "covariance"
-        write_prior(path, "gaussian", {"mean": self.mean, name: self.moments}, self.wavelengths, self.sources)
+        arrays = {"mean": self.mean, name: self.moments}
+        return write_prior(path, "gaussian", arrays, self.wavelengths, self.sources, overwrite=overwrite)
 
     @classmethod
     def load(cls, path: str | Path) -> GaussianPrior:

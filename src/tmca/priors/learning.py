@@ -44,7 +44,12 @@ def block_for(bands: int, spread: int, *, mixture: bool = False) -> tuple[int, i
 
 
 def learn_prior(
-    cubes: Sequence[xr.DataArray], *, spread: int, mixture: bool = False, block: tuple[int, int] | None = None, seed: int = 0
+    cubes: Sequence[xr.DataArray],
+    *,
+    spread: int,
+    mixture: bool = False,
+    block: tuple[int, int] | None = None,
+    seed: int = 0,
 ) -> Prior:
     """Learn a prior from example cubes.
 
@@ -98,7 +103,7 @@ def rendered_prior(wavelengths: Sequence[float], spread: int, *, mixture: bool =
     from tmca import __version__
     from tmca.data import rendered_scene, split_rendered
 
-    names = sorted(name for name, split in split_rendered().items() if split == "train")
+    names = sorted(split_rendered()["train"])
     identity = [__version__, [round(w * 1e12) for w in wavelengths], spread, mixture, names, _RENDERED_SIZE]
     digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
     file = cache_folder() / f"rendered-{'mixture' if mixture else 'gaussian'}-{digest}.nc"

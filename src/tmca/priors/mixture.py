@@ -63,9 +63,7 @@ class GaussianMixturePrior:
         g, basis = self.gains[gain], self.basis
         mean = g * (self.base.mean.reshape(-1) + basis @ self.means[kind])
         covariance = self.scales[kind] * self.base.covariance + basis @ self.changes()[kind] @ basis.mT
-        return GaussianPrior(
-            mean.reshape(self.block), g**2 * covariance, self.base.wavelengths, self.base.sources
-        )
+        return GaussianPrior(mean.reshape(self.block), g**2 * covariance, self.base.wavelengths, self.base.sources)
 
     @classmethod
     def of(cls, prior: GaussianPrior, rank: int = 1) -> GaussianMixturePrior:
@@ -131,15 +129,18 @@ class GaussianMixturePrior:
             out[here] = self.component(kind, gain).sample(int(here.sum()), seed + 1 + index)
         return out
 
-    def save(self, path: str | Path) -> None:
-        """Write the prior as NetCDF4, under a temporary name until it is whole.
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the prior as NetCDF4, whole or not at all.
 
         Raises:
-            OutputError: the file cannot be written.
+            OutputError: the file exists, or cannot be written.
         """
         from tmca.priors.files import mixture_arrays, write_prior
 
-        write_prior(path, "gaussian mixture", mixture_arrays(self), self.base.wavelengths, self.base.sources)
+        base = self.base
+        return write_prior(
+            path, "gaussian mixture", mixture_arrays(self), base.wavelengths, base.sources, overwrite=overwrite
+        )
 
     @classmethod
     def load(cls, path: str | Path) -> GaussianMixturePrior:
