@@ -53,7 +53,7 @@ def nearest_bands(cube: xarray.DataArray, wavelengths: Iterable[float]) -> xarra
     index = nearest_index(cube, targets)
     if np.unique(index).size != index.size:
         raise SettingError(
-            "bands",
+            cube.attrs.get("source", "bands"),
             f"{targets.size} wavelengths for which only {np.unique(index).size} different bands are nearest",
             "a band of its own for each",
             "ask for fewer bands or a wider range",

@@ -79,6 +79,8 @@ def decode(
             found = Decoded(snapshot.camera.A_dagger(snapshot.values))
         else:
             found = _by_variation(snapshot, method == "admm-tv-joint", tv_weight, progress)
+    if method != "dagger":
+        found.estimate = found.estimate.clamp_min(0)  # irradiance is not negative
     found.seconds = time.perf_counter() - start
     return found
 

@@ -12,7 +12,6 @@ from tmca.errors import OutputError
 from tmca.experiments.figures import codes_figure, reconstruction_figure, save_figure, snapshot_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import METRICS, mean_over_scenes
-from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral import Reconstruction, reconstruct_snapshot, take_snapshot
 from tmca.sensor import Sensor
 
@@ -56,6 +55,7 @@ def run_demo(
     Raises:
         OutputError: ``out`` holds results and ``overwrite`` is False.
     """
+    from tmca.data import rendered_scene, select_bands
     from tmca.priors import rendered_prior
 
     report = out / "report.html"
@@ -64,7 +64,9 @@ def run_demo(
     out.mkdir(parents=True, exist_ok=True)
     start, told = time.perf_counter(), progress or (lambda share, next_: None)
     told(0.0, "rendering scenes")
-    scenes = {name: load_scene(name, bands=BANDS, size=size) for name in SCENES}
+    scenes = {name: select_bands(rendered_scene(name, size=size)["radiance"], BANDS) for name in SCENES}
+    for name, scene in scenes.items():
+        scene.attrs["name"] = name
     told(0.1, "learning the prior of rendered scenes")
     prior = rendered_prior(next(iter(scenes.values()))["wavelength"].values.tolist(), BANDS - 1)
     rows, sections = [], []

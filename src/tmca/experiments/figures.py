@@ -34,7 +34,7 @@ def save_figure(figure: Figure, path: str | Path, *, overwrite: bool = False, dp
 
 def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> Figure:
     """A cube: colour composite, the bands that span it, and the spectra of a few points."""
-    figure, axes = _grid(1, 3, width=4.2)
+    figure, axes = _grid(1, 3, width=4.2, aspect=cube.shape[1] / cube.shape[2])
     picture = rgb_composite(cube, wavelengths)
     points = spread_points(cube)
     _image(axes[0, 0], picture, title)
@@ -46,7 +46,7 @@ def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> F
 
 def snapshot_figure(snapshot: np.ndarray, camera: SpectralCamera, title: str) -> Figure:
     """The recorded image and the codes that made it."""
-    figure, axes = _grid(1, 2, width=6.0)
+    figure, axes = _grid(1, 2, width=6.0, aspect=snapshot.shape[0] / snapshot.shape[1])
     shown = axes[0, 0].imshow(snapshot, cmap="gray", vmin=0)
     _bare(axes[0, 0], title)
     figure.colorbar(shown, ax=axes[0, 0], shrink=0.7, label="relative irradiance")
@@ -71,7 +71,7 @@ def codes_figure(camera: SpectralCamera, crop: int = 48) -> Figure:
     aperture, shutter = (plane.detach().cpu().numpy() for plane in camera.codes())
     code = camera.code_cube().detach().cpu().numpy()
     columns = max(min(camera.slots, 8), min(camera.bands, 8))
-    figure, axes = _grid(3, columns, width=1.5)
+    figure, axes = _grid(3, columns, width=1.5, aspect=1.0)
     for row, (planes, name) in enumerate(((aperture, "T slot"), (shutter, "S slot"), (code, "T̂ band"))):
         chosen = np.linspace(0, len(planes) - 1, min(len(planes), columns)).round().astype(int)
         for axis, index in zip(axes[row], chosen, strict=False):
@@ -101,7 +101,7 @@ def reconstruction_figure(
     reference = truth if truth is not None else next(iter(estimates.values()))
     white, points = white_level(reference, wavelengths), spread_points(reference)
     rows = 1 + (truth is not None) + bool(deviations)
-    figure, axes = _grid(rows, len(estimates) + 1, width=3.6)
+    figure, axes = _grid(rows, len(estimates) + 1, width=3.6, aspect=reference.shape[1] / reference.shape[2])
     _image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
     _mark(axes[0, 0], points)
     errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
@@ -138,10 +138,11 @@ def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
     return [(index // cube.shape[2], index % cube.shape[2]) for index in chosen]
 
 
-def _grid(rows: int, columns: int, width: float) -> tuple[Figure, np.ndarray]:
+def _grid(rows: int, columns: int, width: float, aspect: float = 0.8) -> tuple[Figure, np.ndarray]:
+    """Axes for pictures ``width`` inches wide whose height is ``aspect`` times that."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width * columns, width * 0.92 * rows), layout="constrained")
+    figure = Figure(figsize=(width * columns, (width * aspect + 0.35) * rows), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 

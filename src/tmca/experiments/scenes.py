@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -26,7 +24,7 @@ def load_scene(
 
     Args:
         source: a file or folder that ``tmca.data.read`` reads, or the name of a rendered scene (``coffee``).
-        bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands of a file.
+        bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands.
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
         variable: which one, where the file holds several.
@@ -38,19 +36,19 @@ def load_scene(
         DataError: no such file or scene, or a file that cannot be used.
         SettingError: a crop larger than the scene.
     """
-    from tmca.data import read, rendered_names, select_bands
+    from tmca.data import read, rendered_names, rendered_scene, select_bands
 
     name = str(source)
     if not Path(name).exists() and name in rendered_names():
-        cube = _rendered(name, bands, size)
+        cube = rendered_scene(name)["radiance"]
+    elif not Path(name).exists() and not Path(name).suffix:
+        raise DataError(
+            name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
+        )
     else:
-        if not Path(name).exists() and not Path(name).suffix:
-            raise DataError(
-                name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
-            )
         cube = read(name, wavelengths=wavelengths, variable=variable)
-        if bands is not None:
-            cube = select_bands(cube, bands)
+    if bands is not None:
+        cube = select_bands(cube, bands)
     cube = cube if size is None else centre_crop(cube, size, name)
     cube.attrs["name"] = Path(name).stem
     return cube
@@ -67,11 +65,3 @@ def centre_crop(cube: xr.DataArray, size: tuple[int, int], where: str) -> xr.Dat
         raise SettingError("--size", f"{size[0]}x{size[1]}", f"at most the {height}x{width} pixels of {where}")
     top, left = (height - size[0]) // 2, (width - size[1]) // 2
     return cube[:, top : top + size[0], left : left + size[1]]
-
-
-def _rendered(name: str, bands: int | None, size: tuple[int, int] | None) -> xr.DataArray:
-    from tmca.data import rendered_scene
-
-    wavelengths = None if bands is None else np.linspace(400e-9, 700e-9, bands)
-    cube: xr.DataArray = rendered_scene(name, wavelengths=wavelengths, size=size)["radiance"]
-    return cube

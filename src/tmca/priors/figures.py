@@ -20,7 +20,7 @@ def draw_prior(prior: GaussianPrior, blocks: int = 12) -> Figure:
     values, vectors = torch.linalg.eigh(prior.covariance)
     values, vectors = values.flip(0), vectors.flip(1)
     figure = Figure(figsize=(11, 6), layout="constrained")
-    pictures, curves = np.ravel(figure.subfigures(1, 2, width_ratios=(3, 2)))
+    pictures, curves = np.array(figure.subfigures(1, 2, width_ratios=(3, 2)))
     pictures.suptitle("leading eigen-blocks (mean over channels)")
     columns = 3
     axes = pictures.subplots(-(-blocks // columns), columns, squeeze=False).flat

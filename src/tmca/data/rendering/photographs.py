@@ -53,7 +53,7 @@ PHOTOGRAPHS = {
         "rendered",
         "Center for Microscopy And Molecular Imaging (CMMI), no known copyright restrictions",
     ),
-    "coffee": Photograph("coffee", "test", "LED-B2", 0.4, 0.9, "rendered", "Rachel Michetti, Pikolo Espresso Bar, CC0"),
+    "coffee": Photograph("coffee", "test", "A", 0.4, 0.9, "rendered", "Rachel Michetti, Pikolo Espresso Bar, CC0"),
     "motorcycle": Photograph(
         "stereo_motorcycle",
         "test",
