@@ -107,7 +107,7 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
         options |= {"engine": "h5netcdf", "phony_dims": "sort"}
     try:
         dataset = xarray.open_dataset(path, **options)
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, RuntimeError) as error:
         raise damaged(path, error) from error
     with dataset:
         yield dataset

@@ -47,6 +47,10 @@ def _odd_one_out(stored: Stored) -> int | None:
     return shortest if 2 * shape[shortest] <= min(others) else None
 
 
+MAIN = ("estimate", "radiance")
+"""Names under which tmca's own files keep their cube, beside others such as its deviation."""
+
+
 def find_cube(contents: Contents, variable: str | None, count: int | None) -> Stored:
     """The variable to read as a cube: the one asked for, or the only one that can be it.
 
@@ -63,7 +67,8 @@ def find_cube(contents: Contents, variable: str | None, count: int | None) -> St
     cubes = [s for s in contents.arrays.values() if s.numeric and len(s.shape) == 3 and s.size]
     if not cubes:
         raise _no_cube(contents)
-    for narrowed in (_sized(cubes, count), [s for s in cubes if _is_known(s)], cubes):
+    named = [s for s in cubes if s.name in MAIN]
+    for narrowed in (named, _sized(cubes, count), [s for s in cubes if _is_known(s)], cubes):
         if len(narrowed) == 1:
             return narrowed[0]
     raise DataError(
