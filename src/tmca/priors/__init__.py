@@ -4,6 +4,7 @@ from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.expected_error import expected_mse, expected_psnr
 from tmca.priors.figures import draw_prior
 from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.learning import learn_prior, load_prior
 from tmca.priors.mixture import GaussianMixturePrior
 
 __all__ = [
@@ -14,4 +15,6 @@ __all__ = [
     "draw_prior",
     "expected_mse",
     "expected_psnr",
+    "learn_prior",
+    "load_prior",
 ]

@@ -90,9 +90,7 @@ class BlockModel:
 
     def complete(self, windows: Tensor) -> Tensor:
         """(P, taps, h, columns) the part of code windows (P, taps, h, w) that feeds the complete measurements."""
-        parts = [
-            windows[:, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)
-        ]
+        parts = [windows[:, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)]
         return torch.stack(parts, 1)
 
     def measure(self, weights: Tensor, blocks: Tensor) -> Tensor:
@@ -100,9 +98,7 @@ class BlockModel:
         scene = blocks.unflatten(-1, self.block)
         total = torch.zeros((), dtype=blocks.dtype)
         for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
-            total = (
-                total + scene[..., channel, :, self.span - o : self.span - o + self.columns] * weights[:, t]
-            )
+            total = total + scene[..., channel, :, self.span - o : self.span - o + self.columns] * weights[:, t]
         return total.flatten(-2)
 
     def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:
@@ -131,9 +127,7 @@ class BlockGrid:
         """Blocks ``stride`` (rows, columns) apart, the last ones flush, whose judged columns cover the frame."""
         (_, h, _), (first, last) = model.block, model.judged
         tops = _starts(frame[0] - h, stride[0])
-        lefts = [
-            x - first for x in _starts(frame[1] - (last - first), min(stride[1], model.columns, last - first))
-        ]
+        lefts = [x - first for x in _starts(frame[1] - (last - first), min(stride[1], model.columns, last - first))]
         return cls(model, frame, tuple(tops), tuple(lefts))
 
     @property
@@ -166,9 +160,7 @@ class BlockGrid:
         right = max(0, max(self.lefts) + model.block[2] + model.origin - snapshot.shape[-1])
         padded = torch.nn.functional.pad(snapshot, (left, right, 0, below))
         first = left + model.origin + model.span
-        views = [
-            padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions
-        ]
+        views = [padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions]
         return torch.stack(views).flatten(2)
 
 

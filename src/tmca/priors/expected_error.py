@@ -23,7 +23,7 @@ def expected_mse(
     seed: int = 0,
     dtype: torch.dtype = torch.float64,
 ) -> Tensor:
-    """Mean squared error that the linear estimate of single blocks is expected to make; differentiable in ``taps.code``.
+    """Expected mean squared error of the linear estimate of single blocks; differentiable in ``taps.code``.
 
     The mean of the posterior variance over the judged columns of the blocks, over ``blocks`` random places of the
     frame, or every phase of a tiled code where its ``period`` (rows, columns) is given. Overlapping blocks, blended,
@@ -52,9 +52,7 @@ def expected_mse(
     return variance.unflatten(1, prior.block)[..., first:last].mean()
 
 
-def expected_psnr(
-    prior: GaussianPrior, taps: Taps, read_noise: float = 0.0, shot: float = 0.0, **where: int
-) -> float:
+def expected_psnr(prior: GaussianPrior, taps: Taps, read_noise: float = 0.0, shot: float = 0.0, **where: int) -> float:
     """``expected_mse`` as a peak signal-to-noise ratio in dB."""
     return float(-10 * torch.log10(expected_mse(prior, taps, read_noise, shot, **where)))  # type: ignore[arg-type]
 

@@ -88,23 +88,13 @@ def write_prior(
         temporary.unlink(missing_ok=True)
 
 
-def read_prior(
-    path: str | Path, kind: str
-) -> tuple[dict[str, Tensor], tuple[float, ...] | None, tuple[str, ...]]:
+def read_prior(path: str | Path, kind: str) -> tuple[dict[str, Tensor], tuple[float, ...] | None, tuple[str, ...]]:
     """Arrays, wavelengths in metres and sources of a prior file.
 
     Raises:
         DataError: no such file, no prior of this kind in it, or damaged content.
     """
-    import xarray as xr
-
-    if not Path(path).is_file():
-        raise DataError(path, "no such file", "a prior", "learn one and save it there")
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as data:
-            data = data.load()
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(path, f"no readable NetCDF4 ({error})", "a prior file") from error
+    data = _open(path)
     _check(path, data, kind)
     arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in DIMENSIONS if n in data}
     sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
@@ -112,16 +102,34 @@ def read_prior(
     return arrays, lengths, sources
 
 
+def prior_kind(path: str | Path) -> str:
+    """Which kind of prior a file says it holds.
+
+    Raises:
+        DataError: no such file, or no NetCDF4.
+    """
+    return str(_open(path).attrs.get("kind"))
+
+
+def _open(path: str | Path) -> xr.Dataset:
+    """The whole content of a file, or DataError."""
+    import xarray as xr
+
+    if not Path(path).is_file():
+        raise DataError(path, "no such file", "a prior", "learn one and save it there")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as data:
+            return data.load()
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
+        raise DataError(path, f"no readable NetCDF4 ({error})", "a prior file") from error
+
+
 def _check(path: str | Path, data: xr.Dataset, kind: str) -> None:
     """Raise DataError unless the file holds a whole prior of this kind."""
     if data.attrs.get("format") != FORMAT:
-        raise DataError(
-            path, f"format {data.attrs.get('format')!r}", repr(FORMAT), "write it with the prior's save()"
-        )
+        raise DataError(path, f"format {data.attrs.get('format')!r}", repr(FORMAT), "write it with the prior's save()")
     if data.attrs.get("kind") != kind:
-        raise DataError(
-            path, f"a {data.attrs.get('kind')} prior", f"a {kind} prior", "load it with its own class"
-        )
+        raise DataError(path, f"a {data.attrs.get('kind')} prior", f"a {kind} prior", "load it with its own class")
     missing = [name for name in REQUIRED[kind] if name not in data]
     if not {"covariance", "autocovariance"} & set(data):
         missing.append("covariance")

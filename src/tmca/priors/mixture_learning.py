@@ -69,9 +69,7 @@ def _moments(inside: Tensor, outside: Tensor, members: Tensor) -> Kinds:
     """Weighted moments of every kind, shrunk to the common covariance at the kind's own energy."""
     counts = members.sum(0) + 1e-9
     means = members.mT @ inside / counts[:, None]
-    common = torch.cov(inside.mT, correction=0).reshape(inside.shape[1], -1) + 1e-9 * torch.eye(
-        inside.shape[1]
-    )
+    common = torch.cov(inside.mT, correction=0).reshape(inside.shape[1], -1) + 1e-9 * torch.eye(inside.shape[1])
     covariances = []
     for kind, count in enumerate(counts):
         away = inside - means[kind]

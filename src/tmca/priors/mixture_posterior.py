@@ -74,17 +74,13 @@ class MixturePosterior:
         estimate = self._mean(block, likely, share, solved)
         return estimate, self._variance(block, likely, share, solved, estimate) if spread else None
 
-    def components(
-        self, block: int, kinds: Tensor, levels: Tensor, some: slice | Tensor = slice(None)
-    ) -> Components:
+    def components(self, block: int, kinds: Tensor, levels: Tensor, some: slice | Tensor = slice(None)) -> Components:
         """Components (kinds, levels) of one block, seen through ``some`` of its measurements."""
         s, prior = self.solver, self.solver.prior
         inside, gains = self.inside[block, some], prior.gains[levels]
         used, place = kinds.unique(return_inverse=True)
         base = self.spread[block, some][:, some]
-        whole = (
-            prior.scales[used, None, None] * base.double() + (inside @ s.changes[used] @ inside.mT).double()
-        )
+        whole = prior.scales[used, None, None] * base.double() + (inside @ s.changes[used] @ inside.mT).double()
         expected = gains[:, None] * (self.centre[block, some] + s.means[kinds] @ inside.mT).double()
         noise = noise_variance(expected, s.read_noise, s.shot)
         factors = torch.linalg.cholesky(gains[:, None, None] ** 2 * whole[place] + torch.diag_embed(noise))
@@ -112,9 +108,7 @@ class MixturePosterior:
         tilt = tilt + lit.mT.to(s.dtype) @ s.means[likely.kinds]
         return whole + tilt @ s.basis.mT + lit.sum(0)[:, None].to(s.dtype) * s.centre
 
-    def _variance(
-        self, block: int, likely: Components, share: Tensor, solved: Tensor, estimate: Tensor
-    ) -> Tensor:
+    def _variance(self, block: int, likely: Components, share: Tensor, solved: Tensor, estimate: Tensor) -> Tensor:
         """(N, n) variance within the components plus that between them."""
         total, weight = torch.zeros_like(estimate), torch.zeros_like(estimate[:, :1])
         for index in (share.amax(1) > NEGLIGIBLE).nonzero()[:, 0].tolist():
@@ -160,10 +154,10 @@ class MixtureSolver:
         self.prior, self.model, self.read_noise, self.shot = prior, model, read_noise, shot
         self.dtype = dtype or sufficient_precision(prior.base, model, read_noise, shot)
         self.centre, self.basis = prior.base.mean.reshape(-1).to(self.dtype), prior.basis.to(self.dtype)
-        self.means, self.changes = prior.means.to(self.dtype), prior.changes().to(self.dtype)
-        self.variance = prior.base.covariance.diagonal().to(self.dtype)
+        self.means, self.changes = prior.means.to(self.dtype), prior.changes.to(self.dtype)
+        self.variance = prior.decoupled.diagonal().to(self.dtype)
         self.tilts = torch.stack([((self.basis @ change) * self.basis).sum(1) for change in self.changes])
-        self.rows = prior.base.covariance.to(self.dtype)[model.pixels()]
+        self.rows = prior.decoupled.to(self.dtype)[model.pixels()]
         self.glance = glance(model)
 
     def posterior(self, windows: Tensor) -> MixturePosterior:
@@ -178,9 +172,7 @@ class MixtureSolver:
     def typical_variance(self, windows: Tensor) -> Tensor:
         """(n,) posterior variance of each pixel under the base, averaged over code windows."""
         base: GaussianPrior = self.prior.base
-        return GaussianSolver(base, self.model, self.read_noise, self.shot, self.dtype).typical_variance(
-            windows
-        )
+        return GaussianSolver(base, self.model, self.read_noise, self.shot, self.dtype).typical_variance(windows)
 
 
 def glance(model: BlockModel) -> Tensor:

@@ -110,9 +110,7 @@ def noise_variance(expected: Tensor, read_noise: float, shot: float) -> Tensor:
     return read_noise**2 + NOISE_FLOOR + shot * expected.double().clamp(min=0)
 
 
-def sufficient_precision(
-    prior: GaussianPrior, model: BlockModel, read_noise: float, shot: float
-) -> torch.dtype:
+def sufficient_precision(prior: GaussianPrior, model: BlockModel, read_noise: float, shot: float) -> torch.dtype:
     """float32 where the noise stands well above its rounding errors, float64 where there is next to none."""
     pixels = model.pixels()
     signal = prior.covariance.diagonal()[pixels].sum(1).mean()

@@ -22,9 +22,7 @@ def scenes(cubes: Iterable[Tensor], block: tuple[int, int]) -> list[Tensor]:
         raise ShapeError("cubes", "none", "at least one cube (L, H, W)")
     for i, cube in enumerate(examples):
         if cube.ndim != 3 or cube.shape[0] != examples[0].shape[0]:
-            raise ShapeError(
-                f"cube {i}", f"{tuple(cube.shape)}", f"(L, H, W) with L = {examples[0].shape[0]}"
-            )
+            raise ShapeError(f"cube {i}", f"{tuple(cube.shape)}", f"(L, H, W) with L = {examples[0].shape[0]}")
         if min(block) < 1 or cube.shape[1] < block[0] or cube.shape[2] < block[1]:
             raise ShapeError(
                 f"cube {i}",
@@ -33,9 +31,7 @@ def scenes(cubes: Iterable[Tensor], block: tuple[int, int]) -> list[Tensor]:
                 "choose a smaller block",
             )
         if not torch.isfinite(cube).all():
-            raise DataError(
-                f"cube {i}", "values that are not finite", "irradiance", "mask or fill them first"
-            )
+            raise DataError(f"cube {i}", "values that are not finite", "irradiance", "mask or fill them first")
     return examples
 
 
@@ -68,9 +64,7 @@ def toeplitz(moments: Tensor) -> Tensor:
     return full.permute(0, 2, 3, 1, 4, 5).reshape(channels * h * w, -1)
 
 
-def random_blocks(
-    examples: list[Tensor], block: tuple[int, int], count: int, seed: int, mirrored: bool
-) -> Tensor:
+def random_blocks(examples: list[Tensor], block: tuple[int, int], count: int, seed: int, mirrored: bool) -> Tensor:
     """(count, L, h, w) blocks at uniformly random places, each axis mirrored half of the time if ``mirrored``."""
     (h, w), generator = block, torch.Generator().manual_seed(seed)
     areas = torch.tensor([cube[0].numel() for cube in examples], dtype=torch.float64)
@@ -86,15 +80,11 @@ def random_blocks(
     return out
 
 
-def sample_moments(
-    examples: list[Tensor], block: tuple[int, int], count: int, seed: int
-) -> tuple[Tensor, Tensor]:
+def sample_moments(examples: list[Tensor], block: tuple[int, int], count: int, seed: int) -> tuple[Tensor, Tensor]:
     """Mean (L, h, w) and covariance (n, n) of ``count`` random blocks, mirrored at random."""
     mean, square, batch = torch.zeros(()), torch.zeros(()), 4000
     for start in range(0, count, batch):
-        part = random_blocks(examples, block, min(batch, count - start), seed + start, mirrored=True).flatten(
-            1
-        )
+        part = random_blocks(examples, block, min(batch, count - start), seed + start, mirrored=True).flatten(1)
         mean, square = mean + part.sum(0), square + part.mT @ part
     mean = mean / count
     return mean.reshape(-1, *block), square / count - torch.outer(mean, mean)
