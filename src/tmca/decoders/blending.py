@@ -85,7 +85,7 @@ def decode_blocks(
     check_snapshot(snapshot, taps)
     grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
     groups = equal_windows(grid, taps.code)
-    typical = solver.typical_variance(grid.code_windows(taps.code, _spread_out(groups)))
+    typical = solver.typical_variance(grid.code_windows(taps.code, _spread_out(grid.positions)))
     window = (typical + 1e-3 * typical.mean()).pow(-2).unflatten(0, model.block)
     canvas = Canvas.blank(grid, len(snapshot), window / window.mean(), uncertainty)
     measured = snapshot[:, 0].to(solver.dtype)
@@ -146,6 +146,6 @@ def check_snapshot(snapshot: Tensor, taps: Taps) -> None:
         raise SettingError("snapshot", "values that are not finite", "numbers", "fill dead pixels first")
 
 
-def _spread_out(groups: list[list[tuple[int, int]]], count: int = 8) -> list[tuple[int, int]]:
-    """Positions of a few groups, evenly through the list."""
-    return [groups[i][0] for i in torch.linspace(0, len(groups) - 1, min(count, len(groups))).long().tolist()]
+def _spread_out(places: list[tuple[int, int]], count: int = 8) -> list[tuple[int, int]]:
+    """A few of the positions, evenly through the list."""
+    return [places[i] for i in torch.linspace(0, len(places) - 1, min(count, len(places))).long().tolist()]

@@ -23,7 +23,7 @@ def expected_mse(
     seed: int = 0,
     dtype: torch.dtype = torch.float64,
 ) -> Tensor:
-    """Mean squared error that the linear estimate of single blocks is expected to make; differentiable in the code.
+    """Expected mean squared error of the linear estimate of single blocks; differentiable in ``taps.code``.
 
     The mean of the posterior variance over the judged columns of the blocks, over ``blocks`` random places of the
     frame, or every phase of a tiled code where its ``period`` (rows, columns) is given. Overlapping blocks, blended,

@@ -6,12 +6,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
 from tmca.priors.statistics import autocovariance, sample_moments, scenes, toeplitz
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Variance of what examples cannot tell (quantisation, noise of the example camera), in squared irradiance.
 FLOOR = 1e-6
@@ -102,6 +106,12 @@ class GaussianPrior:
         generator = torch.Generator().manual_seed(seed)
         white = torch.randn(count, self.mean.numel(), generator=generator, dtype=torch.float64)
         return self.mean + (white @ torch.linalg.cholesky(self.covariance).mT).reshape(count, *self.block)
+
+    def figure(self) -> Figure:
+        """Leading eigen-blocks, mean spectrum and eigenvalues."""
+        from tmca.priors.figures import draw_prior
+
+        return draw_prior(self)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the prior as NetCDF4, whole or not at all.

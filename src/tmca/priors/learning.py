@@ -74,7 +74,11 @@ def learn_prior(
     kind = GaussianMixturePrior if mixture else GaussianPrior
     examples = [torch.from_numpy(cube.values.copy()) for cube in cubes]
     shape = block or block_for(len(wavelengths), spread, mixture=mixture)
-    names = [str(cube.attrs.get("name", "")) for cube in cubes]
+    smallest = (min(cube.sizes["y"] for cube in cubes), min(cube.sizes["x"] for cube in cubes))
+    shape = (min(shape[0], smallest[0]), min(shape[1], smallest[1])) if block is None else shape
+    names = [
+        f"{cube.attrs.get('name', '')} sha256 {hashlib.sha256(cube.values.tobytes()).hexdigest()}" for cube in cubes
+    ]
     return kind.learn(examples, shape, seed=seed, wavelengths=wavelengths.tolist(), sources=names)
 
 

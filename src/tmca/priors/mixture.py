@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -12,6 +14,9 @@ from torch import Tensor
 from tmca.errors import SettingError, ShapeError
 from tmca.priors.gaussian import FLOOR, GaussianPrior
 from tmca.priors.statistics import random_blocks, scenes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -53,17 +58,41 @@ class GaussianMixturePrior:
         """(L, h, w)."""
         return self.base.block
 
+    @cached_property
+    def decoupled(self) -> Tensor:
+        """(n, n) the base's covariance without what is left between the subspace and the rest: S, to rounding.
+
+        The basis is found by iteration; dropping the remainder keeps every component positive semidefinite.
+        """
+        reached = self.base.covariance @ self.basis
+        across = reached - self.basis @ (self.basis.mT @ reached)
+        return self.base.covariance - across @ self.basis.mT - self.basis @ across.mT
+
+    @cached_property
     def changes(self) -> Tensor:
         """(K, d, d) ``C_k - s_k Λ``: what each kind adds to the scaled base inside the subspace."""
-        leading = self.basis.mT @ self.base.covariance @ self.basis
+        leading = self.basis.mT @ self.decoupled @ self.basis
         return self.covariances - self.scales[:, None, None] * leading
 
     def component(self, kind: int, gain: int = 0) -> GaussianPrior:
         """One component as a Gaussian prior."""
         g, basis = self.gains[gain], self.basis
         mean = g * (self.base.mean.reshape(-1) + basis @ self.means[kind])
-        covariance = self.scales[kind] * self.base.covariance + basis @ self.changes()[kind] @ basis.mT
+        covariance = self.scales[kind] * self.decoupled + basis @ self.changes[kind] @ basis.mT
         return GaussianPrior(mean.reshape(self.block), g**2 * covariance, self.base.wavelengths, self.base.sources)
+
+    def gaussian(self) -> GaussianPrior:
+        """The Gaussian with the mean and covariance of the whole mixture."""
+        n = self.base.mean.numel()
+        mean, square = torch.zeros(n, dtype=torch.float64), torch.zeros(n, n, dtype=torch.float64)
+        for kind in range(len(self.means)):
+            part = self.component(kind)
+            first = part.mean.flatten() / self.gains[0]
+            power = (self.weights[kind] * self.gains**2).sum()
+            mean = mean + (self.weights[kind] * self.gains).sum() * first
+            square = square + power * (part.covariance / self.gains[0] ** 2 + torch.outer(first, first))
+        covariance = square - torch.outer(mean, mean)
+        return GaussianPrior(mean.reshape(self.block), covariance, self.base.wavelengths, self.base.sources)
 
     @classmethod
     def of(cls, prior: GaussianPrior, rank: int = 1) -> GaussianMixturePrior:
@@ -128,6 +157,12 @@ class GaussianMixturePrior:
             kind, gain = divmod(index, len(self.gains))
             out[here] = self.component(kind, gain).sample(int(here.sum()), seed + 1 + index)
         return out
+
+    def figure(self) -> Figure:
+        """Leading eigen-blocks, mean spectrum and eigenvalues of the mixture as one Gaussian."""
+        from tmca.priors.figures import draw_prior
+
+        return draw_prior(self.gaussian())
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the prior as NetCDF4, whole or not at all.

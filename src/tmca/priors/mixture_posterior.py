@@ -154,10 +154,10 @@ class MixtureSolver:
         self.prior, self.model, self.read_noise, self.shot = prior, model, read_noise, shot
         self.dtype = dtype or sufficient_precision(prior.base, model, read_noise, shot)
         self.centre, self.basis = prior.base.mean.reshape(-1).to(self.dtype), prior.basis.to(self.dtype)
-        self.means, self.changes = prior.means.to(self.dtype), prior.changes().to(self.dtype)
-        self.variance = prior.base.covariance.diagonal().to(self.dtype)
+        self.means, self.changes = prior.means.to(self.dtype), prior.changes.to(self.dtype)
+        self.variance = prior.decoupled.diagonal().to(self.dtype)
         self.tilts = torch.stack([((self.basis @ change) * self.basis).sum(1) for change in self.changes])
-        self.rows = prior.base.covariance.to(self.dtype)[model.pixels()]
+        self.rows = prior.decoupled.to(self.dtype)[model.pixels()]
         self.glance = glance(model)
 
     def posterior(self, windows: Tensor) -> MixturePosterior:

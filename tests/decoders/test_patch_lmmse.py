@@ -1,0 +1,144 @@
+"""The patch LMMSE decoder is the textbook estimate, for every camera, size and noise."""
+
+import numpy as np
+import pytest
+import torch
+
+from tests.small_scenes import CAMERAS, camera, matrix, noisy, smooth_scene, snapshot
+from tmca.decoders import PatchLMMSE
+from tmca.errors import SettingError, ShapeError
+from tmca.operators.taps import Taps
+from tmca.priors import BlockModel, GaussianPrior
+from tmca.priors.posterior import NOISE_FLOOR
+
+WIDE = GaussianPrior.learn([smooth_scene(60, 80, seed=1)], (4, 46))
+
+
+def narrower(h, w):
+    """The same stationary prior of smaller blocks."""
+    return GaussianPrior(WIDE.mean[:, :h, :w], WIDE.moments[:, :, :h, :w])
+
+
+def textbook(prior, taps, y, read_noise, shot):
+    """Dense estimate and variance of a whole image, from the marginal of a prior at least as large as the image."""
+    height, width = taps.code.shape[1:]
+    marginal = GaussianPrior(prior.mean[:, :height, :width], prior.moments[:, :, :height, :width])
+    S, mu, A = marginal.covariance.numpy(), marginal.mean.flatten().numpy(), matrix(taps).numpy()
+    R = np.diag(read_noise**2 + NOISE_FLOOR + shot * np.maximum(A @ mu, 0))
+    gain = S @ A.T @ np.linalg.inv(A @ S @ A.T + R)
+    return (
+        (mu + gain @ (y.flatten().numpy() - A @ mu)).reshape(3, height, width),
+        np.diag(S - gain @ A @ S).reshape(3, height, width),
+    )
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize(("read_noise", "shot"), [(0.0, 0.0), (0.05, 0.0), (0.02, 0.01)])
+@pytest.mark.parametrize("smaller", [0, 1])
+def test_one_block_image_is_the_dense_estimate_with_all_its_borders(name, read_noise, shot, smaller):
+    model = BlockModel.of(camera(name, 4, 12), (3, 4, 12))
+    first, last = model.judged
+    size = (4 - smaller, last - first - smaller * (last - first > 1))
+    taps = camera(name, *size)
+    y = noisy(snapshot(taps, smooth_scene(*size, seed=4)[None]), read_noise, shot)
+    found = PatchLMMSE(narrower(4, 12), dtype=torch.float64)(y, taps, read_noise, shot, uncertainty=True)
+    estimate, variance = textbook(WIDE, taps, y, read_noise, shot)
+    np.testing.assert_allclose(found.estimate[0].numpy(), estimate, atol=2e-6)
+    np.testing.assert_allclose(found.deviation[0].numpy() ** 2, variance, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_light_of_neighbours_is_never_taken_for_the_blocks_own(name):
+    taps = camera(name, 4, 46, seed=2)
+    scenes = WIDE.sample(60, seed=3)
+    y = noisy(snapshot(taps, scenes), 0.05, 0.0)
+    found = PatchLMMSE(narrower(4, 14))(y, taps, 0.05, uncertainty=True)
+    error = (found.estimate - scenes).square().mean((0, 1, 2))
+    claimed = found.deviation.square().mean((0, 1, 2))
+    # every column, at block borders too, errs no more than it says; light taken for dark would err many times more
+    assert (error < 1.25 * claimed).all()
+    assert error.mean() > 0.6 * claimed.mean()
+    best = np.mean([(textbook(WIDE, taps, y[i], 0.05, 0)[0] - scenes[i].numpy()) ** 2 for i in range(60)])
+    assert error.mean() < 1.2 * best
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("size", [(7, 23), (8, 30), (3, 5), (1, 1)])
+def test_any_size_and_precision(size, dtype):
+    taps = camera("single disperser", *size, dtype=dtype)
+    scene = smooth_scene(*size, seed=5)[None].to(dtype) if min(size) > 1 else torch.full((1, 3, 1, 1), 0.5, dtype=dtype)
+    found = PatchLMMSE(narrower(4, 12))(noisy(snapshot(taps, scene), 0.01, 0.0), taps, 0.01, uncertainty=True)
+    assert found.estimate.shape == found.deviation.shape == scene.shape
+    assert torch.isfinite(found.estimate).all()
+    assert (found.estimate - scene).square().mean() < WIDE.covariance.diagonal().mean()
+
+
+def test_single_precision_agrees_with_double():
+    taps = camera("single disperser", 8, 40)
+    y = noisy(snapshot(taps, smooth_scene(8, 40, seed=5)[None]), 0.01, 0.0)
+    single, double = (PatchLMMSE(narrower(4, 12), dtype=d)(y, taps, 0.01) for d in (torch.float32, torch.float64))
+    torch.testing.assert_close(single.estimate.double(), double.estimate, atol=1e-3, rtol=0)
+
+
+def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
+    taps = camera("single disperser", 9, 40, period=(3, 4))
+    y = noisy(snapshot(taps, torch.stack([smooth_scene(9, 40, seed=s) for s in (5, 6)])), 0.02, 0.0)
+    decoder = PatchLMMSE(narrower(4, 12), stride=(3, 4), dtype=torch.float64)
+    shared = decoder(y, taps, 0.02, uncertainty=True)
+    monkeypatch.setattr("tmca.decoders.blending.equal_windows", lambda grid, code: [[p] for p in grid.positions])
+    alone = decoder(y, taps, 0.02, uncertainty=True)
+    torch.testing.assert_close(shared.estimate, alone.estimate, atol=1e-9, rtol=0)
+    torch.testing.assert_close(shared.deviation, alone.deviation, atol=1e-9, rtol=0)
+
+
+def test_a_tiled_code_is_factored_once_per_phase():
+    from tmca.decoders.blending import equal_windows
+    from tmca.priors import BlockGrid
+
+    taps = camera("single disperser", 12, 100, period=(3, 4))
+    grid = BlockGrid.cover(BlockModel.of(taps, (3, 4, 12)), (12, 100), (4, 8))
+    groups = equal_windows(grid, taps.code)
+    assert sum(map(len, groups)) == len(grid.positions) > 3 * len(groups)
+
+
+def test_measurements_without_noise_are_met():
+    taps = camera("dual disperser", 8, 12)
+    scene = smooth_scene(8, 12, seed=7)[None]
+    y = snapshot(taps, scene)
+    estimate = PatchLMMSE(narrower(4, 12), stride=(4, 12))(y, taps).estimate
+    torch.testing.assert_close(snapshot(taps, estimate), y, atol=1e-4, rtol=0)
+
+
+def test_uncertainty_is_calibrated_on_scenes_of_the_prior():
+    taps = camera("single disperser", 4, 12)
+    prior = narrower(4, 16)
+    first, last = BlockModel.of(taps, prior.block).judged
+    assert last - first == 12
+    scenes = prior.sample(500, seed=1)[..., first:last]
+    found = PatchLMMSE(prior)(noisy(snapshot(taps, scenes), 0.05, 0.002), taps, 0.05, 0.002, uncertainty=True)
+    z = (found.estimate - scenes) / found.deviation
+    assert float(z.square().mean()) == pytest.approx(1, abs=0.03)
+    assert float(z.mean()) == pytest.approx(0, abs=0.05)
+
+
+def test_progress_ends_at_one():
+    told = []
+    taps = camera("single disperser", 8, 40)
+    PatchLMMSE(narrower(4, 12))(snapshot(taps, smooth_scene(8, 40)[None]), taps, 0.1, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1
+
+
+def test_impossible_input_is_refused():
+    taps = camera("single disperser", 8, 40)
+    y, decoder = torch.zeros(1, 1, 8, 42), PatchLMMSE(narrower(4, 12))
+    with pytest.raises(ShapeError, match=r"snapshot: found \(1, 1, 8, 40\), expected \(B, 1, 8, 42\)"):
+        decoder(y[..., :40], taps)
+    with pytest.raises(SettingError, match="not finite"):
+        decoder(y * torch.nan, taps)
+    with pytest.raises(SettingError, match="shot -1"):
+        decoder(y, taps, 0.0, -1.0)
+    with pytest.raises(SettingError, match="stride"):
+        PatchLMMSE(narrower(4, 12), stride=(0, 3))(y, taps)
+    with pytest.raises(ShapeError, match="found 3 channels, expected the 4"):
+        decoder(torch.zeros(1, 1, 2, 9), Taps(torch.ones(4, 2, 9), (0, 1, 2, 3), (0, 0, 0, 0), 4, 9))

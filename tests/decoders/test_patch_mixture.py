@@ -1,0 +1,94 @@
+"""The mixture decoder: every component's textbook estimate by its probability."""
+
+import numpy as np
+import pytest
+import torch
+
+from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
+from tmca.decoders import MixtureLMMSE, PatchLMMSE
+from tmca.errors import ShapeError
+from tmca.operators.taps import Taps
+from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
+from tmca.priors.posterior import NOISE_FLOOR
+
+BLOCK = (3, 4, 12)
+
+
+@pytest.fixture(scope="module")
+def prior():
+    bright = smooth_scene(40, 60, seed=1)
+    dark = 0.05 * torch.rand(3, 40, 60, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    return GaussianMixturePrior.learn([bright, dark], BLOCK[1:], kinds=3, rank=6, gains=2, samples=1500)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize(("read_noise", "shot"), [(0.0, 0.0), (0.02, 0.01)])
+def test_one_component_is_the_linear_estimate(name, read_noise, shot):
+    plain = GaussianPrior.learn([smooth_scene(40, 60, seed=1)], BLOCK[1:])
+    taps = camera(name, 7, 30)
+    y = noisy(snapshot(taps, smooth_scene(7, 30, seed=3)[None]), read_noise, shot)
+    linear = PatchLMMSE(plain, dtype=torch.float64)(y, taps, read_noise, shot, uncertainty=True)
+    one = GaussianMixturePrior.of(plain, rank=4)
+    mixed = MixtureLMMSE(one, dtype=torch.float64)(y, taps, read_noise, shot, uncertainty=True)
+    torch.testing.assert_close(mixed.estimate, linear.estimate, atol=1e-5, rtol=0)
+    torch.testing.assert_close(mixed.deviation.square(), linear.deviation.square(), atol=1e-7, rtol=0)
+
+
+def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
+    from tmca.priors.mixture_posterior import MixtureSolver
+
+    taps = camera("single disperser", 4, 12)
+    model, read, shot = BlockModel.of(taps, BLOCK), 0.05, 0.01
+    scene = prior.sample(6, seed=4)
+    y = noisy(snapshot(taps, scene), read, shot)[:, 0, :, 2:12].flatten(1)
+    posterior = MixtureSolver(prior, model, read, shot, torch.float64).posterior(taps.code[None])
+    estimate, variance = posterior.moments(0, y, True)
+    basis = torch.eye(144, dtype=torch.float64).reshape(-1, *BLOCK)
+    A = snapshot(taps, basis)[:, 0, :, 2:12].flatten(1).mT.numpy()
+    for i in range(6):
+        logs, means, variances = [], [], []
+        for k in range(3):
+            for g in range(2):
+                part = prior.component(k, g)
+                S, mu = part.covariance.numpy(), part.mean.flatten().numpy()
+                G = A @ S @ A.T + np.diag(read**2 + NOISE_FLOOR + shot * np.maximum(A @ mu, 0))
+                r, gain = y[i].numpy() - A @ mu, S @ A.T @ np.linalg.inv(G)
+                weight, log_det = float(prior.weights[k, g]), np.linalg.slogdet(G)[1]
+                logs.append(np.log(weight) - 0.5 * (r @ np.linalg.solve(G, r) + log_det))
+                means.append(mu + gain @ r)
+                variances.append(np.diag(S - gain @ A @ S))
+        share = np.exp(np.array(logs) - max(logs))[:, None]
+        share, means = share / share.sum(), np.array(means)
+        mean = (share * means).sum(0)
+        spread = (share * (np.array(variances) + (means - mean) ** 2)).sum(0)
+        np.testing.assert_allclose(estimate[i].numpy(), mean, atol=1e-4)
+        np.testing.assert_allclose(variance[i].numpy(), spread, rtol=0.05, atol=1e-6)
+
+
+def test_on_scenes_of_the_mixture_it_beats_the_best_linear_estimate_and_knows_its_error(prior):
+    taps = camera("single disperser", 4, 8)
+    first, last = BlockModel.of(taps, BLOCK).judged
+    scenes = prior.sample(300, seed=5)[..., first:last]
+    y = noisy(snapshot(taps, scenes), 0.02, 0.0)
+    mixed = MixtureLMMSE(prior)(y, taps, 0.02, uncertainty=True)
+    linear = PatchLMMSE(prior.gaussian())(y, taps, 0.02).estimate
+    assert (mixed.estimate - scenes).square().mean() < 0.97 * (linear - scenes).square().mean()
+    z = (mixed.estimate - scenes) / mixed.deviation
+    assert float(z.square().mean()) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("size", [(7, 23), (2, 3)])
+def test_tiled_codes_any_size_and_batches(prior, size):
+    taps = camera("two taps per band", *size, period=(2, 2), dtype=torch.float32)
+    scenes = torch.stack([smooth_scene(*size, seed=s).float() for s in (5, 6)])
+    y = noisy(snapshot(taps, scenes), 0.01, 0.0)
+    both = MixtureLMMSE(prior)(y, taps, 0.01, uncertainty=True)
+    alone = MixtureLMMSE(prior)(y[:1], taps, 0.01)
+    assert both.deviation.shape == scenes.shape
+    assert alone.deviation is None
+    torch.testing.assert_close(both.estimate[:1], alone.estimate, atol=2e-3, rtol=0)
+
+
+def test_a_prior_of_other_bands_is_refused(prior):
+    with pytest.raises(ShapeError, match="3 channels"):
+        MixtureLMMSE(prior)(torch.zeros(1, 1, 2, 9), Taps(torch.ones(4, 2, 9), (0, 1, 2, 3), (0, 0, 0, 0), 4, 9))

@@ -1,0 +1,86 @@
+"""The Gaussian-mixture prior finds the kinds it was shown, and survives the disk."""
+
+import pytest
+import torch
+
+from tests.small_scenes import smooth_scene
+from tmca.errors import DataError, SettingError
+from tmca.priors import GaussianMixturePrior, GaussianPrior, load_prior
+from tmca.priors.mixture import leading_eigenvectors
+
+BLOCK = (3, 2, 6)
+
+
+def dark_and_bright():
+    """A smooth bright scene beside a rough dark one."""
+    bright = smooth_scene(40, 60, seed=1)
+    dark = 0.05 * torch.rand(3, 40, 60, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    return [bright, dark]
+
+
+@pytest.fixture(scope="module")
+def prior():
+    settings = {"kinds": 4, "rank": 5, "gains": 3, "samples": 1500}
+    return GaussianMixturePrior.learn(dark_and_bright(), BLOCK[1:], **settings, wavelengths=(4e-7, 5e-7, 6e-7))
+
+
+def test_weights_are_probabilities_and_components_are_positive(prior):
+    assert float(prior.weights.sum()) == pytest.approx(1)
+    for kind in range(4):
+        for gain in range(3):
+            assert torch.linalg.eigvalsh(prior.component(kind, gain).covariance).min() > 0
+
+
+def test_samples_have_the_moments_of_the_whole_mixture(prior):
+    blocks, whole = prior.sample(20000, seed=0).flatten(1), prior.gaussian()
+    scale = whole.covariance.diagonal().mean()
+    assert (torch.cov(blocks.mT) - whole.covariance).abs().max() < 0.08 * scale
+    assert (blocks.mean(0) - whole.mean.flatten()).abs().max() < 0.05 * scale.sqrt()
+
+
+def test_the_whole_mixture_keeps_the_moments_of_the_examples(prior):
+    plain = GaussianPrior.learn(dark_and_bright(), BLOCK[1:])
+    whole = prior.gaussian()
+    assert float(whole.mean.mean()) == pytest.approx(float(plain.mean.mean()), rel=0.1)
+    assert float(whole.covariance.trace()) == pytest.approx(float(plain.covariance.trace()), rel=0.3)
+
+
+def test_kinds_tell_dark_from_bright_far_better_than_one_gaussian(prior):
+    dark = dark_and_bright()[1][:, :2, :6].flatten()
+
+    def log_density(gaussian):
+        return torch.distributions.MultivariateNormal(gaussian.mean.flatten(), gaussian.covariance).log_prob(dark)
+
+    parts = [log_density(prior.component(k, g)) + prior.weights[k, g].log() for k in range(4) for g in range(3)]
+    assert torch.stack(parts).logsumexp(0) > log_density(prior.gaussian()) + 5
+
+
+def test_a_gaussian_is_a_mixture_of_one():
+    plain = GaussianPrior.learn(dark_and_bright(), BLOCK[1:])
+    one = GaussianMixturePrior.of(plain, rank=4)
+    torch.testing.assert_close(one.component(0).covariance, plain.covariance)
+    torch.testing.assert_close(one.gaussian().covariance, plain.covariance)
+
+
+def test_leading_eigenvectors_by_iteration_are_those_of_the_full_decomposition():
+    plain = GaussianPrior.learn([smooth_scene(40, 60, seed=1)], (4, 12))
+    found, exact = leading_eigenvectors(plain, 6), torch.linalg.eigh(plain.covariance)[1].flip(1)[:, :6]
+    torch.testing.assert_close((found * exact).sum(0).abs(), torch.ones(6, dtype=torch.float64))
+
+
+def test_mixture_survives_the_disk(prior, tmp_path):
+    prior.save(tmp_path / "mixture.nc")
+    back = load_prior(tmp_path / "mixture.nc")
+    assert isinstance(back, GaussianMixturePrior)
+    assert back.base.wavelengths == prior.base.wavelengths
+    for name in ("basis", "means", "covariances", "scales", "gains", "weights"):
+        assert torch.equal(getattr(back, name), getattr(prior, name))
+    with pytest.raises(DataError, match="found a gaussian mixture prior, expected a gaussian prior"):
+        GaussianPrior.load(tmp_path / "mixture.nc")
+
+
+def test_impossible_settings_are_refused():
+    with pytest.raises(SettingError, match="kinds 0"):
+        GaussianMixturePrior.learn(dark_and_bright(), BLOCK[1:], kinds=0)
+    with pytest.raises(SettingError, match="samples 20"):
+        GaussianMixturePrior.learn(dark_and_bright(), BLOCK[1:], samples=20)
