@@ -75,11 +75,13 @@ def test_prior_file_opens_in_plain_xarray(tmp_path, prior):
 def test_labelled_cubes_bring_their_wavelengths_and_checksums():
     lengths = [4.5e-7, 5.5e-7, 6.5e-7]
     cubes = [
-        xr.DataArray(c.numpy(), dims=("wavelength", "y", "x"), coords={"wavelength": lengths}, name=f"scene {i}")
+        xr.DataArray(
+            c.numpy(), dims=("wavelength", "y", "x"), coords={"wavelength": lengths}, attrs={"name": f"scene {i}"}
+        )
         for i, c in enumerate(CUBES)
     ]
     prior = learn_prior(cubes, spread=2)
-    assert prior.block == (3, 12, 18)
+    assert prior.block == (3, 12, 24)
     assert prior.wavelengths == tuple(lengths)
     assert prior.sources[1].startswith("scene 1 sha256 ")
     with pytest.raises(DataError, match="other wavelengths"):
@@ -116,13 +118,13 @@ def test_files_that_are_no_prior_are_refused(tmp_path, prior):
     with pytest.raises(DataError, match="no such file"):
         GaussianPrior.load(path)
     path.write_bytes(b"not a prior")
-    with pytest.raises(DataError, match="no readable NetCDF4"):
+    with pytest.raises(DataError, match="unreadable or truncated"):
         GaussianPrior.load(path)
     path.unlink()
     xr.Dataset({"mean": ("x", [1.0])}).to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(DataError, match="format None"):
+    with pytest.raises(DataError, match="no prior in it"):
         GaussianPrior.load(path)
-    prior.save(path)
+    prior.save(path, overwrite=True)
     with h5py.File(path, "r+") as file:
         file["mean"][0, 0, 0] = np.nan
     with pytest.raises(DataError, match="not finite"):
@@ -138,6 +140,6 @@ def test_a_truncated_prior_file_is_refused(tmp_path, prior):
 
 
 def test_a_prior_that_cannot_be_written_leaves_nothing_behind(tmp_path, prior):
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="no such folder"):
         prior.save(tmp_path / "missing" / "prior.nc")
     assert list(tmp_path.iterdir()) == []

@@ -76,10 +76,13 @@ def learn_prior(
     shape = block or block_for(len(wavelengths), spread, mixture=mixture)
     smallest = (min(cube.sizes["y"] for cube in cubes), min(cube.sizes["x"] for cube in cubes))
     shape = (min(shape[0], smallest[0]), min(shape[1], smallest[1])) if block is None else shape
-    names = [
-        f"{cube.attrs.get('name', '')} sha256 {hashlib.sha256(cube.values.tobytes()).hexdigest()}" for cube in cubes
-    ]
+    names = [_identity(cube) for cube in cubes]
     return kind.learn(examples, shape, seed=seed, wavelengths=wavelengths.tolist(), sources=names)
+
+
+def _identity(cube: xr.DataArray) -> str:
+    name = cube.attrs.get("name", cube.attrs.get("source", "cube"))
+    return f"{name} sha256 {hashlib.sha256(cube.values.tobytes()).hexdigest()}"
 
 
 def load_prior(path: str | Path) -> Prior:
