@@ -133,7 +133,7 @@ def equal_windows(grid: BlockGrid, code: Tensor) -> list[list[tuple[int, int]]]:
     """The grid's positions, grouped by equal code windows."""
     groups: dict[bytes, list[tuple[int, int]]] = {}
     for place in grid.positions:
-        window = grid.code_windows(code.detach(), [place]).contiguous().numpy()
+        window = grid.code_windows(code.detach(), [place]).contiguous().cpu().numpy()
         groups.setdefault(blake2b(window.data, digest_size=16).digest(), []).append(place)
     return list(groups.values())
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import DataError, SettingError
 from tmca.priors.files import kind_of
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.mixture import GaussianMixturePrior
@@ -62,7 +62,7 @@ def learn_prior(
 
     Raises:
         SettingError: no cubes.
-        ShapeError: cubes of different wavelengths, or smaller than a block.
+        DataError: cubes of different wavelengths.
     """
     if not cubes:
         raise SettingError("prior", "no example scenes", "at least one")
@@ -70,7 +70,7 @@ def learn_prior(
     for cube in cubes:
         if cube["wavelength"].shape != wavelengths.shape or abs(cube["wavelength"].values - wavelengths).max() > 1e-10:
             name = str(cube.attrs.get("name", "example"))
-            raise ShapeError(name, "other wavelengths", "those of the first example", "select the same bands of all")
+            raise DataError(name, "other wavelengths", "those of the first example", "select the same bands of all")
     kind = GaussianMixturePrior if mixture else GaussianPrior
     examples = [torch.from_numpy(cube.values.copy()) for cube in cubes]
     shape = block or block_for(len(wavelengths), spread, mixture=mixture)
