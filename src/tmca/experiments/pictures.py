@@ -34,10 +34,9 @@ def _figure(path: Path, variable: str | None) -> Figure:
         snapshot = Snapshot.load(path)
         return snapshot_figure(snapshot.values[0, 0].numpy(), snapshot.camera, path.name)
     if "covariance" in names or "autocovariance" in names:
-        from tmca.priors import GaussianPrior, draw_prior, load_prior
+        from tmca.priors import load_prior
 
-        prior = load_prior(path)
-        return draw_prior(prior if isinstance(prior, GaussianPrior) else prior.base)
+        return load_prior(path).figure()
     if found["kind"] == "cube":
         cube = read(path, variable=variable, negative="keep")
         return cube_figure(cube.values, cube["wavelength"].values.tolist(), path.name)

@@ -11,7 +11,7 @@ from tmca.errors import OutputError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.scenes import load_scene
 from tmca.operators import TapOperator
-from tmca.priors import GaussianPrior, Prior, draw_prior, expected_psnr, learn_prior, load_prior
+from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior, load_prior
 from tmca.sensor import Sensor
 
 _FRAME = 128
@@ -47,7 +47,7 @@ def learn_to_file(
     prior = learn_prior(cubes, spread=bands - 1 if spread is None else spread, mixture=mixture, seed=seed)
     prior.save(out, overwrite=overwrite)
     if figure is not None:
-        save_figure(draw_prior(prior if isinstance(prior, GaussianPrior) else prior.base), figure, overwrite=overwrite)
+        save_figure(prior.figure(), figure, overwrite=overwrite)
     return prior
 
 

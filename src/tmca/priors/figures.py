@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from tmca.priors.gaussian import GaussianPrior
 
@@ -18,8 +19,7 @@ def draw_prior(prior: GaussianPrior, blocks: int = 12) -> Figure:
     """The prior's leading eigen-blocks (mean over channels), its mean spectrum and its eigenvalues."""
     from matplotlib.figure import Figure
 
-    values, vectors = torch.linalg.eigh(prior.covariance)
-    values, vectors = values.flip(0), vectors.flip(1)
+    values, vectors = _leading(prior, max(blocks, 60))
     figure = Figure(figsize=(11, 6), layout="constrained")
     rows = -(-blocks // 3)
     grid = figure.add_gridspec(2 * rows, 5)
@@ -33,9 +33,22 @@ def draw_prior(prior: GaussianPrior, blocks: int = 12) -> Figure:
         axis.set_axis_off()
     upper, lower = figure.add_subplot(grid[:rows, 3:]), figure.add_subplot(grid[rows:, 3:])
     upper.semilogy(values.clamp(min=1e-12).numpy())
-    upper.set(xlabel="eigenvalue number", ylabel="variance")
+    upper.set(xlabel="number of the eigenvalue", ylabel="variance")
     _draw_spectra(lower, prior)
     return figure
+
+
+def _leading(prior: GaussianPrior, count: int) -> tuple[Tensor, Tensor]:
+    """The largest eigenvalues (count,) and their eigenvectors (n, count); all of them would take minutes."""
+    from scipy.sparse.linalg import eigsh
+
+    n = prior.mean.numel()
+    if n <= 2 * count:
+        values, vectors = np.linalg.eigh(prior.covariance.numpy())
+    else:
+        values, vectors = eigsh(prior.covariance.numpy(), k=count, v0=np.ones(n))
+    order = np.argsort(values)[::-1].copy()
+    return torch.from_numpy(values[order]), torch.from_numpy(vectors[:, order])
 
 
 def _draw_spectra(axis: Axes, prior: GaussianPrior) -> None:
