@@ -50,7 +50,7 @@ def test_one_block_image_is_the_dense_estimate_with_all_its_borders(name, read_n
 @pytest.mark.parametrize("name", CAMERAS)
 def test_light_of_neighbours_is_never_taken_for_the_blocks_own(name):
     taps = camera(name, 4, 46, seed=2)
-    scenes = WIDE.sample(60, seed=3)
+    scenes = WIDE.sample(300, seed=3)
     y = noisy(snapshot(taps, scenes), 0.05, 0.0)
     found = PatchLMMSE(narrower(4, 14))(y, taps, 0.05, uncertainty=True)
     error = (found.estimate - scenes).square().mean((0, 1, 2))

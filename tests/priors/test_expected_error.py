@@ -104,7 +104,6 @@ def test_expected_error_agrees_on_real_training_patches_and_ranks_the_codes(real
         assert abs(10 * torch.log10(torch.tensor(errors[0] / expected))) < 0.2
         found.append((expected, errors[1]))
     assert sorted(found, key=lambda pair: pair[0]) == sorted(found, key=lambda pair: pair[1])
-    assert found[0][0] == max(expected for expected, _ in found)
 
 
 def _multiplexed(slots, one_hot, bands, h, w):

@@ -43,28 +43,36 @@ class Solver(Protocol):
 
 @dataclass
 class Canvas:
-    """Weighted sums of block estimates and variances on the padded frame."""
+    """Weighted sums of what blocks say about the padded frame.
+
+    Args:
+        total: (B, L, H, W) sum.
+        weight: (L, H, W) sum of weights.
+        window: (L, h, w) weight of each place in a block.
+    """
 
     total: Tensor
-    spread: Tensor | None
     weight: Tensor
     window: Tensor
 
     @classmethod
-    def blank(cls, grid: BlockGrid, batch: int, window: Tensor, spread: bool) -> Canvas:
+    def blank(cls, grid: BlockGrid, batch: int, window: Tensor) -> Canvas:
         left, right, above, below = grid.padding
         shape = (window.shape[0], grid.frame[0] + above + below, grid.frame[1] + left + right)
-        total = torch.zeros(batch, *shape, dtype=window.dtype)
-        return cls(total, torch.zeros_like(total) if spread else None, total.new_zeros(shape), window)
+        return cls(window.new_zeros(batch, *shape), window.new_zeros(shape), window)
 
-    def add(self, top: int, left: int, estimate: Tensor, variance: Tensor | None) -> None:
-        """Lay one block's estimate (B, n) and variance (B, n) with its corner at (top, left) of the padded frame."""
+    def add(self, top: int, left: int, values: Tensor) -> None:
+        """Lay one block's values (B, L·h·w) with its corner at (top, left) of the padded frame."""
         _, h, w = self.window.shape
         area = (..., slice(top, top + h), slice(left, left + w))
-        self.total[area] += self.window * estimate.unflatten(-1, self.window.shape)
+        self.total[area] += self.window * values.unflatten(-1, self.window.shape)
         self.weight[area] += self.window
-        if self.spread is not None and variance is not None:
-            self.spread[area] += self.window * variance.unflatten(-1, self.window.shape)
+
+    def mean(self, grid: BlockGrid) -> Tensor:
+        """(B, L, H, W) weighted mean on the frame."""
+        left, _, above, _ = grid.padding
+        frame = (..., slice(above, above + grid.frame[0]), slice(left, left + grid.frame[1]))
+        return self.total[frame] / self.weight[frame]
 
 
 def decode_blocks(
@@ -79,54 +87,48 @@ def decode_blocks(
     """The scenes behind snapshots (B, 1, H, W'), and the standard deviation of every entry if asked for.
 
     Blocks under equal code windows share their matrices. Estimates are weighted by the inverse square of the
-    variance that is typical of their place in the block; the variance reported is the same mean of the blocks'
-    variances, which the error of their mean does not exceed.
+    variance that is typical of their place in the block. The variance reported is the same mean of the variances in
+    the blocks' judged columns, which the error of the blended estimate hardly exceeds.
     """
     check_snapshot(snapshot, taps)
     grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
     groups = equal_windows(grid, taps.code)
     typical = solver.typical_variance(grid.code_windows(taps.code, _spread_out(grid.positions)))
     window = (typical + 1e-3 * typical.mean()).pow(-2).unflatten(0, model.block)
-    canvas = Canvas.blank(grid, len(snapshot), window / window.mean(), uncertainty)
-    measured = snapshot[:, 0].to(solver.dtype)
+    window = window / window.mean()
+    first, last = model.judged
+    canvases = [Canvas.blank(grid, len(snapshot), part) for part in (window, window[..., first:last].contiguous())]
+    values = snapshot[:, 0].to(solver.dtype)
     with torch.no_grad():
-        for done in _lay(solver, model, grid, groups, measured, taps.code, canvas):
+        for done in _lay(solver, grid, groups, values, taps.code, canvases[: 1 + uncertainty]):
             if progress:
                 progress(done / len(groups))
-    return _finish(canvas, grid)
+    return Estimate(canvases[0].mean(grid), canvases[1].mean(grid).sqrt() if uncertainty else None)
 
 
 def _lay(
     solver: Solver,
-    model: BlockModel,
     grid: BlockGrid,
     groups: list[list[tuple[int, int]]],
-    measured: Tensor,
+    snapshot: Tensor,
     code: Tensor,
-    canvas: Canvas,
+    canvases: list[Canvas],
 ) -> Iterator[int]:
-    """Solve the groups batch by batch and lay their blocks on the canvas; yields the groups done."""
-    each = model.measurements * canvas.window.numel() * canvas.window.element_size()
-    batch, left = max(1, MEMORY // each), grid.padding[0]
+    """Solve the groups batch by batch, lay estimates (and variances) on their canvases; yields the groups done."""
+    model, window = grid.model, canvases[0].window
+    batch = max(1, MEMORY // (model.measurements * window.numel() * window.element_size()))
+    shifts = (0, model.judged[0])
     for start in range(0, len(groups), batch):
         part = groups[start : start + batch]
         posterior = solver.posterior(grid.code_windows(code, [places[0] for places in part]))
         for block, places in enumerate(part):
-            values = grid.snapshot_windows(measured, places)
-            estimate, variance = posterior.moments(block, values.flatten(0, 1), canvas.spread is not None)
-            for i, (y, x) in enumerate(places):
-                rows = slice(i * len(measured), (i + 1) * len(measured))
-                canvas.add(y, x + left, estimate[rows], None if variance is None else variance[rows])
+            measured = grid.snapshot_windows(snapshot, places)
+            found = posterior.moments(block, measured.flatten(0, 1), len(canvases) > 1)
+            for canvas, values, shift in zip(canvases, found, shifts, strict=False):
+                if values is not None:
+                    for (y, x), own in zip(places, values.unflatten(0, measured.shape[:2]), strict=True):
+                        canvas.add(y, x + grid.padding[0] + shift, own)
         yield start + len(part)
-
-
-def _finish(canvas: Canvas, grid: BlockGrid) -> Estimate:
-    """Weighted means on the frame."""
-    left, _, above, _ = grid.padding
-    frame = (..., slice(above, above + grid.frame[0]), slice(left, left + grid.frame[1]))
-    weight = canvas.weight[frame]
-    estimate = canvas.total[frame] / weight
-    return Estimate(estimate, None if canvas.spread is None else (canvas.spread[frame] / weight).sqrt())
 
 
 def equal_windows(grid: BlockGrid, code: Tensor) -> list[list[tuple[int, int]]]:

@@ -22,7 +22,7 @@ class PatchLMMSE:
 
     Args:
         prior: Gaussian prior of the blocks (L, h, w).
-        stride: rows and columns from block to block; None takes half the block's height and all its judged columns.
+        stride: rows and columns from block to block; None takes two thirds of its rows and its judged columns.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
     """
 
@@ -59,9 +59,9 @@ class PatchLMMSE:
 
 
 def chosen_stride(model: BlockModel, stride: tuple[int, int] | None) -> tuple[int, int]:
-    """The stride asked for, or half a block's rows and all its judged columns."""
+    """The stride asked for, or two thirds of a block's rows and all its judged columns."""
     first, last = model.judged
-    rows, columns = stride or (max(1, model.block[1] // 2), last - first)
+    rows, columns = stride or (max(1, 2 * model.block[1] // 3), last - first)
     if rows < 1 or columns < 1:
         raise SettingError("stride", f"{stride}", "rows and columns ≥ 1")
     return min(rows, model.block[1]), columns

@@ -22,7 +22,7 @@ class MixtureLMMSE:
 
     Args:
         prior: Gaussian-mixture prior of the blocks (L, h, w).
-        stride: rows and columns from block to block; None takes half the block's height and all its judged columns.
+        stride: rows and columns from block to block; None takes two thirds of its rows and its judged columns.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
     """
 

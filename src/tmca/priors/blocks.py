@@ -81,6 +81,11 @@ class BlockModel:
         seen = [x for x in range(w) if count[x] == max(count)]
         return seen[0], seen[-1] + 1
 
+    def in_judged(self, values: Tensor) -> Tensor:
+        """The part of values (..., L·h·w) that belongs to the judged columns, flat again."""
+        first, last = self.judged
+        return values.unflatten(-1, self.block)[..., first:last].flatten(-3)
+
     def pixels(self) -> Tensor:
         """(measurements, taps) flat index, in the block, of the pixel that each tap brings to each measurement."""
         _, h, w = self.block
@@ -96,9 +101,10 @@ class BlockModel:
     def measure(self, weights: Tensor, blocks: Tensor) -> Tensor:
         """A applied to blocks (..., P, n), with weights (P, taps, h, columns): (..., P, measurements)."""
         scene = blocks.unflatten(-1, self.block)
-        total = torch.zeros((), dtype=blocks.dtype)
+        total = blocks.new_zeros(*blocks.shape[:-1], self.block[1], self.columns)
         for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
-            total = total + scene[..., channel, :, self.span - o : self.span - o + self.columns] * weights[:, t]
+            light = scene[..., channel, :, self.span - o : self.span - o + self.columns]
+            total = torch.addcmul(total, light, weights[:, t])
         return total.flatten(-2)
 
     def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:

@@ -11,7 +11,7 @@ from tmca.errors import SettingError
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.mixture import GaussianMixturePrior
-from tmca.priors.posterior import GaussianSolver, noise_variance, sufficient_precision
+from tmca.priors.posterior import GaussianSolver, explained_variance, noise_variance, sufficient_precision
 
 # Components less probable than this add nothing to the variance worth their time.
 NEGLIGIBLE = 1e-2
@@ -67,12 +67,14 @@ class MixturePosterior:
     centre: Tensor
 
     def moments(self, block: int, measured: Tensor, spread: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) and, if ``spread``, variance (N, n), that between components included, of one block."""
+        """Estimate (N, n) of one block and, if ``spread``, the variance (N, judged) of its judged columns."""
         likely = self.components(block, *self._likely(block, measured))
         logs, solved = likely.shares(measured)
         share = torch.softmax(logs, 0)
         estimate = self._mean(block, likely, share, solved)
-        return estimate, self._variance(block, likely, share, solved, estimate) if spread else None
+        if not spread:
+            return estimate, None
+        return estimate, self._variance(block, likely, share, solved, estimate)
 
     def components(self, block: int, kinds: Tensor, levels: Tensor, some: slice | Tensor = slice(None)) -> Components:
         """Components (kinds, levels) of one block, seen through ``some`` of its measurements."""
@@ -109,25 +111,25 @@ class MixturePosterior:
         return whole + tilt @ s.basis.mT + lit.sum(0)[:, None].to(s.dtype) * s.centre
 
     def _variance(self, block: int, likely: Components, share: Tensor, solved: Tensor, estimate: Tensor) -> Tensor:
-        """(N, n) variance within the components plus that between them."""
-        total, weight = torch.zeros_like(estimate), torch.zeros_like(estimate[:, :1])
+        """(N, judged) variance within the components plus that between them."""
+        pick = self.solver.model.in_judged
+        total, weight = torch.zeros_like(pick(estimate)), torch.zeros_like(estimate[:, :1])
         for index in (share.amax(1) > NEGLIGIBLE).nonzero()[:, 0].tolist():
             own = share[index].to(estimate.dtype)[:, None]
             alone = torch.zeros_like(share)
             alone[index] = 1
-            away = self._mean(block, likely, alone, solved) - estimate
+            away = pick(self._mean(block, likely, alone, solved) - estimate)
             total += own * (self._within(block, likely, index) + away.square())
             weight += own
         return total / weight
 
     def _within(self, block: int, likely: Components, index: int) -> Tensor:
-        """(n,) posterior variance of one component."""
+        """(judged,) posterior variance of one component."""
         s, kind = self.solver, int(likely.kinds[index])
         scale, square = float(s.prior.scales[kind]), float(likely.gains[index]) ** 2
-        cross = scale * self.cross[:, block] + (self.inside[block] @ s.changes[kind]) @ s.basis.mT
-        white = torch.linalg.solve_triangular(likely.factors[index].to(s.dtype), cross, upper=False)
-        before = scale * s.variance + s.tilts[kind]
-        return (square * before - square**2 * white.square().sum(0)).clamp(min=0)
+        cross = scale * s.model.in_judged(self.cross[:, block]) + self.inside[block] @ s.changes[kind] @ s.judged_basis
+        before = s.model.in_judged(scale * s.variance + s.tilts[kind])
+        return (square * before - square**2 * explained_variance(likely.factors[index], cross)).clamp(min=0)
 
 
 class MixtureSolver:
@@ -158,6 +160,7 @@ class MixtureSolver:
         self.variance = prior.decoupled.diagonal().to(self.dtype)
         self.tilts = torch.stack([((self.basis @ change) * self.basis).sum(1) for change in self.changes])
         self.rows = prior.decoupled.to(self.dtype)[model.pixels()]
+        self.judged_basis = model.in_judged(self.basis.mT)
         self.glance = glance(model)
 
     def posterior(self, windows: Tensor) -> MixturePosterior:

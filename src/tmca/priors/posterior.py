@@ -20,6 +20,7 @@ class BlockPosterior:
     """What the measurements of P blocks say about their n pixels, by ``x̂ = μ + S Aᵀ G⁻¹ (y - A μ)``.
 
     Args:
+        model: geometry of the blocks.
         mean: (n,) prior mean.
         variance: (n,) prior variance.
         cross: (m, P, n) covariance A S of measurements with pixels.
@@ -27,6 +28,7 @@ class BlockPosterior:
         expected: (P, m) expected measurements A μ.
     """
 
+    model: BlockModel
     mean: Tensor
     variance: Tensor
     cross: Tensor
@@ -46,18 +48,18 @@ class BlockPosterior:
         return (self.variance - white.square().sum(1)).clamp(min=0)
 
     def moments(self, block: int, measured: Tensor, spread: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) and, if ``spread``, posterior variance (N, n) of one block."""
+        """Estimate (N, n) of one block and, if ``spread``, the variance (N, judged) of its judged columns."""
         estimate = self.estimate(block, measured)
         if not spread:
             return estimate, None
-        alone = BlockPosterior(
-            self.mean,
-            self.variance,
-            self.cross[:, block : block + 1],
-            self.factor[block : block + 1],
-            self.expected,
-        )
-        return estimate, alone.error_variance().expand_as(estimate)
+        removed = explained_variance(self.factor[block], self.model.in_judged(self.cross[:, block]))
+        return estimate, (self.model.in_judged(self.variance) - removed).clamp(min=0).expand(len(estimate), -1)
+
+
+def explained_variance(factor: Tensor, cross: Tensor) -> Tensor:
+    """(n,) variance that measurements remove: their covariance has the factor (m, m), that with pixels is (m, n)."""
+    inverse = torch.linalg.solve_triangular(factor, torch.eye(len(factor), dtype=factor.dtype), upper=False)
+    return (inverse.to(cross.dtype) @ cross).square_().sum(0)
 
 
 class GaussianSolver:
@@ -98,7 +100,7 @@ class GaussianSolver:
         spread = self.model.measure(weights, cross).transpose(0, 1).double()
         noise = noise_variance(expected, self.read_noise, self.shot)
         factor = torch.linalg.cholesky(spread + torch.diag_embed(noise))
-        return BlockPosterior(self.mean, self.variance, cross, factor, expected)
+        return BlockPosterior(self.model, self.mean, self.variance, cross, factor, expected)
 
     def typical_variance(self, windows: Tensor) -> Tensor:
         """(n,) posterior variance of each pixel, averaged over code windows."""
