@@ -14,9 +14,11 @@ from tmca.priors import BlockGrid, BlockModel, GaussianPrior, expected_mse
 from tmca.priors.posterior import GaussianSolver
 from tmca.sensor import Noise
 
+_PLACES = 16
+
 
 def predicted_and_measured(
-    prior: GaussianPrior, camera: SpectralCamera, cubes: Sequence[Tensor], *, count: int = 400, seed: int = 0
+    prior: GaussianPrior, camera: SpectralCamera, cubes: Sequence[Tensor], *, count: int = 6000, seed: int = 0
 ) -> tuple[float, float]:
     """PSNR that the prior predicts for single blocks, and the PSNR measured on patches of scenes.
 
@@ -26,7 +28,7 @@ def predicted_and_measured(
         prior: Gaussian.
         camera: its codes, dispersion and sensor; relay blur is not covered.
         cubes: (L, H, W) scenes from which patches are drawn, all equally often.
-        count: patches.
+        count: patches in all, about.
         seed: of places, patches and noise.
 
     Returns:
@@ -39,38 +41,33 @@ def predicted_and_measured(
     if not isinstance(operator, TapOperator):
         raise SettingError("relay blur", str(camera.relay_blur), "0 for the expected error")
     predicted = expected_mse(prior, operator.taps, noise.read, noise.shot, blocks=64, seed=seed)
-    errors = [
-        _block_errors(prior, operator, noise, cube, max(1, count // len(cubes)), seed + 1 + index)
-        for index, cube in enumerate(cubes)
-    ]
-    measured = torch.cat(errors).mean()
-    return _decibels(predicted), _decibels(measured)
+    each = max(1, count // (_PLACES * len(cubes)))
+    errors = [_block_errors(prior, operator, noise, cube, each, seed + 1 + index) for index, cube in enumerate(cubes)]
+    return _decibels(predicted), _decibels(torch.cat(errors).mean())
 
 
 def _block_errors(
-    prior: GaussianPrior, operator: TapOperator, noise: Noise, cube: Tensor, count: int, seed: int
+    prior: GaussianPrior, operator: TapOperator, noise: Noise, cube: Tensor, each: int, seed: int
 ) -> Tensor:
-    """(count,) mean squared error of the estimates of random patches of one scene."""
+    """Mean squared errors of the estimates of random patches of one scene, ``each`` at every place of the code."""
     taps, generator = operator.taps, torch.Generator().manual_seed(seed)
-    model = BlockModel.of(taps, prior.block)
+    model, (_, rows, columns) = BlockModel.of(taps, prior.block), prior.block
     frame = (taps.code.shape[1], taps.code.shape[2])
     grid = BlockGrid.cover(model, frame, frame)
-    places = _random_places(count, (frame[0] - prior.block[1], frame[1] - prior.block[2]), generator)
-    corners = _random_places(
-        count, (cube.shape[1] - prior.block[1], cube.shape[2] - prior.block[2]), generator
-    )
     solver = GaussianSolver(prior, model, noise.read, noise.shot, torch.float64)
     first, last = model.judged
     errors = []
-    for place, (y, x) in zip(places, corners, strict=True):
-        truth = cube[:, y : y + prior.block[1], x : x + prior.block[2]].double()
+    for place in _random_places(_PLACES, (frame[0] - rows, frame[1] - columns), generator):
         windows = grid.code_windows(taps.code, [place])
-        exact = model.measure(model.complete(windows.double()), truth.reshape(1, -1))
+        corners = _random_places(each, (cube.shape[1] - rows, cube.shape[2] - columns), generator)
+        truth = torch.stack([cube[:, y : y + rows, x : x + columns] for y, x in corners]).double()
+        weights = model.complete(windows.double())
+        exact = torch.cat([model.measure(weights, block.reshape(1, -1)) for block in truth])
         spread = noise.variance(exact).sqrt()
         recorded = exact + spread * torch.randn(exact.shape, generator=generator, dtype=torch.float64)
-        estimate = solver.posterior(windows).estimate(0, recorded).reshape(prior.block)
-        errors.append((estimate - truth)[..., first:last].square().mean())
-    return torch.stack(errors)
+        estimate = solver.posterior(windows).estimate(0, recorded).reshape(truth.shape)
+        errors.append((estimate - truth)[..., first:last].square().mean((1, 2, 3)))
+    return torch.cat(errors)
 
 
 def _random_places(count: int, room: tuple[int, int], generator: torch.Generator) -> list[tuple[int, int]]:
