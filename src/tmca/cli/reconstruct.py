@@ -31,7 +31,7 @@ def reconstruct(
 
     Args:
         snapshot: snapshot file; it carries codes, dispersion, wavelengths, exposure and noise.
-        decoder: lmmse, mixture, admm-tv, admm-tv-joint or dagger.
+        decoder: lmmse, mixture, admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means or dagger.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it (learned once, then kept).
         truth: the scene, for errors and metrics: a file or the name of a rendered scene.
         tv_weight: weight of the total variation; chosen from the noise level without it.

@@ -13,14 +13,16 @@ from torch import Tensor
 
 from tmca.cameras import Snapshot
 from tmca.decoders.admm import admm_tv, default_weight
+from tmca.decoders.denoisers import nl_means_denoiser, tv_denoiser
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.pnp import pnp_admm
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 
-METHODS = ("lmmse", "mixture", "admm-tv", "admm-tv-joint", "dagger")
-_ITERATIONS = 300
+METHODS = ("lmmse", "mixture", "admm-tv", "admm-tv-joint", "pnp-tv", "pnp-nl-means", "dagger")
+_ITERATIONS, _PNP_ITERATIONS, _LEAST_NOISE = 300, 100, 1e-3
 Progress = Callable[[float], None]
 
 
@@ -60,7 +62,8 @@ def decode(
     Args:
         snapshot: values and camera.
         method: ``"lmmse"`` (Gaussian prior), ``"mixture"`` (Gaussian-mixture prior), ``"admm-tv"``, ``"admm-tv-joint"``
-            (total variation band by band or over all bands), ``"dagger"`` (least-norm, the plain baseline).
+            (total variation band by band or over all bands), ``"pnp-tv"``, ``"pnp-nl-means"`` (plug-and-play ADMM with
+            a denoiser), ``"dagger"`` (least-norm, the plain baseline).
         prior: for the first two.
         tv_weight: for the next two; chosen from the noise if None.
         uncertainty: the first two also return every entry's standard deviation.
@@ -77,6 +80,8 @@ def decode(
             found = _by_prior(snapshot, method, prior, uncertainty, progress)
         elif method == "dagger":
             found = Decoded(snapshot.camera.A_dagger(snapshot.values))
+        elif method.startswith("pnp"):
+            found = _by_denoiser(snapshot, method, progress)
         else:
             found = _by_variation(snapshot, method == "admm-tv-joint", tv_weight, progress)
     if method != "dagger":
@@ -125,3 +130,19 @@ def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progres
     )
     notes = {"tv_weight": weight, "iterations": result.iterations, "converged": result.converged}
     return Decoded(result.estimate, notes=notes)
+
+
+def _by_denoiser(snapshot: Snapshot, method: str, progress: Progress | None) -> Decoded:
+    camera = snapshot.camera
+    denoise = tv_denoiser() if method == "pnp-tv" else nl_means_denoiser()
+    level = float(camera.noise.variance(snapshot.values).mean().sqrt())
+    told = None if progress is None else lambda iteration, primal, dual: progress(iteration / _PNP_ITERATIONS)
+    result = pnp_admm(
+        camera.operator(),
+        snapshot.values,
+        denoise,
+        noise_sigma=max(level, _LEAST_NOISE),
+        max_iterations=_PNP_ITERATIONS,
+        progress=told,
+    )
+    return Decoded(result.estimate, notes={"iterations": result.iterations, "converged": result.converged})

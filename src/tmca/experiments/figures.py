@@ -130,6 +130,10 @@ def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
     strength = np.linalg.norm(smooth, axis=0)
     shape = smooth / np.maximum(strength, 0.3 * strength.max() + 1e-12)
     shape[:, strength < 0.3 * strength.max()] = shape[:, [int(strength.argmax())]]
+    inside = np.zeros(cube.shape[1:], dtype=bool)
+    rows, columns = cube.shape[1] // 12, cube.shape[2] // 12
+    inside[rows : cube.shape[1] - rows, columns : cube.shape[2] - columns] = True
+    strength = np.where(inside.ravel(), strength, 0)
     chosen = [int(strength.argmax())]
     distance = np.full(shape.shape[1], np.inf)
     while len(chosen) < count:
