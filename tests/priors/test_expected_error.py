@@ -57,6 +57,14 @@ def test_more_noise_makes_more_error(prior):
     assert float(expected_mse(prior, taps, 0.01, 0.01)) > errors[1]
 
 
+def test_more_light_is_less_noise(prior):
+    taps = camera("single disperser", 4, 30)
+    dim = expected_mse(prior.scaled(0.25), taps, 0.01, 0.0)
+    torch.testing.assert_close(dim, expected_mse(prior, taps, 0.04, 0.0) / 16, rtol=1e-4, atol=0)
+    with pytest.raises(SettingError, match="gain"):
+        prior.scaled(0.0)
+
+
 def test_expected_error_has_the_right_gradient(prior):
     taps = camera("single disperser", 2, 9)
 

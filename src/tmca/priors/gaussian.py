@@ -101,6 +101,16 @@ class GaussianPrior:
         lengths = None if wavelengths is None else tuple(float(v) for v in wavelengths)
         return cls(mean, moments, lengths, tuple(sources))
 
+    def scaled(self, gain: float) -> GaussianPrior:
+        """The prior of the same scenes under ``gain`` times the light: what noise does depends on it.
+
+        Raises:
+            SettingError: a gain that is not above 0.
+        """
+        if not gain > 0:
+            raise SettingError("gain", f"{gain}", "a number above 0")
+        return GaussianPrior(gain * self.mean, gain**2 * self.moments, self.wavelengths, self.sources)
+
     def sample(self, count: int, seed: int) -> Tensor:
         """(count, L, h, w) random blocks of this prior."""
         generator = torch.Generator().manual_seed(seed)
