@@ -14,6 +14,7 @@ def inspect(
     /,
     *,
     variable: str | None = None,
+    conditioning: Annotated[bool, Parameter(negative="")] = False,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -23,6 +24,7 @@ def inspect(
     Args:
         file: a cube, capture, snapshot, prior or any array file.
         variable: which one, where the file holds several.
+        conditioning: for a snapshot file, rank, condition number and coherence of a corner of its matrix.
         figure: write a picture of it (PNG).
         overwrite: replace the picture if it exists.
         json: print JSON instead of text.
@@ -30,6 +32,11 @@ def inspect(
     from tmca.data import describe
 
     found = describe(file, variable)
+    if conditioning:
+        from tmca.cameras import Snapshot
+        from tmca.experiments.corner import corner_conditioning
+
+        found["matrix"] = corner_conditioning(Snapshot.load(file).camera)
     if figure is not None:
         from tmca.experiments.pictures import picture_of
 
@@ -55,7 +62,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         spread = f"{waves['first_nm']:.6g} to {waves['last_nm']:.6g} nm"
         lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
     snapshot = "snapshot" in found.get("variables", {})
-    for key in ("scale", "note", "figure"):
+    for key in ("scale", "note", "matrix", "figure"):
         if found.get(key) is not None and not (snapshot and key == "note"):
             lines.append(f"  {key}: {found[key]}")
     return lines + [f"  {key}: {value}" for key, value in found.get("attrs", {}).items()]
