@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 from tmca.errors import TmcaError
 
-
 _FEW_CORES = 4
 """Up to here one thread is the safe choice: two threads that wait for a busy core were measured 5 to 8 times slower."""
 
