@@ -35,6 +35,7 @@ def compare_spectral(
     bands: int = 12,
     decoders: Sequence[str] = ("lmmse", "mixture", "admm-tv"),
     seed: int = 0,
+    patches: int = 6000,
     jobs: int = 1,
     overwrite: bool = False,
     progress: Told | None = None,
@@ -50,6 +51,7 @@ def compare_spectral(
         bands: number of bands from 400 to 700 nm.
         decoders: names of ``DECODER_NAMES``.
         seed: of codes and noise.
+        patches: on which the expected error is checked, for each code and noise.
         jobs: processes side by side.
         overwrite: replace the two result files.
         progress: told (done, all, name, seconds left) after each cell.
@@ -73,7 +75,7 @@ def compare_spectral(
     scenes = read_split(test)
     cells = _cells(scenes, priors, bands, decoders, seed)
     if "lmmse" in priors:
-        cells += _expectations(read_split(train), scenes, priors["lmmse"], bands, seed)
+        cells += _expectations(read_split(train), scenes, priors["lmmse"], bands, seed, patches)
     measured = run_cells(cells, measure, work, jobs=jobs, progress=_timed(progress))
     results = _results(measured, train, test, command)
     out.mkdir(parents=True, exist_ok=True)
@@ -125,7 +127,9 @@ def _expected(cell: Settings) -> Measured:
     found = {}
     for split in ("train", "test"):
         cubes = [torch.from_numpy(load_scene(path, bands=cell["bands"]).values) for path in cell[split]]
-        found["predicted"], found[split] = predicted_and_measured(prior, camera, cubes, seed=cell["seed"])
+        found["predicted"], found[split] = predicted_and_measured(
+            prior, camera, cubes, count=cell["patches"], seed=cell["seed"]
+        )
     return {"expected": found}
 
 
@@ -173,7 +177,9 @@ def _cells(
     ]
 
 
-def _expectations(train: Sequence[Path], test: Sequence[Path], prior: Path, bands: int, seed: int) -> list[Settings]:
+def _expectations(
+    train: Sequence[Path], test: Sequence[Path], prior: Path, bands: int, seed: int, patches: int
+) -> list[Settings]:
     return [
         {
             "name": f"expected error · {code} · {noise}",
@@ -184,6 +190,7 @@ def _expectations(train: Sequence[Path], test: Sequence[Path], prior: Path, band
             "noise": noise,
             "bands": bands,
             "seed": seed,
+            "patches": patches,
         }
         for noise in NOISES
         for code in CODES

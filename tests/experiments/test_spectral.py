@@ -1,0 +1,150 @@
+"""The main job end to end: scene → snapshot → reconstruction → files, pictures and tables."""
+
+import json
+
+import numpy as np
+import pytest
+import scipy.io
+import torch
+import xarray as xr
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import read_dataset, rendered_scene, select_bands, write_split
+from tmca.errors import DataError, OutputError, SettingError
+from tmca.experiments.compare_spectral import CODES, NOISES, compare_spectral
+from tmca.experiments.demo import run_demo
+from tmca.experiments.scenes import load_scene
+from tmca.experiments.spectral import evaluate_files, reconstruct_snapshot, take_snapshot, true_scene
+from tmca.priors import GaussianMixturePrior, learn_prior
+from tmca.sensor import Sensor
+
+BANDS = 4
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return select_bands(rendered_scene("coffee", size=(48, 64))["radiance"], BANDS)
+
+
+@pytest.fixture(scope="module")
+def examples():
+    return [select_bands(rendered_scene(n, size=(96, 96))["radiance"], BANDS) for n in ("astronaut", "chelsea")]
+
+
+def small_mixture(examples):
+    cubes = [torch.from_numpy(e.values) for e in examples]
+    return GaussianMixturePrior.learn(cubes, (6, 18), kinds=4, rank=40, gains=3, samples=4000)
+
+
+def camera_for(scene, **settings):
+    return SpectralCamera(bands=scene["wavelength"].values.tolist(), size=scene.shape[1:], **settings)
+
+
+@pytest.mark.parametrize("mixture", [False, True])
+def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, examples, mixture):
+    snapshot = take_snapshot(scene, camera_for(scene, slots=4, sensor=Sensor(read_noise=0.01)))
+    prior = small_mixture(examples) if mixture else learn_prior(examples, spread=BANDS - 1)
+    method = "mixture" if mixture else "lmmse"
+    found = reconstruct_snapshot(snapshot, method, prior=prior, truth=scene, uncertainty=True)
+    plain = reconstruct_snapshot(snapshot, "dagger", truth=scene)
+    assert found.metrics["psnr"] > plain.metrics["psnr"] + 8
+    assert found.cube.values.min() >= 0
+    rms_predicted = float(np.sqrt((found.deviation.values**2).mean()))
+    rms_measured = float(np.sqrt(((found.cube.values - scene.values) ** 2).mean()))
+    assert 0.3 < rms_measured / rms_predicted < 3
+
+
+@pytest.mark.parametrize("method", ["admm-tv", "admm-tv-joint", "pnp-tv"])
+def test_total_variation_beats_the_least_norm_estimate(scene, method):
+    snapshot = take_snapshot(scene, camera_for(scene, slots=4))
+    found = reconstruct_snapshot(snapshot, method, truth=scene)
+    plain = reconstruct_snapshot(snapshot, "dagger", truth=scene)
+    assert found.metrics["psnr"] > plain.metrics["psnr"] + 5
+
+
+def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
+    snapshot = take_snapshot(scene, camera_for(scene, slots=2, relay_blur=0.5))
+    assert reconstruct_snapshot(snapshot, "admm-tv-joint", truth=scene).metrics["psnr"] > 20
+    prior = learn_prior(examples, spread=BANDS - 1)
+    with pytest.raises(SettingError, match="relay blur"):
+        reconstruct_snapshot(snapshot, "lmmse", prior=prior)
+
+
+def test_a_prior_of_another_camera_is_refused(scene, examples):
+    snapshot = take_snapshot(scene, camera_for(scene))
+    other = learn_prior([e[:3] for e in examples], spread=2)
+    with pytest.raises(ValueError, match="3"):
+        reconstruct_snapshot(snapshot, "lmmse", prior=other)
+    with pytest.raises(SettingError, match="mixture"):
+        reconstruct_snapshot(snapshot, "mixture", prior=learn_prior(examples, spread=3))
+
+
+def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
+    snapshot = take_snapshot(scene, camera_for(scene))
+    prior = learn_prior(examples, spread=3)
+    found = reconstruct_snapshot(snapshot, "lmmse", prior=prior, truth=scene, uncertainty=True)
+    path = found.save(tmp_path / "e.nc")
+    with xr.open_dataset(path) as data:
+        np.testing.assert_array_equal(data["estimate"], found.cube)
+        assert data["deviation"].shape == scene.shape
+        assert data.attrs["metric_psnr"] == pytest.approx(found.metrics["psnr"])
+        assert data["wavelength"].attrs["units"] == "m"
+    write = scene.to_dataset(name="radiance")
+    write.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
+    assert evaluate_files(path, str(tmp_path / "t.nc"))["psnr"] == pytest.approx(found.metrics["psnr"], abs=1e-3)
+
+
+def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
+    cube = load_scene("coffee", bands=BANDS, size=(48, 64))
+    snapshot = take_snapshot(cube, camera_for(cube))
+    np.testing.assert_array_equal(true_scene("coffee", snapshot), cube)
+    large = Snapshot(snapshot.values, SpectralCamera(bands=cube["wavelength"].values.tolist(), size=(48, 9000)))
+    with pytest.raises(DataError, match="9000"):
+        true_scene("coffee", large)
+
+
+@pytest.fixture
+def splits(tmp_path):
+    rng = np.random.default_rng(0)
+    for name in ("a", "b", "c"):
+        smooth = np.cumsum(np.cumsum(rng.normal(size=(40, 44, 1)), 0), 1) * rng.random(31)
+        smooth = (smooth - smooth.min()) / (smooth.max() - smooth.min())
+        scipy.io.savemat(tmp_path / f"{name}.mat", {"cube": smooth})
+    write_split([tmp_path / "a.mat", tmp_path / "b.mat"], tmp_path / "train.txt")
+    write_split([tmp_path / "c.mat"], tmp_path / "test.txt")
+    return tmp_path / "train.txt", tmp_path / "test.txt"
+
+
+def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_path):
+    where = {"out": tmp_path / "results", "work": tmp_path / "work"}
+    told = []
+    options = {"bands": BANDS, "decoders": ["lmmse", "admm-tv"], "patches": 64}
+    found = compare_spectral(*splits, **where, **options, progress=lambda *step: told.append(step))
+    cells = 2 * len(CODES) * len(NOISES) + len(CODES) * len(NOISES)
+    assert [step[0] for step in told] == list(range(1, cells + 1))
+    assert len(found["rows"]) == 2 * len(CODES) * len(NOISES)
+    on_disk = json.loads((tmp_path / "results" / "spectral.json").read_text())
+    assert {"command", "commit", "split", "budget", "rows"} <= set(on_disk)
+    assert {"method", "exposure", "noise", "psnr", "scenes"} <= set(on_disk["rows"][0])
+    assert len(on_disk["expected_error"]) == len(CODES) * len(NOISES)
+    assert "TMCA one-hot K = 4" in (tmp_path / "results" / "spectral.md").read_text()
+    with pytest.raises(OutputError, match=r"spectral\.json"):
+        compare_spectral(*splits, **where, **options)
+    told.clear()
+    again = compare_spectral(*splits, **where, **options, overwrite=True, progress=lambda *step: told.append(step))
+    assert told == []
+    assert again["rows"] == found["rows"]
+    with pytest.raises(SettingError, match="lmsse"):
+        compare_spectral(*splits, **where, bands=BANDS, decoders=["lmsse"], overwrite=True)
+
+
+def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
+    found = run_demo(tmp_path / "demo", size=(40, 48))
+    assert len(found["rows"]) == 6
+    page = (tmp_path / "demo" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 6
+    assert Snapshot.load(tmp_path / "demo" / "coffee_tmca8_snapshot.nc").camera.slots == 8
+    assert "deviation" in read_dataset(tmp_path / "demo" / "coffee_tmca8_lmmse.nc")
+    with pytest.raises(OutputError, match=r"report\.html"):
+        run_demo(tmp_path / "demo", size=(40, 48))
