@@ -97,7 +97,7 @@ def test_a_tiled_code_is_factored_once_per_phase():
 
     taps = camera("single disperser", 12, 100, period=(3, 4))
     grid = BlockGrid.cover(BlockModel.of(taps, (3, 4, 12)), (12, 100), (4, 8))
-    groups = equal_windows(grid, taps.code)
+    groups = equal_windows(grid, grid.pad_code(taps.code))
     assert sum(map(len, groups)) == len(grid.positions) > 3 * len(groups)
 
 

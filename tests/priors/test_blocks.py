@@ -70,9 +70,9 @@ def test_block_estimate_is_the_textbook_formula_with_borders_and_shot_noise(prio
     grid = BlockGrid.cover(BlockModel.of(taps, BLOCK), (5, 17), (2, 3))
     y = noisy(snapshot(taps, smooth_scene(5, 17, seed=4)[None]), read_noise, shot)[:, 0]
     posterior = GaussianSolver(prior, grid.model, read_noise, shot, torch.float64).posterior(
-        grid.code_windows(taps.code, grid.positions)
+        grid.code_windows(grid.pad_code(taps.code), grid.positions)
     )
-    measured, variance = grid.snapshot_windows(y, grid.positions), posterior.error_variance()
+    measured, variance = grid.snapshot_windows(grid.pad_snapshot(y), grid.positions), posterior.error_variance()
     S, mu = prior.covariance.numpy(), prior.mean.flatten().numpy()
     for i, place in enumerate(grid.positions):
         A, _ = dense_block(taps, grid, place)

@@ -92,15 +92,16 @@ def decode_blocks(
     """
     check_snapshot(snapshot, taps)
     grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
-    groups = equal_windows(grid, taps.code)
-    typical = solver.typical_variance(grid.code_windows(taps.code, _spread_out(grid.positions)))
+    code = grid.pad_code(taps.code.detach())
+    groups = equal_windows(grid, code)
+    typical = solver.typical_variance(grid.code_windows(code, _spread_out(grid.positions)))
     window = (typical + 1e-3 * typical.mean()).pow(-2).unflatten(0, model.block)
     window = window / window.mean()
     first, last = model.judged
     canvases = [Canvas.blank(grid, len(snapshot), part) for part in (window, window[..., first:last].contiguous())]
-    values = snapshot[:, 0].to(solver.dtype)
+    values = grid.pad_snapshot(snapshot[:, 0].to(solver.dtype))
     with torch.no_grad():
-        for done in _lay(solver, grid, groups, values, taps.code, canvases[: 1 + uncertainty]):
+        for done in _lay(solver, grid, groups, values, code, canvases[: 1 + uncertainty]):
             if progress:
                 progress(done / len(groups))
     return Estimate(canvases[0].mean(grid), canvases[1].mean(grid).sqrt() if uncertainty else None)
@@ -132,7 +133,7 @@ def _lay(
 
 
 def equal_windows(grid: BlockGrid, code: Tensor) -> list[list[tuple[int, int]]]:
-    """The grid's positions, grouped by equal code windows."""
+    """The grid's positions, grouped by equal windows of the padded code."""
     groups: dict[bytes, list[tuple[int, int]]] = {}
     for place in grid.positions:
         window = grid.code_windows(code.detach(), [place]).contiguous().cpu().numpy()

@@ -153,19 +153,24 @@ class BlockGrid:
             max(0, max(self.tops) + h - self.frame[0]),
         )
 
-    def code_windows(self, code: Tensor, positions: list[tuple[int, int]]) -> Tensor:
-        """(P, taps, h, w) windows of a code (taps, H, W), zero outside the frame."""
-        _, h, w = self.model.block
-        padded, left = torch.nn.functional.pad(code, self.padding), self.padding[0]
+    def pad_code(self, code: Tensor) -> Tensor:
+        """A code (taps, H, W) with zeros around, where blocks hang over the frame."""
+        return torch.nn.functional.pad(code, self.padding)
+
+    def pad_snapshot(self, snapshot: Tensor) -> Tensor:
+        """Snapshots (B, H, W') with zeros around: no light falls there."""
+        left, _, _, below = self.padding
+        right = max(0, max(self.lefts) + self.model.block[2] + self.model.origin - snapshot.shape[-1])
+        return torch.nn.functional.pad(snapshot, (left, right, 0, below))
+
+    def code_windows(self, padded: Tensor, positions: list[tuple[int, int]]) -> Tensor:
+        """(P, taps, h, w) windows of a padded code."""
+        (_, h, w), left = self.model.block, self.padding[0]
         return torch.stack([padded[:, y : y + h, x + left : x + left + w] for y, x in positions])
 
-    def snapshot_windows(self, snapshot: Tensor, positions: list[tuple[int, int]]) -> Tensor:
-        """(P, B, measurements) complete measurements of each block in snapshots (B, H, W'), zero outside."""
-        model = self.model
-        left, _, _, below = self.padding
-        right = max(0, max(self.lefts) + model.block[2] + model.origin - snapshot.shape[-1])
-        padded = torch.nn.functional.pad(snapshot, (left, right, 0, below))
-        first = left + model.origin + model.span
+    def snapshot_windows(self, padded: Tensor, positions: list[tuple[int, int]]) -> Tensor:
+        """(P, B, measurements) complete measurements of each block in padded snapshots."""
+        model, first = self.model, self.padding[0] + self.model.origin + self.model.span
         views = [padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions]
         return torch.stack(views).flatten(2)
 

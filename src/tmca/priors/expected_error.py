@@ -46,7 +46,7 @@ def expected_mse(
     height, width = taps.code.shape[1:]
     grid = BlockGrid.cover(model, (height, width), (height, width))
     places = _phases(grid, period) if period else _places(grid, blocks, seed)
-    windows = grid.code_windows(taps.code, places)
+    windows = grid.code_windows(grid.pad_code(taps.code), places)
     variance = GaussianSolver(prior, model, read_noise, shot, dtype).posterior(windows).error_variance()
     first, last = model.judged
     return variance.unflatten(1, prior.block)[..., first:last].mean()
