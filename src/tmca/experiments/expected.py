@@ -54,11 +54,12 @@ def _block_errors(
     model, (_, rows, columns) = BlockModel.of(taps, prior.block), prior.block
     frame = (taps.code.shape[1], taps.code.shape[2])
     grid = BlockGrid.cover(model, frame, frame)
+    padded = grid.pad_code(taps.code)
     solver = GaussianSolver(prior, model, noise.read, noise.shot, torch.float64)
     first, last = model.judged
     errors = []
     for place in _random_places(_PLACES, (frame[0] - rows, frame[1] - columns), generator):
-        windows = grid.code_windows(taps.code, [place])
+        windows = grid.code_windows(padded, [place])
         corners = _random_places(each, (cube.shape[1] - rows, cube.shape[2] - columns), generator)
         truth = torch.stack([cube[:, y : y + rows, x : x + columns] for y, x in corners]).double()
         weights = model.complete(windows.double())
