@@ -2,66 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
-import torch
-from torch import Tensor
-
-from tmca.decoders.blending import Estimate, decode_blocks
-from tmca.errors import SettingError
-from tmca.operators.taps import Taps
+from tmca.decoders.patches import PatchDecoder
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.posterior import GaussianSolver
 
 
-@dataclass(frozen=True)
-class PatchLMMSE:
-    """``x̂ = μ + S Aᵀ (A S Aᵀ + R)⁻¹ (y - A μ)`` on overlapping blocks, blended.
-
-    Args:
-        prior: Gaussian prior of the blocks (L, h, w).
-        stride: rows and columns from block to block; None takes two thirds of its rows and its judged columns.
-        dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
-    """
+class PatchLMMSE(PatchDecoder):
+    """``x̂ = μ + S Aᵀ (A S Aᵀ + R)⁻¹ (y - A μ)`` on overlapping blocks, blended; a ``PatchDecoder``."""
 
     prior: GaussianPrior
-    stride: tuple[int, int] | None = None
-    dtype: torch.dtype | None = None
 
-    def __call__(
-        self,
-        snapshot: Tensor,
-        taps: Taps,
-        read_noise: float = 0.0,
-        shot: float = 0.0,
-        *,
-        uncertainty: bool = False,
-        progress: Callable[[float], None] | None = None,
-    ) -> Estimate:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W').
-
-        Args:
-            read_noise: standard deviation, in snapshot units.
-            shot: variance of the shot noise per snapshot unit (full scale / full well).
-            uncertainty: also return the standard deviation of every entry.
-            progress: told the share that is done.
-
-        Raises:
-            ShapeError: the snapshot does not fit the taps, or the prior's bands or block do not.
-            SettingError: negative noise, a stride below 1, or a snapshot that is not finite.
-        """
-        model = BlockModel.of(taps, self.prior.block)
-        solver = GaussianSolver(self.prior, model, read_noise, shot, self.dtype)
-        stride = chosen_stride(model, self.stride)
-        return decode_blocks(solver, model, snapshot, taps, stride, uncertainty, progress)
-
-
-def chosen_stride(model: BlockModel, stride: tuple[int, int] | None) -> tuple[int, int]:
-    """The stride asked for, or two thirds of a block's rows and all its judged columns."""
-    first, last = model.judged
-    rows, columns = stride or (max(1, 2 * model.block[1] // 3), last - first)
-    if rows < 1 or columns < 1:
-        raise SettingError("stride", f"{stride}", "rows and columns ≥ 1")
-    return min(rows, model.block[1]), columns
+    def solver(self, model: BlockModel, read_noise: float, shot: float) -> GaussianSolver:
+        """The linear estimate of every block."""
+        return GaussianSolver(self.prior, model, read_noise, shot, self.dtype)

@@ -1,0 +1,72 @@
+"""What decoders by patch priors share: one posterior per block, overlapping blocks blended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from tmca.decoders.blending import Estimate, Solver, decode_blocks
+from tmca.errors import SettingError
+from tmca.operators.taps import Taps
+from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.mixture import GaussianMixturePrior
+
+
+class PatchDecoder:
+    """Decode snapshots of any collapsed camera under a prior of blocks; subclasses say how a block is solved.
+
+    Args:
+        prior: of the blocks (L, h, w).
+        stride: rows and columns from block to block; None takes two thirds of its rows and its judged columns.
+        dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
+    """
+
+    def __init__(
+        self,
+        prior: GaussianPrior | GaussianMixturePrior,
+        stride: tuple[int, int] | None = None,
+        dtype: torch.dtype | None = None,
+    ) -> None:
+        self.prior, self.stride, self.dtype = prior, stride, dtype
+
+    def __call__(
+        self,
+        snapshot: Tensor,
+        taps: Taps,
+        read_noise: float = 0.0,
+        shot: float = 0.0,
+        *,
+        uncertainty: bool = False,
+        progress: Callable[[float], None] | None = None,
+    ) -> Estimate:
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W').
+
+        Args:
+            snapshot: in snapshot units.
+            taps: of the camera.
+            read_noise: standard deviation, in snapshot units.
+            shot: variance of the shot noise per snapshot unit (full scale / full well).
+            uncertainty: also return the standard deviation of every entry.
+            progress: told the share that is done.
+
+        Raises:
+            ShapeError: the snapshot does not fit the taps, or the prior's bands or block do not.
+            SettingError: negative noise, a stride below 1, or a snapshot that is not finite.
+        """
+        model = BlockModel.of(taps, self.prior.block)
+        solver = self.solver(model, read_noise, shot)
+        return decode_blocks(solver, model, snapshot, taps, self._stride(model), uncertainty, progress)
+
+    def solver(self, model: BlockModel, read_noise: float, shot: float) -> Solver:
+        """The posteriors of blocks under this decoder's prior."""
+        raise TypeError(f"{type(self).__name__} defines no solver")
+
+    def _stride(self, model: BlockModel) -> tuple[int, int]:
+        first, last = model.judged
+        rows, columns = self.stride or (max(1, 2 * model.block[1] // 3), last - first)
+        if rows < 1 or columns < 1:
+            raise SettingError("stride", f"{self.stride}", "rows and columns ≥ 1")
+        return min(rows, model.block[1]), columns
