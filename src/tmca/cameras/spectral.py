@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from numbers import Integral
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
@@ -109,6 +110,11 @@ class SpectralCamera(nn.Module):
         self.disperser = _choice("disperser", disperser, DISPERSERS)
         self.dispersion = Dispersion.of(dispersion, self.bands)
         self.relay_blur = relay_blur
+        gaussian_spread(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
+        if self.blurred and disperser == "dual":
+            raise SettingError("disperser", "'dual' with relay blur", "'single', or no blur")
+        if learnable not in (True, False, "aperture", "shutter"):
+            raise SettingError("learnable", repr(learnable), "True, False, 'aperture' or 'shutter'")
         self._hold_response(response)
         wide = (self.size[0], self.size[1] + self.dispersion.spread)
         planes = (self.size, wide) if disperser == "single" else (wide, self.size)
@@ -117,7 +123,7 @@ class SpectralCamera(nn.Module):
             period=period, seed=seed, learnable=learnable,
         )  # fmt: skip
         self.sensor = sensor or Sensor()
-        self._fixed: tuple[tuple[int, ...], TapOperator] | None = None
+        self._fixed: tuple[tuple[object, ...], TapOperator] | None = None
 
     @classmethod
     def from_preset(cls, name: str, **changes: Any) -> SpectralCamera:
@@ -159,7 +165,7 @@ class SpectralCamera(nn.Module):
     @property
     def noise(self) -> Noise:
         """Read and shot noise in snapshot units."""
-        return self.sensor.noise(self.full_scale)
+        return self.sensor.noise(*self._light())
 
     @property
     def scene_shape(self) -> tuple[int, int, int]:
@@ -177,7 +183,8 @@ class SpectralCamera(nn.Module):
             return self._slotwise(moving=False)
         if self.multiplexed.learnable or self.response.requires_grad:
             return self._collapsed()
-        versions = tuple(t._version for t in (*self.multiplexed.state_dict(keep_vars=True).values(), self.response))
+        tensors = (*self.multiplexed.state_dict(keep_vars=True).values(), self.response)
+        versions = (self.exposure, self.dispersion, *((t.data_ptr(), t._version) for t in tensors))
         if self._fixed is None or self._fixed[0] != versions:
             self._fixed = (versions, self._collapsed())
         return self._fixed[1]
@@ -213,7 +220,13 @@ class SpectralCamera(nn.Module):
             ShapeError: wrong bands, size or slots.
         """
         operator = self._slotwise(moving=True) if scene.ndim == 5 else self.operator()
-        return self.sensor(operator.A(scene), self.full_scale, generator)
+        full_scale, exposures = self._light()
+        return self.sensor(operator.A(scene), full_scale, generator, exposures)
+
+    def _light(self) -> tuple[float, int]:
+        """Full scale of one exposure time, and the exposure times that are accumulated (K per slot)."""
+        exposures = self.slots if self.exposure == "per-slot" else 1
+        return self.full_scale / exposures, exposures
 
     def _collapsed(self) -> TapOperator:
         build = single_disperser if self.disperser == "single" else dual_disperser
@@ -230,6 +243,9 @@ class SpectralCamera(nn.Module):
         values = values if isinstance(values, Tensor) else torch.tensor(list(values), dtype=torch.get_default_dtype())
         if values.shape != (self.bands,):
             raise ShapeError("response", f"shape {tuple(values.shape)}", f"({self.bands},), one value per band")
+        known = values.detach()
+        if not bool(torch.isfinite(known).all()) or known.min() < 0 or known.max() <= 0:
+            raise SettingError("response", str(known.tolist()), "finite numbers ≥ 0, not all zero")
         if isinstance(values, nn.Parameter):
             self.response = values
         else:
@@ -247,19 +263,24 @@ def _choice(name: str, value: str, choices: tuple[str, ...]) -> str:
 
 
 def _size(size: tuple[int, int]) -> tuple[int, int]:
-    if len(size) != 2 or min(size) < 1:
+    if not hasattr(size, "__len__") or len(size) != 2 or min(size) < 1:
         raise SettingError("size", str(size), "(H, W) of at least 1 pixel each")
     return (int(size[0]), int(size[1]))
 
 
 def _wavelengths(bands: int | Sequence[float]) -> tuple[float, ...]:
-    if isinstance(bands, int):
-        if bands < 1:
-            raise SettingError("bands", str(bands), "at least 1")
-        return tuple(torch.linspace(400e-9, 700e-9, bands, dtype=torch.float64).tolist()) if bands > 1 else (550e-9,)
-    values = tuple(float(w) for w in bands)
-    if not values or not all(100e-9 < w < 100e-6 for w in values):
+    if isinstance(bands, Integral):
+        return _wavelengths_between(int(bands))
+    values = tuple(float(w) for w in cast(Sequence[float], bands))
+    if not values or not all(100e-9 < w < 100e-6 for w in values) or len(set(values)) < len(values):
         raise SettingError(
-            "bands", str(list(values)), "wavelengths in metres, such as 550e-9", "give nanometres × 1e-9"
+            "bands", str(list(values)), "different wavelengths in metres, such as 550e-9", "give nm × 1e-9"
         )
     return values
+
+
+def _wavelengths_between(bands: int) -> tuple[float, ...]:
+    """Evenly spaced from 400 to 700 nm, in metres."""
+    if bands < 1:
+        raise SettingError("bands", str(bands), "at least 1")
+    return tuple(torch.linspace(400e-9, 700e-9, bands, dtype=torch.float64).tolist()) if bands > 1 else (550e-9,)

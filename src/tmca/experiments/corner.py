@@ -6,8 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from tmca.cameras import SpectralCamera
-from tmca.operators import coloured_code, conditioning, sparse_matrix
-from tmca.optics import Dispersion
+from tmca.operators import conditioning, dual_disperser, single_disperser, sparse_matrix
 
 
 def corner_conditioning(camera: SpectralCamera, rows: int = 2, columns: int = 40) -> dict[str, Any]:
@@ -16,7 +15,16 @@ def corner_conditioning(camera: SpectralCamera, rows: int = 2, columns: int = 40
     Rows do not mix in a disperser, so that few of them tell what there is to tell.
     """
     height, width = min(rows, camera.size[0]), min(columns, camera.size[1])
-    code = camera.code_cube().detach()[:, :height, :width].double()
-    dispersion = camera.dispersion if camera.disperser == "single" else Dispersion((0.0,) * camera.bands)
-    report = conditioning(sparse_matrix(coloured_code(code, dispersion, camera.response.double())))
-    return {"rows": height, "columns": width, **asdict(report)}
+    build, wide = single_disperser, camera.dispersion.spread
+    aperture_width, shutter_width = width, width + wide
+    if camera.disperser == "dual":
+        build, aperture_width, shutter_width = dual_disperser, width + wide, width
+    aperture, shutter = (plane.detach().double() for plane in camera.codes())
+    operator = build(
+        aperture[:, :height, :aperture_width],
+        shutter[:, :height, :shutter_width],
+        camera.dispersion,
+        camera.response.detach().double(),
+        camera.exposure,
+    )
+    return {"rows": height, "columns": width, **asdict(conditioning(sparse_matrix(operator)))}

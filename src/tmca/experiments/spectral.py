@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
     from tmca.priors import GaussianMixturePrior, GaussianPrior
 
+_NOISE_STREAM = 2**40
+"""Added to the seed of the noise: codes draw from seeds below it."""
+
 
 @dataclass
 class Reconstruction:
@@ -59,10 +62,10 @@ class Reconstruction:
 
 
 def take_snapshot(cube: xr.DataArray, camera: SpectralCamera, seed: int = 0) -> Snapshot:
-    """Image a (wavelength, y, x) cube; the seed is that of the sensor's noise."""
+    """Image a (wavelength, y, x) cube; the seed is that of the sensor's noise, whose stream no code shares."""
     scene = torch.from_numpy(np.ascontiguousarray(cube.values, dtype=np.float32))[None]
     with torch.no_grad():
-        values = camera(scene, seed)
+        values = camera(scene, _NOISE_STREAM + seed)
     return Snapshot(values, camera, {"scene": str(cube.attrs.get("name", "")), "noise_seed": seed})
 
 

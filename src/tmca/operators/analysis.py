@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from math import prod
 
@@ -51,7 +52,7 @@ def sparse_matrix(
         raise SettingError("explicit matrix", f"{entries} scene entries", f"at most {_LARGEST}", "use a smaller camera")
     columns = []
     with torch.no_grad():
-        probe = operator.to(dtype)
+        probe = deepcopy(operator).to("cpu", dtype)
         for start in range(0, entries, batch):
             count = min(batch, entries - start)
             unit = torch.zeros(count, entries, dtype=dtype)

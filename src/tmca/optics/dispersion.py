@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, isfinite
+from numbers import Real
+from typing import cast
 
 from tmca.errors import SettingError
+
+_DECIMALS, _FARTHEST = 9, 100_000
 
 
 @dataclass(frozen=True)
@@ -27,9 +31,10 @@ class Dispersion:
     displacement: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        values = tuple(float(d) for d in self.displacement)
-        if not values or not all(isfinite(d) for d in values):
-            raise SettingError("displacement", str(list(values)), "one finite number of pixels per band")
+        # what differs from a whole pixel by rounding errors only must not become a tap of its own
+        values = tuple(round(float(d), _DECIMALS) for d in self.displacement)
+        if not values or not all(isfinite(d) and abs(d) <= _FARTHEST for d in values):
+            raise SettingError("displacement", str(list(values)), f"pixels per band, one each, within ±{_FARTHEST}")
         object.__setattr__(self, "displacement", values)
 
     @classmethod
@@ -40,9 +45,11 @@ class Dispersion:
     @classmethod
     def of(cls, displacement: float | Sequence[float] | Dispersion, bands: int) -> Dispersion:
         """Pixels per band, or one displacement for each band, as a ``Dispersion`` of ``bands`` bands."""
-        if isinstance(displacement, (int, float)):
-            return cls.linear(bands, displacement)
-        found = displacement if isinstance(displacement, Dispersion) else cls(tuple(displacement))
+        if isinstance(displacement, Real):
+            return cls.linear(bands, float(displacement))
+        found = (
+            displacement if isinstance(displacement, Dispersion) else cls(tuple(cast(Sequence[float], displacement)))
+        )
         if found.bands != bands:
             raise SettingError("displacement", f"{found.bands} values", f"one for each of {bands} bands")
         return found

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from math import inf
+from numbers import Real
+
 import torch
 from torch import Tensor
 
@@ -22,8 +25,11 @@ def gaussian_spread(sigma: float | list[float], bands: int, radius: int | None =
     Raises:
         SettingError: negative sigma or a wrong number of them.
     """
-    sigmas = [float(sigma)] * bands if isinstance(sigma, (int, float)) else [float(s) for s in sigma]
-    if len(sigmas) != bands or min(sigmas) < 0:
+    try:
+        sigmas = [float(sigma)] * bands if isinstance(sigma, Real) else [float(s) for s in sigma]  # type: ignore[union-attr]
+    except (TypeError, ValueError):
+        sigmas = []
+    if len(sigmas) != bands or not all(0 <= s < inf for s in sigmas):
         raise SettingError("relay blur", str(sigma), f"one or {bands} standard deviations ≥ 0, in pixels")
     reach = radius if radius is not None else max(1, round(3 * max(sigmas)))
     axis = torch.arange(-reach, reach + 1, dtype=torch.float64)

@@ -58,7 +58,9 @@ class BlockPosterior:
 
 def explained_variance(factor: Tensor, cross: Tensor) -> Tensor:
     """(n,) variance that measurements remove: their covariance has the factor (m, m), that with pixels is (m, n)."""
-    inverse = torch.linalg.solve_triangular(factor, torch.eye(len(factor), dtype=factor.dtype), upper=False)
+    inverse = torch.linalg.solve_triangular(
+        factor, torch.eye(len(factor), dtype=factor.dtype, device=factor.device), upper=False
+    )
     return (inverse.to(cross.dtype) @ cross).square_().sum(0)
 
 

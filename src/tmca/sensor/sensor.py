@@ -65,35 +65,53 @@ class Sensor(nn.Module):
         self.bits, self.pedestal = bits, pedestal
         self.saturates = saturates if saturates is not None else (bits is not None or full_well is not None)
 
-    def noise(self, full_scale: float) -> Noise:
-        """Read and shot noise in snapshot units, for a camera of this full scale."""
+    def noise(self, full_scale: float, exposures: int = 1) -> Noise:
+        """Read and shot noise in snapshot units, the converter's rounding error counted as read noise.
+
+        Args:
+            full_scale: level of a white scene over one exposure time, snapshot units.
+            exposures: exposure times that are accumulated; they widen the converter's range.
+        """
         electron = full_scale / self.full_well if self.full_well else 0.0
-        read = (self.read_noise**2 + (self.read_noise_electrons * electron) ** 2) ** 0.5
+        rounding = self._step(full_scale * exposures) / 12**0.5
+        read = (self.read_noise**2 + (self.read_noise_electrons * electron) ** 2 + rounding**2) ** 0.5
         return Noise(read=read, shot=electron)
 
-    def forward(self, irradiance: Tensor, full_scale: float, generator: torch.Generator | int | None = None) -> Tensor:
+    def _step(self, top: float) -> float:
+        """Width of one level of the converter, snapshot units; 0 without one."""
+        return 0.0 if self.bits is None else (1 + self.pedestal) * top / (2**self.bits - 1)
+
+    def forward(
+        self,
+        irradiance: Tensor,
+        full_scale: float,
+        generator: torch.Generator | int | None = None,
+        exposures: int = 1,
+    ) -> Tensor:
         """Record a snapshot.
 
         Args:
             irradiance: (B, C, H, W') exact snapshot, snapshot units.
-            full_scale: saturation level, snapshot units.
+            full_scale: level of a white scene over one exposure time, snapshot units: there the full well is counted.
+            exposures: exposure times accumulated on the sensor; saturation and the converter's range grow with them.
             generator: source of randomness or a seed; the global one if None.
 
         Returns:
             (B, C, H, W') recorded snapshot, snapshot units.
         """
         source = _generator(generator, irradiance.device)
-        noise, values = self.noise(full_scale), irradiance
+        noise, values, top = self.noise(full_scale), irradiance, full_scale * exposures
+        read = (self.read_noise**2 + (self.read_noise_electrons * noise.shot) ** 2) ** 0.5
         if noise.shot:
             values = shot_noise(values / noise.shot, source) * noise.shot
-        if noise.read:
-            values = values + noise.read * torch.randn(
+        if read:
+            values = values + read * torch.randn(
                 values.shape, generator=source, dtype=values.dtype, device=values.device
             )
         if self.saturates:
-            values = values.clamp_max(full_scale)
+            values = values.clamp_max(top)
         if self.bits is not None:
-            values = quantise(values, -self.pedestal * full_scale, full_scale, self.bits)
+            values = quantise(values, -self.pedestal * top, top, self.bits)
         return values
 
     def settings(self) -> dict[str, float | int | bool | None]:
