@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.cameras.spectral import SpectralCamera
+from tmca.cameras.spectral import DISPERSERS, SpectralCamera
 from tmca.errors import DataError
 from tmca.sensor import Sensor
 
@@ -112,12 +112,41 @@ def from_dataset(dataset: xr.Dataset, where: str) -> Snapshot:
     snapshot = torch.from_numpy(np.array(dataset["snapshot"].values, dtype=np.float32))[None, None]
     if snapshot.ndim != 4 or not bool(torch.isfinite(snapshot).all()):
         raise DataError(where, "a snapshot that is not a finite (y, x) image", "one value per sensor pixel", "mend it")
+    _check_geometry(dataset, where)
     camera = _camera(dataset, where)
+    _check_origin(dataset, camera, where)
     if tuple(snapshot.shape[1:]) != camera.snapshot_shape:
         found, expected = tuple(snapshot.shape[2:]), camera.snapshot_shape[1:]
         raise DataError(where, f"a snapshot of {found} pixels", f"{expected} from its codes and displacement")
     own = {*_attributes(camera)}
     return Snapshot(snapshot, camera, {str(k): v for k, v in dataset.attrs.items() if k not in own})
+
+
+def _origin(camera: SpectralCamera) -> int:
+    """Scene column on which sensor column 0 lies; a dual disperser displaces nothing on the sensor."""
+    return camera.dispersion.origin if camera.disperser == "single" else 0
+
+
+def _check_geometry(dataset: xr.Dataset, where: str) -> None:
+    for name, choices in (("disperser", DISPERSERS), ("dispersion_axis", ("x",)), ("camera", ("spectral",))):
+        found = dataset.attrs.get(name, choices[0])
+        if found not in choices:
+            raise DataError(where, f"{name} = {found!r}", f"one of {', '.join(choices)}", "correct the attribute")
+
+
+def _check_origin(dataset: xr.Dataset, camera: SpectralCamera, where: str) -> None:
+    """What the file says of its origin must be what its displacement says."""
+    said = [dataset.attrs["origin"]] if "origin" in dataset.attrs else []
+    if "x_sensor" in dataset.coords:
+        said.append(dataset["x_sensor"].values[0])
+    for value in said:
+        if value != _origin(camera):
+            raise DataError(
+                where,
+                f"origin {value}",
+                f"{_origin(camera)} from the displacement",
+                "correct the displacement or the origin (and x_sensor)",
+            )
 
 
 def _camera(dataset: xr.Dataset, where: str) -> SpectralCamera:
@@ -126,8 +155,8 @@ def _camera(dataset: xr.Dataset, where: str) -> SpectralCamera:
     )
     attrs = dataset.attrs
     dual = attrs.get("disperser", "single") == "dual"
-    height, width = (shutter if dual else aperture).shape[-2:]
     try:
+        height, width = (shutter if dual else aperture).shape[-2:]
         camera = SpectralCamera(
             bands=dataset["wavelength"].values.tolist(),
             size=(height, width),
@@ -142,7 +171,7 @@ def _camera(dataset: xr.Dataset, where: str) -> SpectralCamera:
             period=_period(_json(attrs, "period", None, where)),
             sensor=Sensor(**_json(attrs, "sensor", {}, where)),
         )
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, IndexError, RuntimeError) as error:
         raise DataError(
             where, f"codes that make no camera ({error})", "aperture, shutter and displacement that fit"
         ) from error
@@ -157,7 +186,7 @@ def _attributes(camera: SpectralCamera) -> dict[str, Any]:
         "exposure": camera.exposure,
         "disperser": camera.disperser,
         "dispersion_axis": "x",
-        "origin": camera.dispersion.origin,
+        "origin": _origin(camera),
         "full_scale": camera.full_scale,
         "relay_blur": json.dumps(camera.relay_blur),
         "period": json.dumps(camera.multiplexed.aperture.period),

@@ -220,8 +220,12 @@ class SpectralCamera(nn.Module):
             ShapeError: wrong bands, size or slots.
         """
         operator = self._slotwise(moving=True) if scene.ndim == 5 else self.operator()
+        return self.record(operator.A(scene), generator)
+
+    def record(self, irradiance: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
+        """What the sensor makes of exact irradiance of any shape: noise, saturation, converter."""
         full_scale, exposures = self._light()
-        return self.sensor(operator.A(scene), full_scale, generator, exposures)
+        return self.sensor(irradiance, full_scale, generator, exposures)
 
     def _light(self) -> tuple[float, int]:
         """Full scale of one exposure time, and the exposure times that are accumulated (K per slot)."""

@@ -27,6 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave(f"{' '.join(str(error).split())} Try `tmca --help`." if not tokens else " ".join(str(error).split()))
     except TmcaError as error:
         _leave(str(error))
+    except (MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "allocate" not in str(error):
+            raise
+        _leave("found too little memory for this size, expected less; use --crop, fewer --bands or fewer --slots")
     except KeyboardInterrupt:
         print("tmca: stopped; finished files are whole", file=sys.stderr)
         sys.exit(130)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -110,8 +111,16 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
     return SpectralCamera(**settings)
 
 
+def check_targets(files: Iterable[Path], overwrite: bool) -> None:
+    """Refuse outputs that exist, or have no folder, before the work is done."""
+    from tmca.data import check_target
+
+    for file in files:
+        check_target(file, overwrite)
+
+
 def codes_argument(value: str) -> Any:
-    """A family's name, or the patterns in a file as a (K, H, W) tensor."""
+    """A family's name, or the patterns in a file: (K, H, W), or MATLAB's (H, W, K)."""
     from tmca.codes import FAMILIES
 
     if value in FAMILIES or not Path(value).suffix:
@@ -121,6 +130,8 @@ def codes_argument(value: str) -> Any:
     from tmca.data import read_array
 
     patterns = torch.from_numpy(read_array(value).astype("float32"))
+    if patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2]):
+        patterns = patterns.movedim(2, 0).contiguous()
     top = patterns.max()
     return patterns / top if top > 1 else patterns
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions
+from tmca.cli.options import OutputOptions, check_targets
 from tmca.cli.progress import progress_bar
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
@@ -38,15 +38,21 @@ def reconstruct(
         uncertainty: also estimate every pixel's standard deviation (lmmse, mixture).
     """
     from tmca.cameras import Snapshot
-    from tmca.experiments.spectral import reconstruct_snapshot, reconstruction_pictures, true_scene
+    from tmca.experiments.spectral import (
+        reconstruct_snapshot,
+        reconstruction_files,
+        reconstruction_pictures,
+        true_scene,
+    )
 
+    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
+    check_targets(reconstruction_files(target, output.figures), output.overwrite)
     taken = Snapshot.load(snapshot)
     scene = None if truth is None else true_scene(truth, taken)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         result = reconstruct_snapshot(
             taken, decoder, prior=prior, tv_weight=tv_weight, uncertainty=uncertainty, truth=scene, progress=progress
         )
-    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     written = [result.save(target, overwrite=output.overwrite)]
     if output.figures:
         written += reconstruction_pictures(result, target, truth=scene, overwrite=output.overwrite)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions, SensorOptions, SpectralOptions, size, spectral_camera
+from tmca.cli.options import OutputOptions, SensorOptions, SpectralOptions, check_targets, size, spectral_camera
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _CAMERA, _SENSOR = OutputOptions(), SpectralOptions(), SensorOptions()
@@ -43,17 +43,16 @@ def spectral(
     """
     from tmca.cli.wavelengths import metres
     from tmca.experiments.scenes import load_scene
-    from tmca.experiments.spectral import take_snapshot
+    from tmca.experiments.spectral import snapshot_files, snapshot_pictures, take_snapshot
 
     given = None if wavelengths is None else metres(wavelengths)
     kept = None if all_bands else bands
     cube = load_scene(scene, bands=kept, size=size(crop, "--crop"), wavelengths=given, variable=variable)
-    taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
+    check_targets(snapshot_files(target, output.figures), output.overwrite)
+    taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)
     written = [taken.save(target, overwrite=output.overwrite)]
     if output.figures:
-        from tmca.experiments.spectral import snapshot_pictures
-
         written += snapshot_pictures(taken, target, overwrite=output.overwrite)
     report: dict[str, Any] = {
         "snapshot": str(target),

@@ -42,13 +42,13 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
             or the disk is full.
     """
     path = Path(path)
-    _check_target(path, overwrite)
+    check_target(path, overwrite)
     temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}.tmp{path.suffix}")
     try:
         yield temporary
         if not temporary.exists():
             raise OutputError(path, "nothing written", "a complete file")
-        _check_target(path, overwrite)
+        check_target(path, overwrite)
         _replace(temporary, path)
     except OSError as error:
         raise _output_error(path, error) from error
@@ -56,11 +56,33 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
         _remove(temporary)
 
 
-def _check_target(path: Path, overwrite: bool) -> None:
+def check_target(path: str | Path, overwrite: bool = False) -> None:
+    """Say before long work that its output could not be written.
+
+    Raises:
+        OutputError: no such folder, or the file exists and ``overwrite`` is False.
+    """
+    path = Path(path)
     if not path.parent.is_dir():
         raise OutputError(path, "no such folder " + str(path.parent), "an existing folder", "create it first")
     if path.exists() and not overwrite:
         raise OutputError(path, "an existing output", "a new name", "choose another or pass overwrite (--overwrite)")
+
+
+def make_folder(path: str | Path) -> Path:
+    """The folder, made with its parents where it does not exist.
+
+    Raises:
+        OutputError: a file is in its place, or it cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            folder, f"no folder and none can be made ({error.strerror})", "a folder", "choose another"
+        ) from error
+    return folder
 
 
 def _replace(temporary: Path, path: Path) -> None:

@@ -13,10 +13,13 @@ from tmca.decoders.denoisers import (
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
 from tmca.decoders.pnp import PnPADMM, pnp_admm
+from tmca.decoders.spectral import METHODS, Decoded, decode
 from tmca.decoders.tv import total_variation, tv_prox
 
 __all__ = [
     "ADMMTV",
+    "METHODS",
+    "Decoded",
     "Estimate",
     "MixtureLMMSE",
     "PatchLMMSE",
@@ -24,6 +27,7 @@ __all__ = [
     "Result",
     "admm_tv",
     "chambolle_denoiser",
+    "decode",
     "default_weight",
     "module_denoiser",
     "nl_means_denoiser",

@@ -56,6 +56,7 @@ class PatchDecoder:
             ShapeError: the snapshot does not fit the taps, or the prior's bands or block do not.
             SettingError: negative noise, a stride below 1, or a snapshot that is not finite.
         """
+        self.prior = self.prior.to(taps.code.device)
         model = BlockModel.of(taps, self.prior.block)
         solver = self.solver(model, read_noise, shot)
         return decode_blocks(solver, model, snapshot, taps, self._stride(model), uncertainty, progress)

@@ -7,10 +7,13 @@ import json
 import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import tmca
+from tmca.data import make_folder, write_json, write_text
 from tmca.errors import TmcaError
 
 Settings = dict[str, Any]
@@ -27,6 +30,15 @@ def cell_key(settings: Settings) -> str:
     """Name of a cell's file: a digest of everything that makes it."""
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+@lru_cache(maxsize=1)
+def source_digest() -> str:
+    """Digest of the package's source: cells that other code computed are other cells."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(tmca.__file__).parent.rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:20]
 
 
 def run_cells(
@@ -52,8 +64,7 @@ def run_cells(
     Raises:
         CellsFailed: some cells raised; the message names the first, the folder keeps every traceback.
     """
-    place = Path(folder)
-    place.mkdir(parents=True, exist_ok=True)
+    place = make_folder(folder)
     files = [place / f"{cell_key(cell)}.json" for cell in cells]
     waiting = [i for i, file in enumerate(files) if not file.exists()]
     done, failed = len(cells) - len(waiting), []
@@ -99,8 +110,6 @@ def _one_thread() -> None:
 
 def _one_cell(cell: Settings, file: Path, compute: Callable[[Settings], Measured]) -> bool:
     """Compute and keep one cell; True if it failed."""
-    from tmca.data import write_json, write_text
-
     trouble = file.with_suffix(".error.txt")
     try:
         measured = compute(cell)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import OutputError, SettingError
-from tmca.experiments.cells import Measured, Settings, run_cells
+from tmca.experiments.cells import Measured, Settings, run_cells, source_digest
 from tmca.experiments.results import METRICS, markdown_table, mean_over_scenes, repository_commit
 
 CODES: dict[str, dict[str, Any]] = {
@@ -62,7 +62,7 @@ def compare_spectral(
         OutputError: the results exist.
         DataError: a scene of a split is missing or altered.
     """
-    from tmca.data import read_split, write_json, write_text
+    from tmca.data import make_folder, read_split, write_json, write_text
 
     unknown = [name for name in decoders if name not in DECODER_NAMES]
     if unknown:
@@ -71,14 +71,15 @@ def compare_spectral(
     for file in files:
         if file.exists() and not overwrite:
             raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
-    priors = _learn(read_split(train), work, bands, decoders)
-    scenes = read_split(test)
+    examples, scenes = read_split(train), read_split(test)
+    make_folder(out)
+    make_folder(work)
+    priors = _learn(examples, work, bands, decoders)
     cells = _cells(scenes, priors, bands, decoders, seed)
     if "lmmse" in priors:
-        cells += _expectations(read_split(train), scenes, priors["lmmse"], bands, seed, patches)
+        cells += _expectations(examples, scenes, priors["lmmse"], bands, seed, patches)
     measured = run_cells(cells, measure, work, jobs=jobs, progress=_timed(progress))
     results = _results(measured, train, test, command)
-    out.mkdir(parents=True, exist_ok=True)
     write_json(results, files[0], overwrite=overwrite)
     write_text(_markdown(results), files[1], overwrite=overwrite)
     return results
@@ -145,7 +146,6 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
         identity = {"decoder": decoder, "bands": bands, "scenes": [checksum_of(s) for s in scenes]}
         file = work / f"prior-{decoder}-{cell_key(identity)}.nc"
         if not file.exists():
-            work.mkdir(parents=True, exist_ok=True)
             cubes = [load_scene(scene, bands=bands) for scene in scenes]
             learn_prior(cubes, spread=bands - 1, mixture=decoder == "mixture").save(file)
         kept[decoder] = file
@@ -161,6 +161,7 @@ def _cells(
         {
             "name": f"{scene.stem} · {code} · {noise} · {DECODER_NAMES[decoder]}",
             "scene": scene.stem,
+            "source": source_digest(),
             "path": str(scene),
             "checksum": checksum_of(scene),
             "prior": str(priors[decoder]) if decoder in priors else None,
@@ -183,6 +184,7 @@ def _expectations(
     return [
         {
             "name": f"expected error · {code} · {noise}",
+            "source": source_digest(),
             "train": [str(path) for path in train],
             "test": [str(path) for path in test],
             "prior": str(prior),

@@ -55,18 +55,18 @@ def run_demo(
     Raises:
         OutputError: ``out`` holds results and ``overwrite`` is False.
     """
-    from tmca.data import rendered_scene, select_bands
+    from tmca.data import make_folder, rendered_scene, select_bands
     from tmca.priors import rendered_prior
 
     report = out / "report.html"
     if report.exists() and not overwrite:
         raise OutputError(report, "the report of an earlier demo", "none", "pass --overwrite or another --out")
-    out.mkdir(parents=True, exist_ok=True)
     start, told = time.perf_counter(), progress or (lambda share, next_: None)
     told(0.0, "rendering scenes")
     scenes = {name: select_bands(rendered_scene(name, size=size)["radiance"], BANDS) for name in SCENES}
     for name, scene in scenes.items():
         scene.attrs["name"] = name
+    make_folder(out)
     told(0.1, "learning the prior of rendered scenes")
     prior = rendered_prior(next(iter(scenes.values()))["wavelength"].values.tolist(), BANDS - 1)
     rows, sections = [], []

@@ -12,7 +12,6 @@ from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior, expected_mse
 from tmca.priors.posterior import GaussianSolver
-from tmca.sensor import Noise
 
 _PLACES = 16
 
@@ -42,15 +41,15 @@ def predicted_and_measured(
         raise SettingError("relay blur", str(camera.relay_blur), "0 for the expected error")
     predicted = expected_mse(prior, operator.taps, noise.read, noise.shot, blocks=64, seed=seed)
     each = max(1, count // (_PLACES * len(cubes)))
-    errors = [_block_errors(prior, operator, noise, cube, each, seed + 1 + index) for index, cube in enumerate(cubes)]
+    errors = [_block_errors(prior, operator, camera, cube, each, seed + 1 + index) for index, cube in enumerate(cubes)]
     return _decibels(predicted), _decibels(torch.cat(errors).mean())
 
 
 def _block_errors(
-    prior: GaussianPrior, operator: TapOperator, noise: Noise, cube: Tensor, each: int, seed: int
+    prior: GaussianPrior, operator: TapOperator, camera: SpectralCamera, cube: Tensor, each: int, seed: int
 ) -> Tensor:
     """Mean squared errors of the estimates of random patches of one scene, ``each`` at every place of the code."""
-    taps, generator = operator.taps, torch.Generator().manual_seed(seed)
+    taps, noise, generator = operator.taps, camera.noise, torch.Generator().manual_seed(seed)
     model, (_, rows, columns) = BlockModel.of(taps, prior.block), prior.block
     frame = (taps.code.shape[1], taps.code.shape[2])
     grid = BlockGrid.cover(model, frame, frame)
@@ -64,8 +63,7 @@ def _block_errors(
         truth = torch.stack([cube[:, y : y + rows, x : x + columns] for y, x in corners]).double()
         weights = model.complete(windows.double())
         exact = torch.cat([model.measure(weights, block.reshape(1, -1)) for block in truth])
-        spread = noise.variance(exact).sqrt()
-        recorded = exact + spread * torch.randn(exact.shape, generator=generator, dtype=torch.float64)
+        recorded = camera.record(exact, generator)
         estimate = solver.posterior(windows).estimate(0, recorded).reshape(truth.shape)
         errors.append((estimate - truth)[..., first:last].square().mean((1, 2, 3)))
     return torch.cat(errors)

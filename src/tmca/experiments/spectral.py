@@ -12,7 +12,7 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders.spectral import Decoded, decode, needs_prior
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import codes_figure, reconstruction_figure, save_figure, snapshot_figure
 from tmca.experiments.scenes import centre_crop, load_scene
 
@@ -122,16 +122,27 @@ def true_scene(source: str, snapshot: Snapshot) -> xr.DataArray:
     return centre_crop(cube, (height, width), source)
 
 
+def snapshot_files(path: Path, figures: bool) -> list[Path]:
+    """What `snapshot_pictures` and the snapshot itself will be called."""
+    return [path, path.with_suffix(".png"), path.with_name(f"{path.stem}_codes.png")] if figures else [path]
+
+
+def reconstruction_files(path: Path, figures: bool) -> list[Path]:
+    """What `reconstruction_pictures` and the reconstruction itself will be called."""
+    return [path, path.with_suffix(".png")] if figures else [path]
+
+
 def snapshot_pictures(snapshot: Snapshot, path: Path, *, overwrite: bool = False) -> list[Path]:
     """The snapshot and the codes as PNG beside a snapshot file."""
     title = f"{path.stem}: K = {snapshot.camera.slots}"
+    _, image, codes = snapshot_files(path, figures=True)
     return [
         save_figure(
             snapshot_figure(snapshot.values[0, 0].numpy(), snapshot.camera, title),
-            path.with_suffix(".png"),
+            image,
             overwrite=overwrite,
         ),
-        save_figure(codes_figure(snapshot.camera), path.with_name(f"{path.stem}_codes.png"), overwrite=overwrite),
+        save_figure(codes_figure(snapshot.camera), codes, overwrite=overwrite),
     ]
 
 
@@ -146,7 +157,7 @@ def reconstruction_pictures(
         None if truth is None else truth.values,
         deviations,
     )
-    return [save_figure(figure, path.with_suffix(".png"), overwrite=overwrite)]
+    return [save_figure(figure, reconstruction_files(path, figures=True)[1], overwrite=overwrite)]
 
 
 def evaluate_files(
@@ -160,7 +171,9 @@ def evaluate_files(
     from tmca.data import nearest_bands, read
     from tmca.metrics import all_metrics
 
-    cube = read(estimate, scale=1.0, negative="keep")
+    if figure is not None and Path(estimate).resolve() == figure.resolve():
+        raise SettingError("--figure", str(figure), "another file than the estimate")
+    cube = read(estimate, negative="keep")
     reference = nearest_bands(load_scene(truth, bands=None), cube["wavelength"].values)
     reference = centre_crop(reference, (cube.shape[1], cube.shape[2]), truth)
     if figure is not None:
@@ -183,7 +196,7 @@ def _labelled(found: Decoded, decoder: str, snapshot: Snapshot, truth: xr.DataAr
     }
 
     def cube(values: torch.Tensor, meaning: str) -> xr.DataArray:
-        attrs = {"units": "relative irradiance", "long_name": meaning}
+        attrs = {"quantity": "relative irradiance", "units": "1", "long_name": meaning}
         return xr.DataArray(values[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs)
 
     return Reconstruction(

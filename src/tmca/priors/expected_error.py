@@ -11,6 +11,9 @@ from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.posterior import GaussianSolver
 
+_TOGETHER = 8
+"""Blocks whose matrices are held at once."""
+
 
 def expected_mse(
     prior: GaussianPrior,
@@ -46,10 +49,14 @@ def expected_mse(
     height, width = taps.code.shape[1:]
     grid = BlockGrid.cover(model, (height, width), (height, width))
     places = _phases(grid, period) if period else _places(grid, blocks, seed)
-    windows = grid.code_windows(grid.pad_code(taps.code), places)
-    variance = GaussianSolver(prior, model, read_noise, shot, dtype).posterior(windows).error_variance()
+    solver, padded = GaussianSolver(prior, model, read_noise, shot, dtype), grid.pad_code(taps.code)
     first, last = model.judged
-    return variance.unflatten(1, prior.block)[..., first:last].mean()
+    total = padded.new_zeros((), dtype=dtype)
+    for start in range(0, len(places), _TOGETHER):
+        windows = grid.code_windows(padded, places[start : start + _TOGETHER])
+        variance = solver.posterior(windows).error_variance().unflatten(1, prior.block)
+        total = total + variance[..., first:last].mean((1, 2, 3)).sum()
+    return total / len(places)
 
 
 def expected_psnr(prior: GaussianPrior, taps: Taps, read_noise: float = 0.0, shot: float = 0.0, **where: int) -> float:
@@ -66,6 +73,7 @@ def _places(grid: BlockGrid, count: int, seed: int) -> list[tuple[int, int]]:
 
 
 def _phases(grid: BlockGrid, period: tuple[int, int]) -> list[tuple[int, int]]:
-    """Corners of one block at each phase of the tile, clear of the frame's left edge where it is wide enough."""
-    start = max(0, min(grid.lefts[-1] - period[1] + 1, 0))
-    return [(y, start + x) for y in range(period[0]) for x in range(period[1])]
+    """Corners of one block at each phase of the tile, inside the frame; a frame too small for a phase leaves it out."""
+    rows = min(period[0], grid.tops[-1] - grid.tops[0] + 1)
+    columns = min(period[1], grid.lefts[-1] - grid.lefts[0] + 1)
+    return [(grid.tops[0] + y, grid.lefts[0] + x) for y in range(rows) for x in range(columns)]

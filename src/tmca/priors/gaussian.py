@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -110,6 +110,12 @@ class GaussianPrior:
         if not gain > 0:
             raise SettingError("gain", f"{gain}", "a number above 0")
         return GaussianPrior(gain * self.mean, gain**2 * self.moments, self.wavelengths, self.sources)
+
+    def to(self, device: torch.device | str) -> GaussianPrior:
+        """The prior on a device; itself if it is there."""
+        if self.mean.device == torch.device(device):
+            return self
+        return replace(self, mean=self.mean.to(device), moments=self.moments.to(device))
 
     def sample(self, count: int, seed: int) -> Tensor:
         """(count, L, h, w) random blocks of this prior."""

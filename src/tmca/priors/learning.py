@@ -23,15 +23,17 @@ Prior = GaussianPrior | GaussianMixturePrior
 
 _ENTRIES = {False: 5184, True: 3456}
 _ROWS = {False: 12, True: 8}
-_JUDGED = 14
+_JUDGED, _FEWEST_ROWS = 14, 2
 _RENDERED_SIZE = (256, 256)
+_KEPT = 1
+"""Raised when the rendering changes: priors kept by earlier versions are then learned anew."""
 
 
 def block_for(bands: int, spread: int, *, mixture: bool = False) -> tuple[int, int]:
     """(rows, columns) of the blocks for a camera: wide enough that some columns see all their light from inside.
 
     For 12 bands at one pixel per band it is 12×36 (Gaussian) and 8×36 (mixture), the best of those tried on training
-    scenes left out one by one; other cameras get as many rows as keep the covariance about that large.
+    scenes left out one by one; other cameras get as many rows, two at least, as keep the covariance about that large.
 
     Args:
         bands: number of bands L.
@@ -39,7 +41,7 @@ def block_for(bands: int, spread: int, *, mixture: bool = False) -> tuple[int, i
         mixture: for a mixture prior.
     """
     columns = max(2 * spread + _JUDGED, 24)
-    rows = max(1, min(_ROWS[mixture], _ENTRIES[mixture] // (bands * columns)))
+    rows = max(_FEWEST_ROWS, min(_ROWS[mixture], _ENTRIES[mixture] // (bands * columns)))
     return rows, columns
 
 
@@ -108,21 +110,24 @@ def rendered_prior(wavelengths: Sequence[float], spread: int, *, mixture: bool =
         SettingError: wavelengths that the rendered scenes do not have.
     """
     from tmca import __version__
-    from tmca.data import rendered_scene, split_rendered
+    from tmca.data import make_folder, rendered_scene, split_rendered
 
     names = sorted(split_rendered()["train"])
-    identity = [__version__, [round(w * 1e12) for w in wavelengths], spread, mixture, names, _RENDERED_SIZE]
+    identity = [_KEPT, __version__, [round(w * 1e12) for w in wavelengths], spread, mixture, names, _RENDERED_SIZE]
     digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
     file = cache_folder() / f"rendered-{'mixture' if mixture else 'gaussian'}-{digest}.nc"
     if file.exists():
-        return load_prior(file)
+        try:
+            return load_prior(file)
+        except DataError:
+            pass  # a damaged file of ours: learned anew below, and replaced
     cubes = []
     for name in names:
         cube = rendered_scene(name, wavelengths=list(wavelengths), size=_RENDERED_SIZE)["radiance"]
         cube.attrs["name"] = name
         cubes.append(cube)
     prior = learn_prior(cubes, spread=spread, mixture=mixture)
-    file.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(file.parent)
     prior.save(file, overwrite=True)
     return prior
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -146,6 +146,13 @@ class GaussianMixturePrior:
         parts = fit(scaled - centre, basis, base, kinds, steps, seed)
         counts = parts.members.mT @ torch.nn.functional.one_hot(chosen, gains).double() + 1
         return cls(base, basis, parts.means, parts.covariances, parts.scales, levels, counts / counts.sum())
+
+    def to(self, device: torch.device | str) -> GaussianMixturePrior:
+        """The prior on a device; itself if it is there."""
+        if self.basis.device == torch.device(device):
+            return self
+        parts = ("basis", "means", "covariances", "scales", "gains", "weights")
+        return replace(self, base=self.base.to(device), **{name: getattr(self, name).to(device) for name in parts})
 
     def sample(self, count: int, seed: int) -> Tensor:
         """(count, L, h, w) random blocks of this prior."""
