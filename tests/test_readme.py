@@ -52,6 +52,18 @@ def test_the_two_commands_are_what_the_makefile_and_ci_call():
     assert '-c constraints.txt -e ".[dev]"' in makefile
 
 
+def test_the_demo_command_runs(tmp_path):
+    done = run([sys.executable, "-m", "tmca", "demo", "--size", "40x48", "--json"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "tmca-demo" / "report.html").exists()
+
+
+def test_the_benchmarks_run(tmp_path):
+    done = run([sys.executable, str(ROOT / "benchmarks" / "spectral.py"), "--repeats", "1", "--json"], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "ratios" in done.stdout
+
+
 def test_links_lead_somewhere():
     for target in re.findall(r"\]\(([^)#:]+)\)", TEXT):
         assert (ROOT / target).exists(), target

@@ -82,6 +82,11 @@ def rewritten(tmp_path, change):
         (lambda d: d.assign(snapshot=d["snapshot"] * np.nan), "not a finite"),
         (lambda d: d.assign_attrs(sensor="{"), "attribute sensor"),
         (lambda d: d.assign_attrs(exposure="mean"), "exposure"),
+        (lambda d: d.assign_attrs(disperser="triple"), "disperser"),
+        (lambda d: d.assign_attrs(dispersion_axis="y"), "dispersion_axis"),
+        (lambda d: d.assign_attrs(origin=7), "origin 7"),
+        (lambda d: d.assign_coords(x_sensor=d["x_sensor"] + 7), "origin 7"),
+        (lambda d: d.assign_attrs(relay_blur='"x"'), "relay blur"),
         (lambda d: d.assign(aperture=d["aperture"] + 3), "aperture"),
     ],
 )

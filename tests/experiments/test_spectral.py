@@ -12,9 +12,11 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_dataset, rendered_scene, select_bands, write_split
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.experiments.compare_spectral import CODES, NOISES, compare_spectral
+from tmca.experiments.corner import corner_conditioning
 from tmca.experiments.demo import run_demo
 from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral import evaluate_files, reconstruct_snapshot, take_snapshot, true_scene
+from tmca.operators import conditioning, sparse_matrix
 from tmca.priors import GaussianMixturePrior, learn_prior
 from tmca.sensor import Sensor
 
@@ -92,6 +94,31 @@ def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
     write = scene.to_dataset(name="radiance")
     write.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
     assert evaluate_files(path, str(tmp_path / "t.nc"))["psnr"] == pytest.approx(found.metrics["psnr"], abs=1e-3)
+
+
+def test_an_estimate_above_one_is_not_rescaled_when_read_back(scene, tmp_path):
+    bright = scene * 1.5 / scene.max()
+    snapshot = take_snapshot(bright, camera_for(scene))
+    path = reconstruct_snapshot(snapshot, "dagger").save(tmp_path / "e.nc")
+    assert evaluate_files(path, str(path))["dd"] == 0
+
+
+def test_noise_is_independent_of_the_codes(scene):
+    camera = camera_for(scene, slots=1, shutter="open", dispersion=0.0, sensor=Sensor(read_noise=1.0))
+    noise = take_snapshot(scene * 0, camera).values[0, 0]
+    mask = camera.codes()[0][0] > 0
+    assert abs(float(noise[mask].var() / noise[~mask].var()) - 1) < 0.15
+
+
+@pytest.mark.parametrize("disperser", ["single", "dual"])
+@pytest.mark.parametrize("dispersion", [1.0, 0.5, -0.7])
+def test_the_corner_is_the_cameras_own_matrix(disperser, dispersion):
+    settings = {"bands": BANDS, "slots": 3, "dispersion": dispersion, "disperser": disperser}
+    camera = SpectralCamera(size=(2, 12), **settings)
+    found = corner_conditioning(camera, rows=2, columns=12)
+    truth = conditioning(sparse_matrix(camera.operator()))
+    assert (found["rank"], found["shape"]) == (truth.rank, truth.shape)
+    assert found["condition"] == pytest.approx(truth.condition, rel=1e-4)
 
 
 def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):

@@ -24,6 +24,11 @@ def test_taps_keep_the_light_and_its_centre():
         assert sum(place * weight for place, weight in taps) == pytest.approx(d)
 
 
+def test_rounding_errors_make_no_taps():
+    nearly = Dispersion(tuple(1.1 * band * 10 / 11 for band in range(12)))
+    assert (nearly.spread, nearly.fractional, len(nearly.taps())) == (11, False, 12)
+
+
 def test_impossible_dispersions_are_refused():
     with pytest.raises(SettingError, match="displacement"):
         Dispersion(())

@@ -38,6 +38,20 @@ def test_a_real_sensor_in_snapshot_units():
     assert Noise(0.01).variance(torch.tensor(5.0)).item() == pytest.approx(1e-4)
 
 
+def test_rounding_of_the_converter_is_part_of_the_stated_noise():
+    sensor = Sensor(read_noise=0.05, bits=6)
+    y = torch.full((1, 1, 500, 500), 3.0, dtype=torch.float64) + torch.rand(1, 1, 500, 500, dtype=torch.float64)
+    assert (sensor(y, SCALE, 0) - y).std().item() == pytest.approx(sensor.noise(SCALE).read, rel=0.02)
+
+
+def test_accumulated_exposures_collect_more_electrons_and_saturate_later():
+    sensor, level = Sensor(full_well=1000), 6.0
+    once, often = (torch.full((1, 1, 400, 400), level * k, dtype=torch.float64) for k in (1, 4))
+    ratio = [sensor(y, SCALE, 0, k).mean() / sensor(y, SCALE, 0, k).std() for y, k in ((once, 1), (often, 4))]
+    assert (ratio[1] / ratio[0]).item() == pytest.approx(2.0, rel=0.03)
+    assert sensor(torch.full((1, 1, 4, 4), 100.0), SCALE, 0, 4).max().item() == pytest.approx(4 * SCALE)
+
+
 def test_same_seed_same_noise():
     sensor, y = Sensor(read_noise=0.1, full_well=100), torch.rand(1, 1, 9, 9)
     assert torch.equal(sensor(y, SCALE, 3), sensor(y, SCALE, 3))

@@ -88,8 +88,8 @@ def pattern(family: str, slots: int, size: tuple[int, int], density: float = 0.5
         )
     if slots < 1:
         raise SettingError("slots", str(slots), "at least 1")
-    if not 0 <= seed < 2**40:
-        raise SettingError("seed", str(seed), "0 or more, below 2^39")
+    if not 0 <= seed < 2**31:
+        raise SettingError("seed", str(seed), "0 or more, below 2^30")
     if not 0 <= density <= 1:
         raise SettingError("transmittance", str(density), "a share between 0 and 1")
     return FAMILIES[family](slots, size, density, seed)

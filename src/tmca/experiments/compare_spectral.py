@@ -35,7 +35,7 @@ def compare_spectral(
     bands: int = 12,
     decoders: Sequence[str] = ("lmmse", "mixture", "admm-tv"),
     seed: int = 0,
-    patches: int = 6000,
+    patches: int = 24_000,
     jobs: int = 1,
     overwrite: bool = False,
     progress: Told | None = None,

@@ -13,15 +13,17 @@ from tmca.operators import TapOperator
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior, expected_mse
 from tmca.priors.posterior import GaussianSolver
 
-_PLACES = 16
+_PLACES, _NOISE_STREAM = 16, 0x9E3779B9
 
 
 def predicted_and_measured(
-    prior: GaussianPrior, camera: SpectralCamera, cubes: Sequence[Tensor], *, count: int = 6000, seed: int = 0
+    prior: GaussianPrior, camera: SpectralCamera, cubes: Sequence[Tensor], *, count: int = 24_000, seed: int = 0
 ) -> tuple[float, float]:
     """PSNR that the prior predicts for single blocks, and the PSNR measured on patches of scenes.
 
     Both are means over the judged columns of blocks at random places of the code; nothing is blended.
+    Patches lie inside the scenes, scattered evenly; the prior also counts the frame's border as often as the rest,
+    which leaves a difference of 0.1 to 0.2 dB where the border is darker.
 
     Args:
         prior: Gaussian.
@@ -49,7 +51,8 @@ def _block_errors(
     prior: GaussianPrior, operator: TapOperator, camera: SpectralCamera, cube: Tensor, each: int, seed: int
 ) -> Tensor:
     """Mean squared errors of the estimates of random patches of one scene, ``each`` at every place of the code."""
-    taps, noise, generator = operator.taps, camera.noise, torch.Generator().manual_seed(seed)
+    taps, noise = operator.taps, camera.noise
+    placing, recording = (torch.Generator().manual_seed(seed + stream) for stream in (0, _NOISE_STREAM))
     model, (_, rows, columns) = BlockModel.of(taps, prior.block), prior.block
     frame = (taps.code.shape[1], taps.code.shape[2])
     grid = BlockGrid.cover(model, frame, frame)
@@ -57,13 +60,12 @@ def _block_errors(
     solver = GaussianSolver(prior, model, noise.read, noise.shot, torch.float64)
     first, last = model.judged
     errors = []
-    for place in _random_places(_PLACES, (frame[0] - rows, frame[1] - columns), generator):
+    for place in _random_places(_PLACES, (frame[0] - rows, frame[1] - columns), placing):
         windows = grid.code_windows(padded, [place])
-        corners = _random_places(each, (cube.shape[1] - rows, cube.shape[2] - columns), generator)
+        corners = _scattered(each, (cube.shape[1] - rows + 1, cube.shape[2] - columns + 1), placing)
         truth = torch.stack([cube[:, y : y + rows, x : x + columns] for y, x in corners]).double()
         weights = model.complete(windows.double())
-        exact = torch.cat([model.measure(weights, block.reshape(1, -1)) for block in truth])
-        recorded = camera.record(exact, generator)
+        recorded = camera.record(model.measure(weights, truth.flatten(1)), recording)
         estimate = solver.posterior(windows).estimate(0, recorded).reshape(truth.shape)
         errors.append((estimate - truth)[..., first:last].square().mean((1, 2, 3)))
     return torch.cat(errors)
@@ -72,6 +74,17 @@ def _block_errors(
 def _random_places(count: int, room: tuple[int, int], generator: torch.Generator) -> list[tuple[int, int]]:
     share = torch.rand(count, 2, generator=generator).tolist()
     return [(int(v * (room[0] + 1)), int(u * (room[1] + 1))) for v, u in share]
+
+
+def _scattered(count: int, size: Sequence[int], generator: torch.Generator) -> list[tuple[int, int]]:
+    """About ``count`` pixels, one at random in each cell of a grid over the image: every part of it has its share."""
+    side = max(1, round(count**0.5))
+    share = torch.rand(side, side, 2, generator=generator).tolist()
+    return [
+        (int((i + v) * size[0] / side), int((j + u) * size[1] / side))
+        for i, row in enumerate(share)
+        for j, (v, u) in enumerate(row)
+    ]
 
 
 def _decibels(mse: Tensor) -> float:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from tmca.priors import GaussianMixturePrior, GaussianPrior
 
-_NOISE_STREAM = 2**40
-"""Added to the seed of the noise: codes draw from seeds below it."""
+_NOISE_STREAM = 0x9E3779B9
+"""Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""
 
 
 @dataclass
