@@ -164,6 +164,38 @@ def test_decoder_and_prior_that_do_not_fit(capsys):
     assert "p.npy" in refused(capsys, "reconstruct", "s_snapshot.nc", "--prior", "p.npy")
 
 
+def test_the_input_is_never_overwritten(capsys, tmp_path):
+    before = small_snapshot().read_bytes()
+    line = refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--out", "s_snapshot.nc", "--overwrite")
+    assert "input" in line
+    assert (tmp_path / "s_snapshot.nc").read_bytes() == before
+
+
+def test_a_prior_at_other_bands_and_options_that_do_not_apply(capsys):
+    from tmca.data import rendered_scene, select_bands
+    from tmca.priors import learn_prior
+
+    small_snapshot()
+    example = select_bands(rendered_scene("astronaut", size=(48, 48))["radiance"], 12)
+    shifted = example.assign_coords(wavelength=example["wavelength"] + 20e-9)
+    learn_prior([shifted], spread=11, block=(2, 30)).save("prior.nc")
+    assert "420" in refused(capsys, "reconstruct", "s_snapshot.nc", "--prior", "prior.nc")
+    assert "prior" in refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--prior", "prior.nc")
+    assert "tv_weight" in refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--tv-weight", "0.1")
+
+
+@pytest.mark.parametrize("option", ["--dispersion=1e6", "--relay-blur=-1", "--seed=99999999999999999999"])
+def test_impossible_numbers(capsys, tmp_path, option):
+    refused(capsys, "simulate", "spectral", "coffee", "--crop", "16x40", option)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_closed_codes_and_a_file_for_a_folder(capsys, tmp_path):
+    np.save("dark.npy", np.zeros((8, 16, 40)))
+    assert "light" in refused(capsys, "simulate", "spectral", "coffee", "--crop", "16x40", "--aperture", "dark.npy")
+    assert "dark.npy" in refused(capsys, "demo", "--out", "dark.npy", "--size", "40x48")
+
+
 def test_truth_of_another_size_or_bands(capsys):
     small_snapshot()
     cube("tiny.mat", np.random.default_rng(0).random((5, 6, 31)))

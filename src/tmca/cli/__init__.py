@@ -36,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)
+    except OSError as error:
+        _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
 
 
 def _leave(message: str) -> None:

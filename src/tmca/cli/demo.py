@@ -9,6 +9,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from tmca.errors import OutputError
+
 
 def demo(
     *,
@@ -28,6 +30,8 @@ def demo(
     from tmca.cli.options import size as parsed_size
     from tmca.cli.progress import step_progress
 
+    if out.exists() and not out.is_dir():
+        raise OutputError(out, "a file", "a folder or a new name", "choose another --out")
     wanted = parsed_size(size)
     assert wanted is not None
     print("tmca demo: loading", file=sys.stderr)

@@ -62,7 +62,14 @@ def _lines(found: dict[str, Any]) -> list[str]:
         spread = f"{waves['first_nm']:.6g} to {waves['last_nm']:.6g} nm"
         lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
     snapshot = "snapshot" in found.get("variables", {})
-    for key in ("scale", "note", "matrix", "figure"):
+    if "matrix" in found:
+        corner = found["matrix"]
+        lines.append(
+            f"  matrix of the first {corner['rows']} × {corner['columns']} scene pixels: {corner['shape'][0]} × "
+            f"{corner['shape'][1]}, rank {corner['rank']}, condition number {corner['condition']:.4g}, coherence "
+            f"{corner['coherence']:.4g}, unseen entries {corner['dark_columns']}"
+        )
+    for key in ("scale", "note", "figure"):
         if found.get(key) is not None and not (snapshot and key == "note"):
             lines.append(f"  {key}: {found[key]}")
     return lines + [f"  {key}: {value}" for key, value in found.get("attrs", {}).items()]

@@ -108,14 +108,19 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
         "size": scene.shape[1:],
         "sensor": Sensor(**vars(sensor)),
     }
-    return SpectralCamera(**settings)
+    made = SpectralCamera(**settings)
+    if made.throughput() == 0:
+        raise SettingError("codes", "none that let light through", "some open pixels in aperture and shutter together")
+    return made
 
 
-def check_targets(files: Iterable[Path], overwrite: bool) -> None:
-    """Refuse outputs that exist, or have no folder, before the work is done."""
+def check_targets(files: Iterable[Path], overwrite: bool, source: str | Path = "") -> None:
+    """Refuse outputs that exist, have no folder, or are the input, before the work is done."""
     from tmca.data import check_target
 
     for file in files:
+        if source and file.resolve() == Path(source).resolve():
+            raise SettingError("--out", f"{file}, which is the input", "another file")
         check_target(file, overwrite)
 
 
@@ -125,15 +130,18 @@ def codes_argument(value: str) -> Any:
 
     if value in FAMILIES or not Path(value).suffix:
         return value
+    import numpy as np
     import torch
 
     from tmca.data import read_array
 
-    patterns = torch.from_numpy(read_array(value).astype("float32"))
+    stored = read_array(value)
+    patterns = torch.from_numpy(stored.astype("float32"))
+    if stored.dtype.kind in "ui" and patterns.max() > 1:
+        patterns = patterns / float(np.iinfo(stored.dtype).max)
     if patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2]):
         patterns = patterns.movedim(2, 0).contiguous()
-    top = patterns.max()
-    return patterns / top if top > 1 else patterns
+    return patterns
 
 
 def numbers(text: str, option: str) -> float | list[float]:

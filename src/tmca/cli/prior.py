@@ -21,6 +21,7 @@ def learn(
     mixture: Annotated[bool, Parameter(negative="")] = False,
     split: Path | None = None,
     bands: int = 12,
+    all_bands: Annotated[bool, Parameter(negative="")] = False,
     spread: int | None = None,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -34,6 +35,7 @@ def learn(
         mixture: a Gaussian mixture instead of one Gaussian.
         split: a split file whose scenes are added.
         bands: nearest to even spacing from 400 to 700 nm.
+        all_bands: keep every band of the files instead.
         spread: pixels between the first and the last band on the sensor; one per band without it.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
@@ -46,7 +48,7 @@ def learn(
         out,
         mixture=mixture,
         split=split,
-        bands=bands,
+        bands=None if all_bands else bands,
         spread=spread,
         seed=seed,
         figure=figure,

@@ -46,7 +46,7 @@ def reconstruct(
     )
 
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
-    check_targets(reconstruction_files(target, output.figures), output.overwrite)
+    check_targets(reconstruction_files(target, output.figures), output.overwrite, snapshot)
     taken = Snapshot.load(snapshot)
     scene = None if truth is None else true_scene(truth, taken)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:

@@ -49,7 +49,7 @@ def spectral(
     kept = None if all_bands else bands
     cube = load_scene(scene, bands=kept, size=size(crop, "--crop"), wavelengths=given, variable=variable)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, output.figures), output.overwrite)
+    check_targets(snapshot_files(target, output.figures), output.overwrite, scene)
     taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)
     written = [taken.save(target, overwrite=output.overwrite)]
     if output.figures:
@@ -67,4 +67,5 @@ def spectral(
         print(json.dumps(report, indent=1))
         return
     print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {report['bands']} bands, K = {report['slots']}")
-    print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}")
+    how = " -d admm-tv" if taken.camera.blurred else ""
+    print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")

@@ -20,7 +20,8 @@ class PatchDecoder:
 
     Args:
         prior: of the blocks (L, h, w).
-        stride: rows and columns from block to block; None takes two thirds of its rows and its judged columns.
+        stride: rows and columns from block to block; None takes two thirds of its rows, and its judged columns but
+            no more than two thirds of all, so that blocks overlap.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
     """
 
@@ -67,7 +68,11 @@ class PatchDecoder:
 
     def _stride(self, model: BlockModel) -> tuple[int, int]:
         first, last = model.judged
-        rows, columns = self.stride or (max(1, 2 * model.block[1] // 3), last - first)
+        rows, columns = self.stride or (_two_thirds(model.block[1]), min(last - first, _two_thirds(model.block[2])))
         if rows < 1 or columns < 1:
             raise SettingError("stride", f"{self.stride}", "rows and columns ≥ 1")
         return min(rows, model.block[1]), columns
+
+
+def _two_thirds(length: int) -> int:
+    return max(1, 2 * length // 3)

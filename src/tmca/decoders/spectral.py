@@ -74,6 +74,10 @@ def decode(
     """
     if method not in METHODS:
         raise SettingError("decoder", repr(method), f"one of {', '.join(METHODS)}")
+    if prior is not None and not needs_prior(method):
+        raise SettingError("prior", f"one for {method}", "none: only lmmse and mixture use it", "leave it out")
+    if tv_weight is not None and not method.startswith("admm"):
+        raise SettingError("tv_weight", f"{tv_weight} for {method}", "none: only admm-tv uses it", "leave it out")
     start = time.perf_counter()
     with torch.no_grad():
         if needs_prior(method):
@@ -100,15 +104,33 @@ def _by_prior(
     operator, noise = snapshot.camera.operator(), snapshot.camera.noise
     if not isinstance(operator, TapOperator):
         raise SettingError("relay blur", str(snapshot.camera.relay_blur), "0 for lmmse and mixture", "use admm-tv")
+    _check_bands(prior, snapshot)
     if method == "mixture" and isinstance(prior, GaussianMixturePrior):
         decoder: PatchLMMSE | MixtureLMMSE = MixtureLMMSE(prior)
     elif method == "lmmse" and isinstance(prior, GaussianPrior):
         decoder = PatchLMMSE(prior)
     else:
-        kind = "a Gaussian-mixture prior" if method == "mixture" else "a Gaussian prior"
-        raise SettingError("prior", type(prior).__name__, f"{kind} for {method}", "learn one with `tmca prior learn`")
+        kinds = {
+            GaussianPrior: "a Gaussian prior",
+            GaussianMixturePrior: "a Gaussian-mixture prior",
+            type(None): "none",
+        }
+        wanted, how = ("a Gaussian-mixture prior", " --mixture") if method == "mixture" else ("a Gaussian prior", "")
+        remedy = f"learn one with `tmca prior learn …{how}`"
+        raise SettingError("prior", kinds.get(type(prior), "something else"), f"{wanted} for {method}", remedy)
     found = decoder(snapshot.values, operator.taps, noise.read, noise.shot, uncertainty=uncertainty, progress=progress)
     return Decoded(found.estimate, found.deviation)
+
+
+def _check_bands(prior: GaussianPrior | GaussianMixturePrior | None, snapshot: Snapshot) -> None:
+    """The prior's bands must be the camera's, to a nanometre."""
+    base = prior.base if isinstance(prior, GaussianMixturePrior) else prior
+    known, needed = None if base is None else base.wavelengths, snapshot.camera.wavelengths
+    if known is None or len(known) != len(needed):
+        return  # the block model names a wrong number of bands
+    if max(abs(a - b) for a, b in zip(known, needed, strict=True)) > 1e-9:
+        found, expected = (f"bands from {w[0] * 1e9:.4g} to {w[-1] * 1e9:.4g} nm" for w in (known, needed))
+        raise SettingError("prior", found, f"the camera's {expected}", "learn a prior at the camera's bands")
 
 
 def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progress: Progress | None) -> Decoded:

@@ -23,7 +23,7 @@ def learn_to_file(
     *,
     mixture: bool = False,
     split: Path | None = None,
-    bands: int = 12,
+    bands: int | None = 12,
     spread: int | None = None,
     figure: Path | None = None,
     overwrite: bool = False,
@@ -43,8 +43,12 @@ def learn_to_file(
     sources = [*scenes, *(map(str, read_split(split)) if split else ())]
     if not sources:
         raise SettingError("prior learn", "no scenes", "cube files, rendered scenes or --split")
+    if spread is not None and spread < 0:
+        raise SettingError("--spread", str(spread), "0 pixels or more")
     cubes = [load_scene(source, bands=bands) for source in sources]
-    prior = learn_prior(cubes, spread=bands - 1 if spread is None else spread, mixture=mixture, seed=seed)
+    prior = learn_prior(
+        cubes, spread=cubes[0].sizes["wavelength"] - 1 if spread is None else spread, mixture=mixture, seed=seed
+    )
     prior.save(out, overwrite=overwrite)
     if figure is not None:
         save_figure(prior.figure(), figure, overwrite=overwrite)

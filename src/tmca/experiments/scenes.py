@@ -62,6 +62,6 @@ def centre_crop(cube: xr.DataArray, size: tuple[int, int], where: str) -> xr.Dat
     """
     height, width = cube.shape[1:]
     if size[0] > height or size[1] > width or min(size) < 1:
-        raise SettingError("--size", f"{size[0]}x{size[1]}", f"at most the {height}x{width} pixels of {where}")
+        raise SettingError("crop", f"{size[0]}x{size[1]}", f"at most the {height}x{width} pixels of {where}")
     top, left = (height - size[0]) // 2, (width - size[1]) // 2
     return cube[:, top : top + size[0], left : left + size[1]]

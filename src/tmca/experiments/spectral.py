@@ -90,7 +90,7 @@ def reconstruct_snapshot(
         truth: (wavelength, y, x) for metrics.
         progress: told the share that is done.
     """
-    chosen = find_prior(prior, decoder, snapshot.camera) if needs_prior(decoder) else None
+    chosen = find_prior(prior, decoder, snapshot.camera) if needs_prior(decoder) or prior is not None else None
     found = decode(snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress)
     return _labelled(found, decoder, snapshot, truth)
 

@@ -10,7 +10,7 @@ from typing import cast
 
 from tmca.errors import SettingError
 
-_DECIMALS, _FARTHEST = 9, 100_000
+_DECIMALS, _FARTHEST = 9, 10_000
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ Prior = GaussianPrior | GaussianMixturePrior
 _ENTRIES = {False: 5184, True: 3456}
 _ROWS = {False: 12, True: 8}
 _JUDGED, _FEWEST_ROWS = 14, 2
-_RENDERED_SIZE = (256, 256)
+_RENDERED_SIZE, _RENDERED_RANGE = (256, 256), (400e-9, 700e-9)
 _KEPT = 1
 """Raised when the rendering changes: priors kept by earlier versions are then learned anew."""
 
@@ -112,6 +112,13 @@ def rendered_prior(wavelengths: Sequence[float], spread: int, *, mixture: bool =
     from tmca import __version__
     from tmca.data import make_folder, rendered_scene, split_rendered
 
+    if min(wavelengths) < _RENDERED_RANGE[0] - 1e-12 or max(wavelengths) > _RENDERED_RANGE[1] + 1e-12:
+        raise SettingError(
+            "prior",
+            f"bands from {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm",
+            "400 to 700 nm, where the rendered scenes are known",
+            "pass --prior with one from `tmca prior learn --all-bands`, or use admm-tv",
+        )
     names = sorted(split_rendered()["train"])
     identity = [_KEPT, __version__, [round(w * 1e12) for w in wavelengths], spread, mixture, names, _RENDERED_SIZE]
     digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]

@@ -62,8 +62,11 @@ def _is_netcdf(path: Path) -> bool:
 
 def _is_classic(path: Path) -> bool:
     """Whether it is a NetCDF file from before version 4."""
-    with path.open("rb") as head:
-        return head.read(3) == b"CDF"
+    try:
+        with path.open("rb") as head:
+            return head.read(3) == b"CDF"
+    except OSError as error:
+        raise damaged(path, error) from error
 
 
 def damaged(path: Path, error: BaseException) -> DataError:
