@@ -18,6 +18,7 @@ from tmca.operators import (
     TapOperator,
     dual_disperser,
     single_disperser,
+    sum_by_channel,
 )
 from tmca.optics import Dispersion, gaussian_spread
 from tmca.sensor import Noise, Sensor
@@ -148,8 +149,7 @@ class SpectralCamera(nn.Module):
         aperture, shutter = self.codes()
         build = single_disperser if self.disperser == "single" else dual_disperser
         taps = build(aperture, shutter, self.dispersion, None, self.exposure).taps
-        cube = taps.code.new_zeros(taps.scene_shape)
-        return cube.index_add(0, torch.tensor(taps.channels, device=cube.device), taps.code)
+        return sum_by_channel(taps.code, taps.channels, self.bands)
 
     def throughput(self) -> float:
         """Light throughput: share of a white scene's light that is recorded, mean of T̂ under equal exposure."""

@@ -143,7 +143,8 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
 
     kept = {}
     for decoder in set(decoders) & {"lmmse", "mixture"}:
-        identity = {"decoder": decoder, "bands": bands, "scenes": [checksum_of(s) for s in scenes]}
+        identity: dict[str, Any] = {"decoder": decoder, "bands": bands, "source": source_digest()}
+        identity["scenes"] = [checksum_of(s) for s in scenes]
         file = work / f"prior-{decoder}-{cell_key(identity)}.nc"
         if not file.exists():
             cubes = [load_scene(scene, bands=bands) for scene in scenes]

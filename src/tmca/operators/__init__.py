@@ -7,7 +7,7 @@ from tmca.operators.sheared_code import sheared_code
 from tmca.operators.slotwise import SlotwiseDisperser
 from tmca.operators.spectral import EXPOSURES, coloured_code, dual_disperser, single_disperser
 from tmca.operators.tap_operator import TapOperator
-from tmca.operators.taps import Taps
+from tmca.operators.taps import Taps, sum_by_channel
 
 __all__ = [
     "EXPOSURES",
@@ -24,4 +24,5 @@ __all__ = [
     "sheared_code",
     "single_disperser",
     "sparse_matrix",
+    "sum_by_channel",
 ]

@@ -8,7 +8,7 @@ from torch import Tensor
 from tmca.errors import SettingError, ShapeError
 from tmca.operators.sheared_code import sheared_code
 from tmca.operators.tap_operator import TapOperator
-from tmca.operators.taps import Taps
+from tmca.operators.taps import Taps, sum_by_channel
 from tmca.optics import Dispersion
 
 EXPOSURES = ("equal", "per-slot")
@@ -87,7 +87,7 @@ def dual_disperser(
     mirrored = Dispersion(tuple(-d for d in dispersion.displacement))
     channels, offsets, weights = _columns(mirrored)
     taps = sheared_code(shutter, aperture, offsets) * torch.tensor(weights).to(shutter)[:, None, None]
-    code = torch.stack([sum_of(taps, channels, band) for band in range(dispersion.bands)])
+    code = sum_by_channel(taps, channels, dispersion.bands)
     bands = tuple(range(dispersion.bands))
     return _operator(
         code,
@@ -119,12 +119,6 @@ def coloured_code(code: Tensor, dispersion: Dispersion, response: Tensor | None 
     picked = code[list(channels)]
     width = code.shape[2] + dispersion.spread
     return _operator(picked, channels, offsets, weights, response, "per-slot", 1, dispersion.bands, width)
-
-
-def sum_of(taps: Tensor, channels: tuple[int, ...], channel: int) -> Tensor:
-    """Sum of the taps that read one channel, (H, W)."""
-    mine = [tap for tap, c in zip(taps, channels, strict=True) if c == channel]
-    return mine[0] if len(mine) == 1 else torch.stack(mine).sum(0)
 
 
 def _columns(dispersion: Dispersion) -> tuple[tuple[int, ...], tuple[int, ...], tuple[float, ...]]:

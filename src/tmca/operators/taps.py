@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError
@@ -56,3 +57,9 @@ class Taps:
     def snapshot_shape(self) -> tuple[int, int, int]:
         """(1, H, W') of the snapshot."""
         return (1, self.code.shape[1], self.snapshot_width)
+
+
+def sum_by_channel(code: Tensor, channels: tuple[int, ...], scene_channels: int) -> Tensor:
+    """(t, H, W) codes of taps → (L, H, W), summed over the taps that read the same channel."""
+    total = code.new_zeros(scene_channels, *code.shape[1:])
+    return total.index_add(0, torch.tensor(channels, device=code.device), code)

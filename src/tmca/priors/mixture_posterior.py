@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.mixture import GaussianMixturePrior
-from tmca.priors.posterior import GaussianSolver, explained_variance, noise_variance, sufficient_precision
+from tmca.priors.posterior import GaussianSolver, check_noise, explained_variance, noise_variance, sufficient_precision
 
 # Components less probable than this add nothing to the variance worth their time.
 NEGLIGIBLE = 1e-2
@@ -151,8 +150,7 @@ class MixtureSolver:
         shot: float,
         dtype: torch.dtype | None = None,
     ) -> None:
-        if not (read_noise >= 0 and shot >= 0):
-            raise SettingError("noise", f"read noise {read_noise}, shot {shot}", "numbers ≥ 0")
+        check_noise(read_noise, shot)
         self.prior, self.model, self.read_noise, self.shot = prior, model, read_noise, shot
         self.dtype = dtype or sufficient_precision(prior.base, model, read_noise, shot)
         self.centre, self.basis = prior.base.mean.reshape(-1).to(self.dtype), prior.basis.to(self.dtype)

@@ -86,8 +86,7 @@ class GaussianSolver:
         shot: float,
         dtype: torch.dtype | None = None,
     ) -> None:
-        if not (read_noise >= 0 and shot >= 0):
-            raise SettingError("noise", f"read noise {read_noise}, shot {shot}", "numbers ≥ 0")
+        check_noise(read_noise, shot)
         self.model, self.read_noise, self.shot = model, read_noise, shot
         self.dtype = dtype or sufficient_precision(prior, model, read_noise, shot)
         self.mean = prior.mean.reshape(-1).to(self.dtype)
@@ -107,6 +106,12 @@ class GaussianSolver:
     def typical_variance(self, windows: Tensor) -> Tensor:
         """(n,) posterior variance of each pixel, averaged over code windows."""
         return self.posterior(windows).error_variance().mean(0)
+
+
+def check_noise(read_noise: float, shot: float) -> None:
+    """Raises SettingError unless both are numbers ≥ 0."""
+    if not (read_noise >= 0 and shot >= 0):
+        raise SettingError("noise", f"read noise {read_noise}, shot {shot}", "numbers ≥ 0")
 
 
 def noise_variance(expected: Tensor, read_noise: float, shot: float) -> Tensor:
