@@ -72,7 +72,7 @@ def test_data_step_equals_the_dense_solve(shape: tuple[int, int, int], blurred: 
     system = matrix(camera, dtype)
     right = snapshot.flatten(1) @ system + rho * point.flatten(1)
     dense = torch.linalg.solve(system.mT @ system + rho * torch.eye(system.shape[1], dtype=dtype), right.mT).mT
-    step = DataStep(camera, snapshot)(point, rho)
+    step = DataStep(camera, snapshot, tolerance=1e-7)(point, rho)
     assert step.dtype == dtype
     assert torch.allclose(step.flatten(1), dense, atol=2e-5 if dtype == torch.float32 else 3e-6)
 
@@ -190,3 +190,10 @@ def test_a_snapshot_of_another_camera_is_refused() -> None:
         admm_tv(camera, torch.zeros(1, 1, 6, 9), 0.1, initial=torch.zeros(1, 3, 6, 9))
     with pytest.raises(DataError, match="snapshot: found NaN"):
         admm_tv(camera, torch.full((1, 1, 6, 9), float("nan")), 0.1)
+
+
+def test_conjugate_gradients_that_start_at_the_solution_stay_there_without_a_step() -> None:
+    camera = BlurredCamera(coded_camera(SHAPE))
+    snapshot = camera.A(blocky_scene((1, *SHAPE)))
+    solution = conjugate_gradient_gram(camera, snapshot, 0.1, tolerance=1e-12)
+    assert torch.equal(conjugate_gradient_gram(camera, snapshot, 0.1, tolerance=1e-9, start=solution), solution)

@@ -17,6 +17,9 @@ Progress = Callable[[int, float, float], None]
 """Called at every check with the iteration and the relative primal and dual residuals."""
 
 
+_INNER = 1e-4  # of the inner iteration, which goes on from its last solution: the objective is then right to 1e-5
+
+
 class Operator(Protocol):
     """A linear camera: scene (B, L, H, W) to snapshot (B, 1, H, W').
 
@@ -68,13 +71,14 @@ class DataStep:
     Args:
         operator: the camera.
         snapshot: (B, 1, H, W').
+        tolerance: residual of the conjugate gradients, where they are needed, as a share of the misfit's norm.
 
     Raises:
         ShapeError: a snapshot that is not the operator's.
         DataError: NaN or infinite values in the snapshot.
     """
 
-    def __init__(self, operator: Operator, snapshot: Tensor) -> None:
+    def __init__(self, operator: Operator, snapshot: Tensor, tolerance: float = _INNER) -> None:
         if snapshot.ndim != 4 or tuple(snapshot.shape[1:]) != tuple(operator.snapshot_shape):
             raise ShapeError(
                 "snapshot",
@@ -86,12 +90,16 @@ class DataStep:
             raise DataError(
                 "snapshot", "NaN or infinite values", "finite values", "mask or replace the bad pixels first"
             )
-        self.operator, self.snapshot = operator, snapshot
+        self.operator, self.snapshot, self.tolerance = operator, snapshot, tolerance
+        self._solved: Tensor | None = None
 
     def gram_solve(self, y: Tensor, shift: float) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ y``, by the operator where it knows how."""
+        """``(A Aᵀ + shift·I)⁻¹ y``, by the operator where it knows how, else iterated from the last solution."""
         solve: Callable[[Tensor, float], Tensor] | None = getattr(self.operator, "gram_solve", None)
-        return conjugate_gradient_gram(self.operator, y, shift) if solve is None else solve(y, shift)
+        if solve is not None:
+            return solve(y, shift)
+        self._solved = conjugate_gradient_gram(self.operator, y, shift, tolerance=self.tolerance, start=self._solved)
+        return self._solved
 
     def __call__(self, point: Tensor, rho: float) -> Tensor:
         """The minimiser (B, L, H, W) next to ``point`` (B, L, H, W)."""

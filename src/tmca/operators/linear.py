@@ -21,7 +21,13 @@ class Imaging(Protocol):
 
 
 def conjugate_gradient_gram(
-    operator: Imaging, y: Tensor, shift: float, *, tolerance: float = 1e-6, steps: int = 200
+    operator: Imaging,
+    y: Tensor,
+    shift: float,
+    *,
+    tolerance: float = 1e-6,
+    steps: int = 200,
+    start: Tensor | None = None,
 ) -> Tensor:
     """``(A Aᵀ + shift·I)⁻¹ y`` for a batch of snapshots by conjugate gradients.
 
@@ -31,6 +37,7 @@ def conjugate_gradient_gram(
         shift: ≥ 0; with 0, y must lie in the range of A.
         tolerance: residual, as a share of the norm of y, at which each snapshot of the batch is solved.
         steps: most steps taken.
+        start: a solution that is near, such as that of the iteration before; zero if None.
     """
     dims = tuple(range(1, y.ndim))
 
@@ -38,9 +45,10 @@ def conjugate_gradient_gram(
         return (a * b).sum(dim=dims, keepdim=True)
 
     tiny = torch.finfo(y.dtype).tiny
-    solution, residual, direction = torch.zeros_like(y), y.clone(), y.clone()
-    energy = dot(residual, residual)
-    goal = tolerance**2 * energy
+    solution = torch.zeros_like(y) if start is None else start
+    residual = y if start is None else y - operator.A(operator.A_adjoint(start)) - shift * start
+    direction, energy = residual, dot(residual, residual)
+    goal = tolerance**2 * dot(y, y)
     for _ in range(steps):
         if bool((energy <= goal).all()):
             break
@@ -73,19 +81,11 @@ class LinearOperator(nn.Module):
         """The same as ``A``."""
         return self.A(scene)
 
-    def gram_solve(self, snapshot: Tensor, shift: float) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ snapshot``; by conjugate gradients, unless a subclass has a closed form.
-
-        Args:
-            snapshot: (B, *snapshot_shape).
-            shift: ≥ 0; with 0, for snapshots in the range of A.
-        """
-        return conjugate_gradient_gram(self, snapshot, shift, tolerance=_TOLERANCE[snapshot.dtype], steps=1000)
-
     def A_dagger(self, snapshot: Tensor) -> Tensor:
-        """Least-norm scene that explains the snapshot: ``Aᵀ (A Aᵀ)⁺ snapshot``."""
+        """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``; iterates unless a subclass is closed."""
         self._check(snapshot, self.snapshot_shape, "snapshot")
-        return self.A_adjoint(self.gram_solve(snapshot, 0.0))
+        solved = conjugate_gradient_gram(self, snapshot, 0.0, tolerance=_TOLERANCE[snapshot.dtype], steps=1000)
+        return self.A_adjoint(solved)
 
     def _check(self, tensor: Tensor, shape: tuple[int, ...], name: str) -> None:
         if tensor.ndim != len(shape) + 1 or tuple(tensor.shape[1:]) != tuple(shape):
