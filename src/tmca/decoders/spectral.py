@@ -128,9 +128,14 @@ def _check_bands(prior: GaussianPrior | GaussianMixturePrior | None, snapshot: S
     known, needed = None if base is None else base.wavelengths, snapshot.camera.wavelengths
     if known is None or len(known) != len(needed):
         return  # the block model names a wrong number of bands
-    if max(abs(a - b) for a, b in zip(known, needed, strict=True)) > 1e-9:
-        found, expected = (f"bands from {w[0] * 1e9:.4g} to {w[-1] * 1e9:.4g} nm" for w in (known, needed))
-        raise SettingError("prior", found, f"the camera's {expected}", "learn a prior at the camera's bands")
+    for band, (own, wanted) in enumerate(zip(known, needed, strict=True), start=1):
+        if abs(own - wanted) > 1e-9:
+            raise SettingError(
+                "prior",
+                f"band {band} at {own * 1e9:.4g} nm",
+                f"the camera's {wanted * 1e9:.4g} nm",
+                "learn a prior at the camera's bands",
+            )
 
 
 def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progress: Progress | None) -> Decoded:
