@@ -81,26 +81,28 @@ def decode_blocks(
     snapshot: Tensor,
     taps: Taps,
     stride: tuple[int, int],
-    uncertainty: bool,
-    progress: Callable[[float], None] | None,
+    uncertainty: bool = False,
+    progress: Callable[[float], None] | None = None,
+    differentiable: bool = False,
 ) -> Estimate:
     """The scenes behind snapshots (B, 1, H, W'), and the standard deviation of every entry if asked for.
 
     Blocks under equal code windows share their matrices. Estimates are weighted by the inverse square of the
     variance that is typical of their place in the block. The variance reported is the same mean of the variances in
-    the blocks' judged columns, which the error of the blended estimate hardly exceeds.
+    the blocks' judged columns, which the error of the blended estimate hardly exceeds. ``differentiable`` lets
+    gradients reach code and snapshot, the weights of the blend apart.
     """
     check_snapshot(snapshot, taps)
     grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
-    code = grid.pad_code(taps.code.detach())
+    code = grid.pad_code(taps.code if differentiable else taps.code.detach())
     groups = equal_windows(grid, code)
-    typical = solver.typical_variance(grid.code_windows(code, _spread_out(grid.positions)))
+    typical = solver.typical_variance(grid.code_windows(code.detach(), _spread_out(grid.positions)))
     window = (typical + 1e-3 * typical.mean()).pow(-2).unflatten(0, model.block)
     window = window / window.mean()
     first, last = model.judged
     canvases = [Canvas.blank(grid, len(snapshot), part) for part in (window, window[..., first:last].contiguous())]
     values = grid.pad_snapshot(snapshot[:, 0].to(solver.dtype))
-    with torch.no_grad():
+    with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
         for done in _lay(solver, grid, groups, values, code, canvases[: 1 + uncertainty]):
             if progress:
                 progress(done / len(groups))

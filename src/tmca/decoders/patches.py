@@ -41,6 +41,7 @@ class PatchDecoder:
         shot: float = 0.0,
         *,
         uncertainty: bool = False,
+        differentiable: bool = False,
         progress: Callable[[float], None] | None = None,
     ) -> Estimate:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W').
@@ -51,6 +52,7 @@ class PatchDecoder:
             read_noise: standard deviation, in snapshot units.
             shot: variance of the shot noise per snapshot unit (full scale / full well).
             uncertainty: also return the standard deviation of every entry.
+            differentiable: let gradients reach the code and the snapshot.
             progress: told the share that is done.
 
         Raises:
@@ -60,7 +62,7 @@ class PatchDecoder:
         self.prior = self.prior.to(taps.code.device)
         model = BlockModel.of(taps, self.prior.block)
         solver = self.solver(model, read_noise, shot)
-        return decode_blocks(solver, model, snapshot, taps, self._stride(model), uncertainty, progress)
+        return decode_blocks(solver, model, snapshot, taps, self._stride(model), uncertainty, progress, differentiable)
 
     def solver(self, model: BlockModel, read_noise: float, shot: float) -> Solver:
         """The posteriors of blocks under this decoder's prior."""

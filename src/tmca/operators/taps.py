@@ -7,7 +7,7 @@ light-field camera one tap per channel with no offset.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -57,6 +57,24 @@ class Taps:
     def snapshot_shape(self) -> tuple[int, int, int]:
         """(1, H, W') of the snapshot."""
         return (1, self.code.shape[1], self.snapshot_width)
+
+    def window(self, top: int, left: int, height: int, width: int) -> Taps:
+        """The same camera behind a part of its codes: a scene of (height, width), dark around.
+
+        Args:
+            top, left: first row and column of the part, scene pixels.
+            height, width: its size, pixels.
+
+        Raises:
+            ShapeError: it reaches beyond the codes.
+        """
+        rows, columns = self.code.shape[1:]
+        if min(top, left) < 0 or top + height > rows or left + width > columns or min(height, width) < 1:
+            raise ShapeError(
+                "window", f"{height}×{width} pixels at row {top}, column {left}", f"a part of {rows}×{columns}"
+            )
+        part = self.code[:, top : top + height, left : left + width]
+        return replace(self, code=part, snapshot_width=width + self.snapshot_width - columns)
 
 
 def sum_by_channel(code: Tensor, channels: tuple[int, ...], scene_channels: int) -> Tensor:

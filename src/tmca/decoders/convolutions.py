@@ -1,0 +1,79 @@
+"""The convolutional body that the networks share: a U-Net of residual blocks on pixels gathered two by two."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import pad, pixel_shuffle, pixel_unshuffle
+
+from tmca.errors import SettingError
+
+
+class ResidualBlock(nn.Module):
+    """``x + conv(gelu(conv(x)))``, 3×3; no normalisation, so that every pixel depends on its neighbours only."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first, self.second = nn.Conv2d(width, width, 3, padding=1), nn.Conv2d(width, width, 3, padding=1)
+        nn.init.normal_(self.second.weight, std=1e-3)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.second(nn.functional.gelu(self.first(x)))
+
+
+class ConvolutionalBody(nn.Module):
+    """(B, inputs, H, W) → (B, outputs, H, W), any H and W, zero before it is trained if ``silent``.
+
+    Pixels are gathered ``gather`` × ``gather`` into channels at the entrance, which makes dense convolutions fast;
+    every further level halves the size.
+
+    Args:
+        inputs: channels.
+        outputs: channels.
+        widths: channels of each level, finest first.
+        blocks: residual blocks on each level, each way.
+        gather: pixels gathered along each axis.
+        silent: the last layer starts at zero.
+
+    Raises:
+        SettingError: no level, or sizes below 1.
+    """
+
+    def __init__(
+        self,
+        inputs: int,
+        outputs: int,
+        widths: tuple[int, ...] = (48, 64),
+        blocks: int = 2,
+        gather: int = 2,
+        silent: bool = True,
+    ) -> None:
+        super().__init__()
+        if not widths or min(*widths, blocks, gather, 1) < 1:
+            raise SettingError("widths", f"{widths}, {blocks} blocks, gather {gather}", "numbers of at least 1")
+        self.gather, self.multiple = gather, gather * 2 ** (len(widths) - 1)
+        self.enter = nn.Conv2d(inputs * gather**2, widths[0], 3, padding=1)
+        stack = [nn.Sequential(*(ResidualBlock(width) for _ in range(blocks))) for width in widths]
+        self.descent = nn.ModuleList(stack)
+        pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        self.down = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in pairs)
+        self.up = nn.ModuleList(nn.ConvTranspose2d(b, a, 2, stride=2) for a, b in pairs)
+        self.ascent = nn.ModuleList(nn.Sequential(*(ResidualBlock(a) for _ in range(blocks))) for a, _ in pairs)
+        self.leave = nn.Conv2d(widths[0], outputs * gather**2, 3, padding=1)
+        if silent:
+            nn.init.zeros_(self.leave.weight)
+            nn.init.zeros_(self.leave.bias)  # type: ignore[arg-type]
+
+    def forward(self, x: Tensor) -> Tensor:
+        height, width = x.shape[2:]
+        extra = (-height % self.multiple, -width % self.multiple)
+        x = pad(x, (0, extra[1], 0, extra[0]), mode="replicate") if any(extra) else x
+        x = self.enter(pixel_unshuffle(x, self.gather).contiguous(memory_format=torch.channels_last))
+        kept = []
+        for level, down in zip(self.descent, self.down, strict=False):
+            kept.append(level(x))
+            x = down(kept[-1])
+        x = self.descent[-1](x)
+        for level, up in zip(reversed(self.ascent), reversed(self.up), strict=True):
+            x = level(up(x) + kept.pop())
+        return pixel_shuffle(self.leave(x), self.gather)[..., :height, :width]

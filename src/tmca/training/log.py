@@ -1,0 +1,42 @@
+"""The run's figures as a CSV file that any spreadsheet opens."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+
+from tmca.data import write_text
+
+
+class TrainingLog:
+    """One line per validation: step and figures.
+
+    Args:
+        path: CSV file; lines are added to what is there.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    def rows(self) -> list[dict[str, str]]:
+        """What is written so far."""
+        if not self.path.exists():
+            return []
+        with self.path.open(newline="", encoding="utf-8") as file:
+            return list(csv.DictReader(file))
+
+    def keep_until(self, step: int) -> None:
+        """Forget lines after a step: a resumed run writes them again."""
+        rows = self.rows()
+        if any(int(row["step"]) > step for row in rows):
+            self._write([row for row in rows if int(row["step"]) <= step])
+
+    def add(self, step: int, figures: Mapping[str, float]) -> None:
+        """Add a line."""
+        self._write([*self.rows(), {"step": str(step), **{name: f"{value:.6g}" for name, value in figures.items()}}])
+
+    def _write(self, rows: list[dict[str, str]]) -> None:
+        names = list(dict.fromkeys(name for row in rows for name in row)) or ["step"]
+        lines = [",".join(names), *(",".join(row.get(name, "") for name in names) for row in rows)]
+        write_text("\n".join(lines) + "\n", self.path, overwrite=True)

@@ -1,0 +1,194 @@
+"""The training loop: any system, one process or many, exact resume.
+
+Everything random follows from the seed and the step, so a run that is killed and resumed ends as one that was not.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor, nn
+
+from tmca.errors import TmcaError
+from tmca.training.checkpoints import latest_checkpoint, load_checkpoint, save_checkpoint
+from tmca.training.log import TrainingLog
+from tmca.training.patches import Patch
+from tmca.training.schedules import code_rate, decoder_rate, slope
+from tmca.training.settings import TrainSettings
+from tmca.training.system import System
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
+
+Progress = Callable[[int, int, str], None]
+"""Told steps done, steps in all, and what there is to say."""
+
+
+class TrainingError(TmcaError):
+    """A run that cannot go on; its last checkpoint is kept."""
+
+
+class Stopped(KeyboardInterrupt):
+    """The run was asked to stop (Ctrl-C, SIGTERM) and has kept a checkpoint."""
+
+
+@dataclass
+class Run:
+    """One process' part of a run.
+
+    Args:
+        system: camera and decoder.
+        patch: (step, index) → patch.
+        settings: of the run.
+        steps: in all.
+        folder: checkpoints and log.
+        fabric: engine (Lightning Fabric): precision, device, processes.
+        progress: told about every step.
+    """
+
+    system: System
+    patch: Callable[[int, int], Patch]
+    settings: TrainSettings
+    steps: int
+    folder: Path
+    fabric: Fabric
+    progress: Progress | None = None
+    best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "step": 0})
+    said: str = ""
+
+    def __post_init__(self) -> None:
+        groups = self.system.groups()
+        kinds = {"decoder": torch.optim.AdamW, "codes": torch.optim.Adam}
+        rules: dict[str, dict[str, Any]] = {"decoder": {"weight_decay": 1e-4}, "codes": {"betas": (0.9, 0.99)}}
+        self.optimizers = {n: kinds[n](params, lr=1e-3, **rules[n]) for n, params in groups.items() if params}
+        assert isinstance(self.system, nn.Module)
+        self.module = self.system
+        self.log = TrainingLog(self.folder / "log.csv")
+
+    def resume(self) -> int:
+        """Steps done at the newest checkpoint, whose state is taken over."""
+        newest = latest_checkpoint(self.folder / "checkpoints")
+        if newest is None:
+            return 0
+        state = load_checkpoint(newest, self.module, self.optimizers)
+        self.best = state["best"]
+        return int(state["step"])
+
+    def train(self) -> dict[str, Any]:
+        """Go on to the last step; returns the best validation figures.
+
+        Raises:
+            TrainingError: a loss or gradient that is not finite.
+            Stopped: asked to stop; a checkpoint is kept.
+        """
+        first = self.resume()
+        self.log.keep_until(first)
+        wrapped, *_ = self.fabric.setup(self.module, *self.optimizers.values())
+        with _asked_to_stop() as asked:
+            for step in range(first, self.steps):
+                loss = self._step(wrapped, step)
+                done = step + 1
+                if done % self.settings.validate_every == 0 or done == self.steps:
+                    self._validate(done, loss)
+                stop = self._anyone(asked)
+                if done % self.settings.checkpoint_every == 0 or done == self.steps or stop:
+                    self._checkpoint(done)
+                if self.progress:
+                    self.progress(done, self.steps, f"loss {loss:.3g}{self.said}")
+                if stop and done < self.steps:
+                    raise Stopped(f"stopped after step {done} of {self.steps}")
+        return self.best
+
+    def _step(self, wrapped: Any, step: int) -> float:
+        share = self.settings.data.batch // self.fabric.world_size
+        indexes = range(self.fabric.global_rank * share, (self.fabric.global_rank + 1) * share)
+        patches = [self.patch(step, index) for index in indexes]
+        self._set_rates(step)
+        loss = wrapped(patches, step, list(indexes))
+        self.fabric.backward(loss)
+        self._check_finite(loss, step, patches)
+        groups = self.system.groups()
+        if self.settings.optimiser.clip and groups["decoder"]:
+            nn.utils.clip_grad_norm_(groups["decoder"], self.settings.optimiser.clip)
+        for optimizer in self.optimizers.values():
+            optimizer.step()
+            optimizer.zero_grad()
+        self.system.hold()
+        return float(loss.detach())
+
+    def _set_rates(self, step: int) -> None:
+        chosen, codes = self.settings.optimiser, self.settings.codes
+        rates = {
+            "decoder": decoder_rate(step, self.steps, chosen.decoder_rate, chosen.warmup),
+            "codes": code_rate(step, self.steps, chosen.code_rate, codes.frozen),
+        }
+        for name, optimizer in self.optimizers.items():
+            for group in optimizer.param_groups:
+                group["lr"] = rates[name]
+        self.system.anneal(slope(step, self.steps, codes.slope, codes.frozen))
+
+    def _check_finite(self, loss: Tensor, step: int, patches: list[Patch]) -> None:
+        broken = [n for n, p in self.module.named_parameters() if p.grad is not None and not p.grad.isfinite().all()]
+        if bool(loss.isfinite()) and not broken:
+            return
+        kept = latest_checkpoint(self.folder / "checkpoints")
+        where = broken[0] if broken else "the loss"
+        raise TrainingError(
+            f"step {step + 1}",
+            f"a loss of {float(loss.detach()):g}, not finite in {where}; batch: {'; '.join(p.origin for p in patches)}",
+            "finite numbers",
+            f"look at these scenes or lower the learning rate; kept: {kept or 'no checkpoint yet'}",
+        )
+
+    def _validate(self, done: int, loss: float) -> None:
+        found = self.system.validate()
+        figures = {"loss": loss, **self.system.figures(), **found}
+        self.said = "".join(f", validation {value:.2f} dB" for name, value in found.items() if name == "psnr")
+        if found.get("psnr", -math.inf) > self.best["psnr"]:
+            self.best = {"psnr": found["psnr"], "step": done}
+        if self.fabric.is_global_zero:
+            self.log.add(done, figures)
+
+    def _checkpoint(self, done: int) -> None:
+        if self.fabric.is_global_zero:
+            save_checkpoint(
+                self.folder / "checkpoints", done, self.module, self.optimizers, {"best": self.best, "time": time.time()}
+            )
+        self.fabric.barrier()
+
+    def _anyone(self, asked: list[int]) -> bool:
+        """Whether any process was asked to stop: all of them stop after the same step."""
+        if self.fabric.world_size == 1:
+            return bool(asked)
+        total = self.fabric.all_reduce(torch.tensor(float(len(asked))), reduce_op="sum")
+        return bool(torch.as_tensor(total) > 0)
+
+
+@contextmanager
+def _asked_to_stop() -> Iterator[list[int]]:
+    """Signals that arrived; Ctrl-C and SIGTERM let the step finish, a second Ctrl-C does not."""
+    asked: list[int] = []
+
+    def note(number: int, frame: Any) -> None:
+        if asked and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        asked.append(number)
+
+    try:
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    except ValueError:  # not in the main thread: signals are somebody else's
+        yield asked
+        return
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,163 @@
+"""Random patches of training scenes, read lazily, each a function of the run's seed, the step and its index alone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from tmca.data import atomic_path, make_folder
+from tmca.errors import DataError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Load = Callable[[str], "xr.DataArray"]
+"""From the name of a scene to its cube (wavelength, y, x) at the camera's bands."""
+
+
+class Patch(NamedTuple):
+    """One training example.
+
+    Args:
+        scene: (L, h, w) relative irradiance, or (K, L, h, w) where it moves within the exposure.
+        truth: (L, h, w) what the decoder shall find: the scene in the middle of the exposure.
+        origin: which scene and where, for messages.
+    """
+
+    scene: Tensor
+    truth: Tensor
+    origin: str
+
+
+class CubeStore:
+    """Cubes as float32 arrays on disk, mapped into memory: a patch reads its own bytes only.
+
+    Args:
+        scenes: names that ``load`` understands.
+        load: reads one.
+        folder: where the arrays are kept; they may be deleted at any time.
+    """
+
+    def __init__(self, scenes: Sequence[str], load: Load, folder: str | Path) -> None:
+        self.scenes, self.load, self.folder = tuple(scenes), load, make_folder(folder)
+        self._mapped = lru_cache(maxsize=256)(self._map)
+
+    def __len__(self) -> int:
+        return len(self.scenes)
+
+    def cube(self, index: int) -> NDArray[np.float32]:
+        """(L, H, W) of one scene, read when it is touched.
+
+        Raises:
+            DataError: the scene cannot be read.
+        """
+        return self._mapped(index)
+
+    def _map(self, index: int) -> NDArray[np.float32]:
+        name = self.scenes[index]
+        file = self.folder / f"{Path(name).stem}-{_identity(name)}.npy"
+        if not file.exists():
+            values = np.ascontiguousarray(self.load(name).values, dtype=np.float32)
+            with atomic_path(file, overwrite=True) as temporary, temporary.open("wb") as handle:
+                np.save(handle, values)
+        try:
+            return np.load(file, mmap_mode="r")
+        except (OSError, ValueError) as error:
+            raise DataError(file, f"no readable array ({error})", "the kept copy of a scene", "delete it") from error
+
+
+def _identity(name: str) -> str:
+    """Digest of a scene's place, size and time of change: an altered file is read anew."""
+    path = Path(name)
+    parts = [str(path.resolve()), *((path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else ())]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+
+class PatchSource:
+    """Square patches: a random scene, place, turn, mirror image and brightness, and motion within the exposure.
+
+    Args:
+        store: of the scenes.
+        patch: side, pixels.
+        seed: of the run.
+        brightness: stops by which a patch is made darker at most, or brighter by one; never above 1.
+        tint: standard deviation of a random smooth change of the spectrum, natural logarithm.
+        motion: largest displacement between the ends of the exposure, pixels.
+        slots: K, for moving scenes.
+    """
+
+    def __init__(
+        self, store: CubeStore, patch: int, seed: int, *, brightness: float = 0.0, tint: float = 0.0,
+        motion: float = 0.0, slots: int = 1,
+    ) -> None:
+        self.store, self.patch, self.seed = store, patch, seed
+        self.brightness, self.tint, self.motion, self.slots = brightness, tint, motion, slots
+
+    def __call__(self, step: int, index: int) -> Patch:
+        """The patch with this index in the batch of this step.
+
+        Raises:
+            DataError: a scene that cannot be read, or is smaller than a patch.
+        """
+        rng = np.random.default_rng((self.seed, step, index))
+        which = int(rng.integers(len(self.store)))
+        cube, margin = self.store.cube(which), int(np.ceil(self.motion / 2)) + 1 if self.motion else 0
+        side = self.patch + 2 * margin
+        if min(cube.shape[1:]) < side:
+            name, size = self.store.scenes[which], f"{cube.shape[1]}×{cube.shape[2]} pixels"
+            raise DataError(name, size, f"at least {side}×{side}", "use smaller patches or leave the scene out")
+        top, left = (int(rng.integers(length - side + 1)) for length in cube.shape[1:])
+        values = torch.from_numpy(_varied(cube[:, top : top + side, left : left + side], rng, self.brightness, self.tint))
+        origin = f"{self.store.scenes[which]} at row {top}, column {left}"
+        if not self.motion:
+            return Patch(values, values, origin)
+        velocity = rng.uniform(-1, 1, 2) * self.motion
+        scene = moving(values, (float(velocity[0]), float(velocity[1])), self.slots)
+        inner = slice(margin, margin + self.patch)
+        return Patch(scene[..., inner, inner].contiguous(), values[:, inner, inner].contiguous(), origin)
+
+
+def _varied(patch: NDArray[np.float32], rng: np.random.Generator, stops: float, tint: float) -> NDArray[np.float32]:
+    turned = np.rot90(patch, int(rng.integers(4)), axes=(1, 2))
+    turned = turned[:, :, ::-1] if rng.integers(2) else turned
+    if tint:
+        turned = turned * _spectral_gain(len(patch), rng, tint)[:, None, None]
+    gain = 2.0 ** rng.uniform(-stops, min(stops, 1.0))
+    top = float(turned.max())
+    return np.ascontiguousarray(turned * np.float32(min(gain, 1 / top) if top > 0 else 1.0))
+
+
+def _spectral_gain(bands: int, rng: np.random.Generator, spread: float) -> NDArray[np.float32]:
+    """(L,) a smooth positive curve: the exponential of a few cosines with falling amplitudes."""
+    place = (np.arange(bands) + 0.5) / bands
+    orders = np.arange(1, 5)
+    curve = (rng.standard_normal(4) / orders) @ np.cos(np.pi * orders[:, None] * place)
+    return np.exp(spread * curve).astype(np.float32)
+
+
+def moving(scene: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
+    """(L, H, W) → (K, L, H, W): the scene displaced evenly over the exposure, itself in the middle; bilinear.
+
+    Args:
+        scene: (L, H, W).
+        displacement: rows and columns from the beginning to the end of the exposure, pixels.
+        slots: K; each slot shows the scene at its own middle.
+    """
+    height, width = scene.shape[1:]
+    times = (torch.arange(slots, dtype=torch.float64) + 0.5) / slots - 0.5
+    theta = torch.zeros(slots, 2, 3, dtype=scene.dtype)
+    theta[:, 0, 0] = theta[:, 1, 1] = 1
+    theta[:, 0, 2] = (-2 * displacement[1] * times / width).to(scene.dtype)
+    theta[:, 1, 2] = (-2 * displacement[0] * times / height).to(scene.dtype)
+    grid = torch.nn.functional.affine_grid(theta, [slots, 1, height, width], align_corners=False)
+    stack = scene.expand(slots, -1, -1, -1)
+    return torch.nn.functional.grid_sample(stack, grid, padding_mode="border", align_corners=False)

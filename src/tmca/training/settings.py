@@ -1,0 +1,256 @@
+"""What a training run is told: one description, from YAML, presets and options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from tmca.errors import DataError, SettingError
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+
+
+class CameraSettings(_Strict):
+    """The spectral camera of a run; names as in ``SpectralCamera``.
+
+    ``learn`` says which codes are learned. ``period`` tiles them: a tile is seen in every step, a full frame rarely.
+    """
+
+    size: tuple[int, int] = (256, 256)
+    slots: int = Field(8, ge=1)
+    aperture: str = "random"
+    shutter: str = "random"
+    exposure: Literal["equal", "per-slot"] = "equal"
+    dispersion: float | tuple[float, ...] = 1.0
+    disperser: Literal["single", "dual"] = "single"
+    transmittance: float = Field(0.5, gt=0, lt=1)
+    duty: float = Field(0.5, gt=0, lt=1)
+    period: int | None = Field(None, ge=1)
+    seed: int = 0
+    learn: Literal["both", "aperture", "shutter", "none"] = "none"
+
+
+class NoiseSettings(_Strict):
+    """One sensor; names as in ``Sensor``."""
+
+    read_noise: float = Field(0.0, ge=0)
+    full_well: float | None = Field(None, gt=0)
+    read_noise_electrons: float = Field(0.0, ge=0)
+    bits: int | None = Field(None, ge=1, le=32)
+
+
+class CodeSettings(_Strict):
+    """How codes are learned.
+
+    Args:
+        start: ``"random"`` (the camera's families), ``"one-hot"`` shutter, or a trained run or weights file whose
+            static or multiplexed code is taken over.
+        slope: of the surrogate derivative, first and last; raised geometrically.
+        frozen: share of the run, at its end, in which the codes stay as they are and only the decoder learns.
+        throughput: light throughput wanted, share of a white scene's light; None leaves it free.
+        hold: ``"penalty"`` adds ``penalty · (throughput - target)²`` to the loss, ``"hard"`` keeps it at the target.
+        penalty: weight of the penalty.
+    """
+
+    start: str = "random"
+    slope: tuple[float, float] = (4.0, 40.0)
+    frozen: float = Field(0.2, ge=0, lt=1)
+    throughput: float | None = Field(None, gt=0, lt=1)
+    hold: Literal["penalty", "hard"] = "penalty"
+    penalty: float = Field(10.0, ge=0)
+
+
+class DataSettings(_Strict):
+    """Scenes and patches.
+
+    Args:
+        train: cubes, rendered scenes, or split files (``.txt``) of them.
+        validation: the same; if empty, ``shares`` of ``train`` are set aside.
+        shares: of training, validation and test scenes where no validation scenes are given.
+        bands: nearest to even spacing from 400 to 700 nm.
+        patch: side of the square patches, pixels.
+        batch: patches per step, over all processes.
+        patches_per_scene: patches of each scene that make an epoch.
+        brightness: patches are made darker by up to this many stops, or brighter by one.
+        tint: standard deviation of a random smooth change of the spectrum, natural logarithm.
+        motion: largest motion of the scene within the exposure, pixels; needs a single disperser.
+    """
+
+    train: tuple[str, ...] = ()
+    validation: tuple[str, ...] = ()
+    shares: tuple[float, float, float] = (0.8, 0.1, 0.1)
+    bands: int = Field(12, ge=1)
+    patch: int = Field(64, ge=4)
+    batch: int = Field(16, ge=1)
+    patches_per_scene: int = Field(64, ge=1)
+    brightness: float = Field(3.0, ge=0)
+    tint: float = Field(0.2, ge=0)
+    motion: float = Field(0.0, ge=0)
+
+
+class OptimiserSettings(_Strict):
+    """Length of the run, learning rates per group, loss.
+
+    Args:
+        steps: optimiser steps; None takes ``epochs``.
+        epochs: passes over ``patches_per_scene`` patches of every scene.
+        decoder_rate: learning rate of the decoder (AdamW), cosine decay.
+        code_rate: learning rate of the codes' latent values (Adam).
+        warmup: share of the run in which the decoder's rate rises.
+        clip: largest norm of the decoder's gradient; 0 for none.
+        loss: ``"l2"``, ``"l1"`` ``"charbonnier"`` or ``"log"`` (mean PSNR).
+    """
+
+    steps: int | None = Field(None, ge=1)
+    epochs: int = Field(500, ge=1)
+    decoder_rate: float = Field(1e-3, gt=0)
+    code_rate: float = Field(0.03, ge=0)
+    warmup: float = Field(0.05, ge=0, lt=1)
+    clip: float = Field(1.0, ge=0)
+    loss: Literal["l2", "l1", "charbonnier", "log"] = "l2"
+
+
+class TrainSettings(_Strict):
+    """A whole run."""
+
+    camera: CameraSettings = CameraSettings()
+    noise: tuple[NoiseSettings, ...] = (NoiseSettings(),)
+    decoder: dict[str, Any] = {"kind": "unrolled"}
+    codes: CodeSettings = CodeSettings()
+    data: DataSettings = DataSettings()
+    optimiser: OptimiserSettings = OptimiserSettings()
+    precision: Literal["32-true", "bf16-mixed"] = "bf16-mixed"
+    validate_every: int = Field(100, ge=1)
+    checkpoint_every: int = Field(50, ge=1)
+    seed: int = 0
+
+    @field_validator("noise")
+    @classmethod
+    def _some_noise(cls, value: tuple[NoiseSettings, ...]) -> tuple[NoiseSettings, ...]:
+        if not value:
+            raise ValueError("at least one sensor")
+        return value
+
+    @model_validator(mode="after")
+    def _fits(self) -> TrainSettings:
+        if self.data.motion and self.camera.disperser == "dual":
+            raise ValueError("motion needs a single disperser")
+        if self.data.patch > min(self.camera.size):
+            raise ValueError(f"patches of {self.data.patch} pixels do not fit a camera of {self.camera.size}")
+        if not all(isfinite(s) and s > 0 for s in self.codes.slope):
+            raise ValueError("slope: numbers > 0")
+        return self
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    # thesis 4.2: 12 bands, 256×256, K = 8, U-Net from Φᵀy, 500 epochs, L2, 160/20/20 scenes. Assumed, as the thesis
+    # does not say: batches of 4, Adam at 1e-3 with cosine decay, code rate 0.03, whole frames flipped and turned,
+    # slope 4 → 40, no noise, codes started at random with half of the pixels open, no target for the light.
+    "thesis": {
+        "camera": {"size": [256, 256], "slots": 8, "learn": "both"},
+        "decoder": {"kind": "unet", "start": "adjoint", "codes": False, "noise_aware": False},
+        "data": {"patch": 256, "batch": 4, "patches_per_scene": 1, "brightness": 0.0, "tint": 0.0, "shares": [0.8, 0.1, 0.1]},
+        "optimiser": {"epochs": 500, "loss": "l2"},
+        "codes": {"frozen": 0.0},
+        "precision": "32-true",
+    },
+    # minutes on two cores: patches of 64, an unrolled network from the patch LMMSE, a tile of codes seen in every step
+    "quick": {
+        "camera": {"size": [256, 256], "slots": 8, "period": 32, "learn": "both"},
+        "decoder": {"kind": "unrolled", "start": "lmmse"},
+        "noise": [{"read_noise": 0.01}],
+        "data": {"patch": 64, "batch": 16},
+        "optimiser": {"steps": 300},
+    },
+}
+
+
+def settings_from(
+    preset: str | None = None, file: str | Path | None = None, changes: Mapping[str, Any] | None = None
+) -> TrainSettings:
+    """Settings of a preset, replaced by those of a YAML file, replaced by single changes.
+
+    Args:
+        preset: name in ``PRESETS``; None starts from the defaults.
+        file: YAML with the names of `TrainSettings`; it may name a ``preset`` itself.
+        changes: dotted names and values, such as ``{"optimiser.steps": 300}``.
+
+    Raises:
+        SettingError: unknown preset or name, impossible value.
+        DataError: the file cannot be read.
+    """
+    described = {} if file is None else _yaml(Path(file))
+    name = described.pop("preset", preset) if preset is None else preset
+    described.pop("preset", None)
+    if name is not None and name not in PRESETS:
+        raise SettingError("preset", repr(name), f"one of {', '.join(PRESETS)}")
+    merged = _merge({} if name is None else PRESETS[name], described)
+    for path, value in (changes or {}).items():
+        merged = _merge(merged, _nested(path.split("."), value))
+    return parsed(merged, where=str(file or name or "settings"))
+
+
+def parsed(described: Mapping[str, Any], where: str) -> TrainSettings:
+    """Checked settings.
+
+    Raises:
+        SettingError: the first thing that is wrong, with its dotted name.
+    """
+    try:
+        return TrainSettings.model_validate(dict(described))
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"]) or where
+        if first["type"] == "extra_forbidden":
+            raise SettingError(name, "an unknown name", "one of the documented settings", _names(name)) from None
+        raise SettingError(name, repr(first.get("input")), first["msg"].removeprefix("Value error, ")) from None
+
+
+def _names(dotted: str) -> str:
+    """The names that exist beside an unknown one."""
+    model: Any = TrainSettings
+    for part in dotted.split(".")[:-1]:
+        field = model.model_fields.get(part)
+        if field is None or not hasattr(field.annotation, "model_fields"):
+            return ""
+        model = field.annotation
+    return f"there are {', '.join(model.model_fields)}"
+
+
+def _yaml(file: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(file, "no such file", "a YAML description of a run") from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise DataError(file, f"no readable YAML ({' '.join(str(error).split())})", "a YAML description") from None
+    if not isinstance(found, dict):
+        raise DataError(file, f"a {type(found).__name__}", "names and values, such as `camera: {slots: 8}`")
+    return found
+
+
+def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """``base`` with ``changes``, dictionaries within merged; another kind of decoder starts from nothing."""
+    merged = dict(base)
+    for name, value in changes.items():
+        old = merged.get(name)
+        fresh = name == "decoder" and isinstance(value, Mapping) and value.get("kind", _kind(old)) != _kind(old)
+        both = isinstance(old, Mapping) and isinstance(value, Mapping) and not fresh
+        merged[name] = _merge(old, value) if both else value  # type: ignore[arg-type]
+    return merged
+
+
+def _kind(decoder: Any) -> str | None:
+    return decoder.get("kind") if isinstance(decoder, Mapping) else None
+
+
+def _nested(path: list[str], value: Any) -> dict[str, Any]:
+    return {path[0]: value if len(path) == 1 else _nested(path[1:], value)}

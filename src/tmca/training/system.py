@@ -1,0 +1,38 @@
+"""What the training loop asks of a camera with its decoder; nothing in the loop knows which camera it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from torch import Tensor, nn
+
+from tmca.training.patches import Patch
+
+
+class System(Protocol):
+    """A camera and a decoder that learn together: an ``nn.Module`` with these methods."""
+
+    def __call__(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
+        """Loss of a batch, mean over its patches. All randomness follows from step and indexes."""
+        ...
+
+    def groups(self) -> dict[str, list[nn.Parameter]]:
+        """``"decoder"`` and ``"codes"``; either may be empty."""
+        ...
+
+    def anneal(self, slope: float) -> None:
+        """Set the slope of the codes' surrogate derivative."""
+        ...
+
+    def hold(self) -> None:
+        """Called after every step: bring the codes back to what is demanded of them."""
+        ...
+
+    def figures(self) -> dict[str, float]:
+        """Numbers for the log, such as the light throughput."""
+        ...
+
+    def validate(self) -> dict[str, float]:
+        """Figures of merit on the validation scenes; ``"psnr"`` chooses the best checkpoint."""
+        ...
