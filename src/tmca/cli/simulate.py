@@ -8,10 +8,18 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions, SensorOptions, SpectralOptions, check_targets, size, spectral_camera
+from tmca.cli.options import (
+    OutputOptions,
+    SceneOptions,
+    SensorOptions,
+    SpectralOptions,
+    check_targets,
+    size,
+    spectral_camera,
+)
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
-_OUTPUT, _CAMERA, _SENSOR = OutputOptions(), SpectralOptions(), SensorOptions()
+_OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
 
 
 @app.command
@@ -21,9 +29,8 @@ def spectral(
     *,
     bands: int = 12,
     all_bands: Annotated[bool, Parameter(negative="")] = False,
-    wavelengths: str | None = None,
-    variable: str | None = None,
     crop: str | None = None,
+    reading: SceneOptions = _SCENE,
     camera: SpectralOptions = _CAMERA,
     sensor: SensorOptions = _SENSOR,
     output: OutputOptions = _OUTPUT,
@@ -37,17 +44,13 @@ def spectral(
         scene: a cube (.mat, ENVI, TIFF, .npy, NetCDF, HDF5, Zarr, CAVE folder) or a rendered scene such as coffee.
         bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the file instead.
-        wavelengths: of the file's bands where it does not say, in nm: FIRST:LAST:COUNT or one per band.
-        variable: which one, where the file holds several.
         crop: HEIGHTxWIDTH, the middle of the scene.
     """
-    from tmca.cli.wavelengths import metres
     from tmca.experiments.scenes import load_scene
     from tmca.experiments.spectral import snapshot_files, snapshot_pictures, take_snapshot
 
-    given = None if wavelengths is None else metres(wavelengths)
     kept = None if all_bands else bands
-    cube = load_scene(scene, bands=kept, size=size(crop, "--crop"), wavelengths=given, variable=variable)
+    cube = load_scene(scene, bands=kept, size=size(crop, "--crop"), **reading.reading())
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures), output.overwrite, scene)
     taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)

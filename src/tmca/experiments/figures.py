@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tmca.errors import OutputError
 from tmca.experiments.composite import rgb_composite, white_level
 
 if TYPE_CHECKING:
@@ -16,20 +17,28 @@ if TYPE_CHECKING:
 
     from tmca.cameras import SpectralCamera
 
+PICTURES = (".png", ".pdf", ".svg")
 _POINT_COLOURS = ("#d1495b", "#00798c", "#edae49", "#66a182")
 
 
 def save_figure(figure: Figure, path: str | Path, *, overwrite: bool = False, dpi: int = 110) -> Path:
-    """Write a figure as PNG, whole or not at all.
+    """Write a figure as PNG, PDF or SVG, by its suffix, whole or not at all.
 
     Raises:
-        OutputError: the file exists, or cannot be written.
+        OutputError: another suffix, the file exists, or it cannot be written.
     """
     from tmca.data import atomic_path
 
+    check_picture(path)
     with atomic_path(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, dpi=dpi, format="png", facecolor="white")
+        figure.savefig(temporary, dpi=dpi, format=Path(path).suffix[1:].lower(), facecolor="white")
     return Path(path)
+
+
+def check_picture(path: str | Path) -> None:
+    """Raises OutputError unless pictures can be written under this suffix."""
+    if Path(path).suffix.lower() not in PICTURES:
+        raise OutputError(path, f"the suffix {Path(path).suffix!r}", " ".join(PICTURES), "rename the picture")
 
 
 def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> Figure:
