@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import TextIO
 
 from tmca.errors import TmcaError
 
@@ -46,7 +47,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
 
 
-def _one_line(message: Warning | str, category: type[Warning], *place: object) -> None:
+def _one_line(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     """A warning of ours in one line; others only where Python was asked for them (``-W``)."""
     if category.__module__.startswith("tmca") or sys.warnoptions:
         print(f"tmca: warning: {message}", file=sys.stderr)

@@ -68,6 +68,8 @@ class SpectralOptions:
     "Share of open aperture pixels. [default: 0.5]"
     duty: Annotated[float | None, Parameter(group=_CAMERA)] = None
     "Share of open shutter pixels. [default: 0.5]"
+    coloured: Annotated[Path | None, Parameter(group=_CAMERA)] = None
+    "File of a static coloured aperture, bands × rows × columns, in the place of the codes."
     period: Annotated[int | None, Parameter(group=_CAMERA)] = None
     "Tile of the codes in pixels; full frame without it."
     seed: Annotated[int, Parameter(group=_CAMERA)] = 0
@@ -82,6 +84,8 @@ class SpectralOptions:
         patterns = [value for value in given.values() if hasattr(value, "shape") and value.ndim == 3]
         if patterns and "slots" not in given:
             given["slots"] = len(patterns[0])
+        if "coloured" in given:
+            given["coloured"] = coloured_argument(given["coloured"])
         if "dispersion" in given:
             given["dispersion"] = numbers(given["dispersion"], "--dispersion")
         return given
@@ -195,6 +199,26 @@ def codes_argument(value: str, option: str = "--aperture") -> Any:
     if patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2]):
         patterns = patterns.movedim(2, 0).contiguous()
     return patterns
+
+
+def coloured_argument(file: Path) -> Any:
+    """The code cube (L, H, W) in a file, integers as shares of their type's maximum."""
+    import numpy as np
+    import torch
+
+    from tmca.data import read_array
+
+    stored = np.squeeze(read_array(file))
+    scale = float(np.iinfo(stored.dtype).max) if stored.dtype.kind in "ui" and stored.max() > 1 else 1.0
+    return torch.from_numpy(stored.astype("float32") / scale)
+
+
+def pair(text: str | None, option: str) -> tuple[float, float]:
+    """``ROWS,COLUMNS``; zeros if not given."""
+    values = (0.0, 0.0) if text is None else numbers(text, option)
+    if not isinstance(values, list | tuple) or len(values) != 2:
+        raise SettingError(option, repr(text), "ROWS,COLUMNS in pixels, such as 0,2.5")
+    return (values[0], values[1])
 
 
 def numbers(text: str, option: str) -> float | list[float]:

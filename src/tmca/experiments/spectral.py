@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from tmca.cameras import Snapshot, SpectralCamera
+from tmca.cameras import Snapshot, SpectralCamera, moving_scene
 from tmca.decoders.spectral import Decoded, decode, needs_prior
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import codes_figure, reconstruction_figure, save_figure, snapshot_figure
+from tmca.experiments.camera_figures import codes_figure, snapshot_figure
+from tmca.experiments.figures import save_figure
+from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.scenes import centre_crop, load_scene
 
 if TYPE_CHECKING:
@@ -61,12 +63,35 @@ class Reconstruction:
         return write_dataset(xr.Dataset(parts, attrs=attrs), path, overwrite=overwrite)
 
 
-def take_snapshot(cube: xr.DataArray, camera: SpectralCamera, seed: int = 0) -> Snapshot:
-    """Image a (wavelength, y, x) cube; the seed is that of the sensor's noise, whose stream no code shares."""
-    scene = torch.from_numpy(np.ascontiguousarray(cube.values, dtype=np.float32))[None]
+def take_snapshot(
+    cube: xr.DataArray | Sequence[xr.DataArray],
+    camera: SpectralCamera,
+    seed: int = 0,
+    motion: tuple[float, float] = (0.0, 0.0),
+) -> Snapshot:
+    """Image a scene.
+
+    Args:
+        cube: (wavelength, y, x), or one such cube per slot.
+        camera: of its bands and size.
+        seed: of the sensor's noise, whose stream no code shares.
+        motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
+            cube is its place in the middle.
+
+    Raises:
+        SettingError: another number of cubes than slots.
+    """
+    cubes = list(cube) if isinstance(cube, Sequence) else [cube]
+    scenes = [torch.from_numpy(np.ascontiguousarray(one.values, dtype=np.float32)) for one in cubes]
+    if len(scenes) > 1 and len(scenes) != camera.slots:
+        raise SettingError("scenes", f"{len(scenes)}", f"one, or one for each of {camera.slots} slots")
+    scene = torch.stack(scenes) if len(scenes) > 1 else scenes[0]
+    notes = {"scene": str(cubes[0].attrs.get("name", "")), "noise_seed": seed}
+    if any(motion):
+        scene, notes["motion_pixels"] = moving_scene(scene, motion, camera.slots), list(motion)
     with torch.no_grad():
-        values = camera(scene, _NOISE_STREAM + seed)
-    return Snapshot(values, camera, {"scene": str(cube.attrs.get("name", "")), "noise_seed": seed})
+        values = camera(scene[None], _NOISE_STREAM + seed)
+    return Snapshot(values, camera, notes)
 
 
 def reconstruct_snapshot(
