@@ -35,7 +35,7 @@ def reconstruction_figure(
     reference = truth if truth is not None else next(iter(estimates.values()))
     white, points = white_level(reference, wavelengths), spread_points(reference)
     rows = 1 + (truth is not None) + bool(deviations)
-    figure, axes = grid(rows, len(estimates) + 1, width=3.6, aspect=reference.shape[1] / reference.shape[2])
+    figure, axes = grid(rows, len(estimates) + 1 + (rows == 1), width=3.6, aspect=reference.shape[1] / reference.shape[2])
     image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
     mark(axes[0, 0], points)
     errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
@@ -48,9 +48,9 @@ def reconstruction_figure(
             image(axes[1, column], errors[name], "error (rms over bands)", colours="magma", top=top, bar=_UNIT)
         if name in spreads:
             image(axes[rows - 1, column], spreads[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
-    if rows > 1:
-        known = {"truth": truth} if truth is not None else {}
-        spectra(_tall(figure, axes[1:, 0]), {**known, **estimates}, wavelengths, points)
+    known = {"truth": truth} if truth is not None else {}
+    place = _tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1]
+    spectra(place, {**known, **estimates}, wavelengths, points)
     return figure
 
 
