@@ -35,7 +35,8 @@ def reconstruction_figure(
     reference = truth if truth is not None else next(iter(estimates.values()))
     white, points = white_level(reference, wavelengths), spread_points(reference)
     rows = 1 + (truth is not None) + bool(deviations)
-    figure, axes = grid(rows, len(estimates) + 1 + (rows == 1), width=3.6, aspect=reference.shape[1] / reference.shape[2])
+    columns = len(estimates) + 1 + (rows == 1)
+    figure, axes = grid(rows, columns, width=3.6, aspect=reference.shape[1] / reference.shape[2])
     image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
     mark(axes[0, 0], points)
     errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
