@@ -109,8 +109,8 @@ def test_empty_folder_and_missing_file(capsys, tmp_path):
         (["simulate", "spectral", "coffee", "--preset", "tesis"], ["tesis", "thesis"]),
         (["simulate", "spectral", "coffee", "--crop", "64"], ["64", "HEIGHTxWIDTH"]),
         (["simulate", "spectral", "coffee", "--crop", "6400x64"], ["6400x64", "400x600", "coffee"]),
-        (["simulate", "spectral", "coffee", "--crop", "16x40", "--dispersion", "1,2"], ["displacement", "12"]),
-        (["simulate", "spectral", "coffee", "--crop", "16x40", "--read-noise=-1"], ["read_noise", "-1"]),
+        (["simulate", "spectral", "coffee", "--crop", "16x40", "--dispersion", "1,2"], ["--dispersion", "12"]),
+        (["simulate", "spectral", "coffee", "--crop", "16x40", "--read-noise=-1"], ["--read-noise", "-1"]),
         (["simulate", "spectral", "coffee", "--crop", "16x40", "--slots", "0"], ["slots", "0"]),
         (["simulate", "spectral", "coffee", "--crop", "16x40", "--exposure", "mean"], ["mean", "per-slot"]),
     ],
@@ -181,7 +181,7 @@ def test_a_prior_at_other_bands_and_options_that_do_not_apply(capsys):
     learn_prior([shifted], spread=11, block=(2, 30)).save("prior.nc")
     assert "420" in refused(capsys, "reconstruct", "s_snapshot.nc", "--prior", "prior.nc")
     assert "prior" in refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--prior", "prior.nc")
-    assert "tv_weight" in refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--tv-weight", "0.1")
+    assert "--tv-weight" in refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--tv-weight", "0.1")
 
 
 @pytest.mark.parametrize("option", ["--dispersion=1e6", "--relay-blur=-1", "--seed=99999999999999999999"])

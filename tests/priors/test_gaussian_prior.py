@@ -90,7 +90,7 @@ def test_labelled_cubes_bring_their_wavelengths_and_checksums():
 
 def test_figure_shows_blocks_spectrum_and_eigenvalues(prior, tmp_path):
     figure = prior.figure()
-    assert len(figure.axes) == 14
+    assert len(figure.axes) == 15
     figure.savefig(tmp_path / "prior.png")
     assert (tmp_path / "prior.png").stat().st_size > 1000
 

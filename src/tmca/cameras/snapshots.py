@@ -1,8 +1,9 @@
 """Snapshot files: a capture together with everything that is needed to reconstruct it.
 
 A NetCDF file with the variables ``snapshot`` (y, x_sensor), ``aperture`` (slot, y, x), ``shutter`` (slot, y, x_sensor),
-``displacement`` and ``response`` (wavelength), and as attributes the exposure convention, the direction and origin of
-the dispersion, and the sensor. Behind a dual disperser the aperture is the wider plane (x_mask), the snapshot is on x.
+``displacement`` and ``response`` (wavelength), for a coloured aperture ``coloured_aperture`` (wavelength, y, x), and as
+attributes the exposure convention, the direction and origin of the dispersion, and the sensor. Behind a dual disperser
+the aperture is the wider plane (x_mask), the snapshot is on x.
 """
 
 from __future__ import annotations
@@ -89,6 +90,9 @@ def to_dataset(snapshot: Snapshot) -> xr.Dataset:
         },
         attrs={**snapshot.notes, **_attributes(camera)},
     )
+    if camera.coloured is not None:
+        values = camera.coloured.detach().cpu().numpy()
+        dataset["coloured_aperture"] = (("wavelength", "y", "x"), values, {"long_name": "transmittance", "units": "1"})
     if camera.disperser == "single":
         columns = camera.dispersion.origin + np.arange(camera.snapshot_shape[2])
         dataset = dataset.assign_coords(x_sensor=("x_sensor", columns, {"units": "pixel", "long_name": "scene column"}))
@@ -170,12 +174,20 @@ def _camera(dataset: xr.Dataset, where: str) -> SpectralCamera:
             relay_blur=_json(attrs, "relay_blur", 0.0, where),
             period=_period(_json(attrs, "period", None, where)),
             sensor=Sensor(**_json(attrs, "sensor", {}, where)),
+            coloured=_coloured(dataset),
         )
     except (ValueError, TypeError, IndexError, RuntimeError) as error:
         raise DataError(
             where, f"codes that make no camera ({error})", "aperture, shutter and displacement that fit"
         ) from error
     return camera
+
+
+def _coloured(dataset: xr.Dataset) -> Tensor | None:
+    if "coloured_aperture" not in dataset.variables:
+        return None
+    ordered = dataset["coloured_aperture"].transpose("wavelength", "y", "x")
+    return torch.from_numpy(np.array(ordered.values, dtype=np.float32))
 
 
 def _attributes(camera: SpectralCamera) -> dict[str, Any]:

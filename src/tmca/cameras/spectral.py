@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from numbers import Integral
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from tmca.cameras.checks import band_wavelengths, checked_size, choice
+from tmca.cameras.presets import PRESETS
 from tmca.codes import MultiplexedCodes
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import (
@@ -16,6 +17,7 @@ from tmca.operators import (
     LinearOperator,
     SlotwiseDisperser,
     TapOperator,
+    coloured_code,
     dual_disperser,
     single_disperser,
     sum_by_channel,
@@ -24,35 +26,6 @@ from tmca.optics import Dispersion, gaussian_spread
 from tmca.sensor import Noise, Sensor
 
 DISPERSERS = ("single", "dual")
-
-PRESETS: dict[str, dict[str, Any]] = {
-    # thesis 4.1, 4.2: 12 bands, 256×256, K = 8, one pixel per band. Assumed, as the thesis does not say: bands from
-    # 400 to 700 nm, flat sensor response, codes of transmittance and duty one half, no noise.
-    "thesis": {
-        "bands": 12,
-        "size": (256, 256),
-        "slots": 8,
-        "aperture": "random",
-        "shutter": "random",
-        "dispersion": 1.0,
-    },
-    "cassi": {
-        "bands": 12,
-        "size": (256, 256),
-        "slots": 1,
-        "aperture": "static",
-        "shutter": "open",
-        "dispersion": 1.0,
-    },
-    "one-hot": {
-        "bands": 12,
-        "size": (256, 256),
-        "slots": 4,
-        "aperture": "random",
-        "shutter": "one-hot",
-        "dispersion": 1.0,
-    },
-}
 
 
 class SpectralCamera(nn.Module):
@@ -78,6 +51,8 @@ class SpectralCamera(nn.Module):
         period: tile of the codes, pixels; full frame if None.
         seed: of the codes.
         learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
+        coloured: (L, H, W) transmittance of a static coloured aperture, which takes the place of the codes: an open
+            shutter, one slot, a single disperser, no relay blur.
 
     Raises:
         SettingError, ShapeError: an impossible value or codes that do not fit, naming both sizes.
@@ -102,13 +77,14 @@ class SpectralCamera(nn.Module):
         period: int | tuple[int, int] | None = None,
         seed: int = 0,
         learnable: bool | str = False,
+        coloured: Tensor | None = None,
     ) -> None:
         super().__init__()
         self.response: Tensor
-        self.wavelengths = _wavelengths(bands)
-        self.bands, self.size, self.slots = len(self.wavelengths), _size(size), slots
-        self.exposure = _choice("exposure", exposure, EXPOSURES)
-        self.disperser = _choice("disperser", disperser, DISPERSERS)
+        self.wavelengths = band_wavelengths(bands)
+        self.bands, self.size, self.slots = len(self.wavelengths), checked_size(size), slots
+        self.exposure = choice("exposure", exposure, EXPOSURES)
+        self.disperser = choice("disperser", disperser, DISPERSERS)
         self.dispersion = Dispersion.of(dispersion, self.bands)
         self.relay_blur = relay_blur
         gaussian_spread(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
@@ -117,6 +93,12 @@ class SpectralCamera(nn.Module):
         if learnable not in (True, False, "aperture", "shutter"):
             raise SettingError("learnable", repr(learnable), "True, False, 'aperture' or 'shutter'")
         self._hold_response(response)
+        if coloured is not None:
+            self._check_coloured(coloured)
+            slots = self.slots = 1
+            aperture = shutter = "open"
+            self.coloured: Tensor | None
+        self.register_buffer("coloured", coloured)
         wide = (self.size[0], self.size[1] + self.dispersion.spread)
         planes = (self.size, wide) if disperser == "single" else (wide, self.size)
         self.multiplexed = MultiplexedCodes(
@@ -137,7 +119,7 @@ class SpectralCamera(nn.Module):
         Raises:
             SettingError: unknown preset.
         """
-        return cls(**{**PRESETS[_choice("preset", name, tuple(PRESETS))], **changes})
+        return cls(**{**PRESETS[choice("preset", name, tuple(PRESETS))], **changes})
 
     def codes(self) -> tuple[Tensor, Tensor]:
         """(aperture T (K, H, Wa), shutter S (K, H, Ws)), zeros and ones."""
@@ -147,6 +129,8 @@ class SpectralCamera(nn.Module):
         """(L, H, W) the time-multiplexed code T̂ of eq. (20), without the sensor response; for a fractional
         displacement, the sum over its two taps."""
         aperture, shutter = self.codes()
+        if self.coloured is not None:
+            return self.coloured
         build = single_disperser if self.disperser == "single" else dual_disperser
         taps = build(aperture, shutter, self.dispersion, None, self.exposure).taps
         return sum_by_channel(taps.code, taps.channels, self.bands)
@@ -184,6 +168,7 @@ class SpectralCamera(nn.Module):
         if self.multiplexed.learnable or self.response.requires_grad:
             return self._collapsed()
         tensors = (*self.multiplexed.state_dict(keep_vars=True).values(), self.response)
+        tensors += () if self.coloured is None else (self.coloured,)
         versions = (self.exposure, self.dispersion, *((t.data_ptr(), t._version) for t in tensors))
         if self._fixed is None or self._fixed[0] != versions:
             self._fixed = (versions, self._collapsed())
@@ -233,14 +218,26 @@ class SpectralCamera(nn.Module):
         return self.full_scale / exposures, exposures
 
     def _collapsed(self) -> TapOperator:
+        if self.coloured is not None:
+            return coloured_code(self.coloured, self.dispersion, self.response)
         build = single_disperser if self.disperser == "single" else dual_disperser
         return build(*self.codes(), self.dispersion, self.response, self.exposure)
 
     def _slotwise(self, *, moving: bool) -> SlotwiseDisperser:
-        if self.disperser == "dual":
-            raise SettingError("disperser", "'dual'", "'single' for relay blur or a moving scene")
+        if self.disperser == "dual" or self.coloured is not None:
+            found = "'dual'" if self.disperser == "dual" else "a coloured aperture"
+            raise SettingError("disperser", found, "'single' and binary codes for relay blur or a moving scene")
         blur = gaussian_spread(self.relay_blur, self.bands).to(self.response) if self.blurred else None
         return SlotwiseDisperser(*self.codes(), self.dispersion, self.response, self.exposure, blur, moving)
+
+    def _check_coloured(self, code: Tensor) -> None:
+        expected = (self.bands, *self.size)
+        if tuple(code.shape) != expected:
+            raise ShapeError("coloured", f"shape {tuple(code.shape)}", f"{expected}: bands and size of the scene")
+        if not bool(torch.isfinite(code).all()) or code.min() < 0 or code.max() > 1:
+            raise SettingError("coloured", "values outside [0, 1]", "transmittances", "scale the patterns")
+        if self.disperser == "dual" or self.blurred:
+            raise SettingError("coloured", "a dual disperser or relay blur beside it", "a single disperser, no blur")
 
     def _hold_response(self, response: Tensor | Sequence[float] | None) -> None:
         values = torch.ones(self.bands) if response is None else response
@@ -258,33 +255,3 @@ class SpectralCamera(nn.Module):
     def _apply(self, fn: Any, recurse: bool = True) -> SpectralCamera:
         self._fixed = None
         return super()._apply(fn, recurse)
-
-
-def _choice(name: str, value: str, choices: tuple[str, ...]) -> str:
-    if value not in choices:
-        raise SettingError(name, repr(value), f"one of {', '.join(choices)}")
-    return value
-
-
-def _size(size: tuple[int, int]) -> tuple[int, int]:
-    if not hasattr(size, "__len__") or len(size) != 2 or min(size) < 1:
-        raise SettingError("size", str(size), "(H, W) of at least 1 pixel each")
-    return (int(size[0]), int(size[1]))
-
-
-def _wavelengths(bands: int | Sequence[float]) -> tuple[float, ...]:
-    if isinstance(bands, Integral):
-        return _wavelengths_between(int(bands))
-    values = tuple(float(w) for w in cast(Sequence[float], bands))
-    if not values or not all(100e-9 < w < 100e-6 for w in values) or len(set(values)) < len(values):
-        raise SettingError(
-            "bands", str(list(values)), "different wavelengths in metres, such as 550e-9", "give nm × 1e-9"
-        )
-    return values
-
-
-def _wavelengths_between(bands: int) -> tuple[float, ...]:
-    """Evenly spaced from 400 to 700 nm, in metres."""
-    if bands < 1:
-        raise SettingError("bands", str(bands), "at least 1")
-    return tuple(torch.linspace(400e-9, 700e-9, bands, dtype=torch.float64).tolist()) if bands > 1 else (550e-9,)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
+from typing import TextIO
 
 from tmca.errors import TmcaError
 
@@ -20,13 +22,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from tmca.cli.app import app
 
+    warnings.showwarning = _one_line
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         _leave(f"{' '.join(str(error).split())} Try `tmca --help`." if not tokens else " ".join(str(error).split()))
     except TmcaError as error:
-        _leave(str(error))
+        from tmca.cli.messages import in_options
+
+        _leave(in_options(error))
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "allocate" not in str(error):
             raise
@@ -36,8 +41,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)
+    except PermissionError as error:
+        _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
     except OSError as error:
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+
+
+def _one_line(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A warning of ours in one line; others only where Python was asked for them (``-W``)."""
+    if category.__module__.startswith("tmca") or sys.warnoptions:
+        print(f"tmca: warning: {message}", file=sys.stderr)
 
 
 def _leave(message: str) -> None:

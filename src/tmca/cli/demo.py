@@ -28,7 +28,7 @@ def demo(
         json: print the table as JSON.
     """
     from tmca.cli.options import size as parsed_size
-    from tmca.cli.progress import step_progress
+    from tmca.cli.progress import progress_bar
 
     if out.exists() and not out.is_dir():
         raise OutputError(out, "a file", "a folder or a new name", "choose another --out")
@@ -38,7 +38,7 @@ def demo(
     from tmca.experiments.demo import COLUMNS, run_demo
     from tmca.experiments.results import markdown_table
 
-    with step_progress("demo") as progress:
+    with progress_bar("demo") as progress:
         found = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)
     if json:
         print(json_module.dumps(found, indent=1))

@@ -8,7 +8,10 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.options import SceneOptions, check_figure
+
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
+_SCENE = SceneOptions()
 
 
 @app.default
@@ -17,6 +20,7 @@ def evaluate(
     truth: str,
     /,
     *,
+    reading: SceneOptions = _SCENE,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -32,7 +36,8 @@ def evaluate(
     """
     from tmca.experiments.spectral import evaluate_files
 
-    found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite)
+    check_figure(figure, overwrite, estimate)
+    found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, **reading.reading())
     if json:
         print(json_module.dumps(found, indent=1))
         return

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from tmca.cli.options import check_figure
+
 
 def inspect(
     file: Path,
@@ -31,6 +33,7 @@ def inspect(
     """
     from tmca.data import describe
 
+    check_figure(figure, overwrite, file)
     found = describe(file, variable)
     if conditioning:
         from tmca.cameras import Snapshot
@@ -51,7 +54,16 @@ def inspect(
 
 def _lines(found: dict[str, Any]) -> list[str]:
     """The description for people: one line a subject."""
-    lines = [f"{found['path']}: {found['kind']} ({found['format']})"]
+    prior = str(found.get("attrs", {}).get("format", "")).startswith("tmca prior")
+    captured = {"snapshot", "aperture", "shutter"} <= found.get("variables", {}).keys()
+    kind = (
+        "snapshot"
+        if captured
+        else f"{found['attrs'].get('kind', '')} prior of scene blocks".strip()
+        if prior
+        else found["kind"]
+    )
+    lines = [f"{found['path']}: {kind} ({found['format']})"]
     for name, variable in found.get("variables", {}).items():
         size = " × ".join(map(str, variable["shape"])) or "one value"
         dims = f" ({', '.join(variable['dims'])})" if variable.get("dims") else ""
@@ -61,7 +73,6 @@ def _lines(found: dict[str, Any]) -> list[str]:
     if waves:
         spread = f"{waves['first_nm']:.6g} to {waves['last_nm']:.6g} nm"
         lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
-    snapshot = "snapshot" in found.get("variables", {})
     if "matrix" in found:
         corner = found["matrix"]
         lines.append(
@@ -70,7 +81,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
             f"{corner['coherence']:.4g}, unseen entries {corner['dark_columns']}"
         )
     for key in ("scale", "note", "figure"):
-        if found.get(key) is not None and not (snapshot and key == "note"):
+        if found.get(key) is not None and not (key == "note" and (captured or prior)):
             lines.append(f"  {key}: {found[key]}")
     return lines + [f"  {key}: {value}" for key, value in found.get("attrs", {}).items()]
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
@@ -19,6 +20,27 @@ if TYPE_CHECKING:
 _CAMERA = Group("Camera", sort_key=1)
 _SENSOR = Group("Sensor", sort_key=2)
 _OUTPUT = Group("Output", sort_key=3)
+_SCENE = Group("Reading the scene", sort_key=0)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SceneOptions:
+    """How a scene's file is read."""
+
+    wavelengths: Annotated[str | None, Parameter(group=_SCENE)] = None
+    "Of the file's bands where it does not say, in nm: FIRST:LAST:COUNT or one per band."
+    variable: Annotated[str | None, Parameter(group=_SCENE)] = None
+    "Which one, where the file holds several."
+    negative: Annotated[Literal["error", "clip", "keep"], Parameter(group=_SCENE)] = "error"
+    "What is done with negative pixels: refused, set to 0, or kept."
+
+    def reading(self) -> dict[str, Any]:
+        """Arguments of ``load_scene``."""
+        from tmca.cli.wavelengths import metres
+
+        given = None if self.wavelengths is None else metres(self.wavelengths)
+        return {"wavelengths": given, "variable": self.variable, "negative": self.negative}
 
 
 @Parameter(name="*")
@@ -29,7 +51,7 @@ class SpectralOptions:
     preset: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Start from a named camera: thesis, cassi, one-hot. Other options replace its values."
     slots: Annotated[int | None, Parameter(group=_CAMERA)] = None
-    "Time slots K within the exposure. [default: 8]"
+    "Time slots K within the exposure; those of the patterns where a file is given. [default: 8]"
     aperture: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns. [default: random]"
     shutter: Annotated[str | None, Parameter(group=_CAMERA)] = None
@@ -46,6 +68,8 @@ class SpectralOptions:
     "Share of open aperture pixels. [default: 0.5]"
     duty: Annotated[float | None, Parameter(group=_CAMERA)] = None
     "Share of open shutter pixels. [default: 0.5]"
+    coloured: Annotated[Path | None, Parameter(group=_CAMERA)] = None
+    "File of a static coloured aperture, bands × rows × columns, in the place of the codes."
     period: Annotated[int | None, Parameter(group=_CAMERA)] = None
     "Tile of the codes in pixels; full frame without it."
     seed: Annotated[int, Parameter(group=_CAMERA)] = 0
@@ -56,7 +80,12 @@ class SpectralOptions:
         given = {name: value for name, value in vars(self).items() if value is not None and name != "preset"}
         for plane in ("aperture", "shutter"):
             if plane in given:
-                given[plane] = codes_argument(given[plane])
+                given[plane] = codes_argument(given[plane], f"--{plane}")
+        patterns = [value for value in given.values() if hasattr(value, "shape") and value.ndim == 3]
+        if patterns and "slots" not in given:
+            given["slots"] = len(patterns[0])
+        if "coloured" in given:
+            given["coloured"] = coloured_argument(given["coloured"])
         if "dispersion" in given:
             given["dispersion"] = numbers(given["dispersion"], "--dispersion")
         return given
@@ -94,24 +123,50 @@ class OutputOptions:
 
 def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: SensorOptions) -> SpectralCamera:
     """The camera that the options describe, for a scene of this size and these bands."""
-    from tmca.cameras import PRESETS, SpectralCamera
+    from tmca.cameras import SpectralCamera
     from tmca.sensor import Sensor
 
-    settings: dict[str, Any] = {}
-    if camera.preset is not None:
-        if camera.preset not in PRESETS:
-            raise SettingError("--preset", repr(camera.preset), f"one of {', '.join(PRESETS)}")
-        settings |= PRESETS[camera.preset]
-    settings |= camera.chosen()
-    settings |= {
+    settings = {
+        **camera.chosen(),
         "bands": scene["wavelength"].values.tolist(),
         "size": scene.shape[1:],
         "sensor": Sensor(**vars(sensor)),
     }
-    made = SpectralCamera(**settings)
+    for plane in ("aperture", "shutter"):
+        if plane in settings:
+            settings[plane] = fitted(settings[plane], scene.shape[1:], settings, plane)
+    if camera.period and camera.period > min(scene.shape[1:]):
+        print(f"tmca: --period {camera.period} is larger than the scene: the codes do not repeat", file=sys.stderr)
+    made = SpectralCamera.from_preset(camera.preset, **settings) if camera.preset else SpectralCamera(**settings)
     if made.throughput() == 0:
         raise SettingError("codes", "none that let light through", "some open pixels in aperture and shutter together")
     return made
+
+
+def fitted(patterns: Any, size: tuple[int, ...], settings: dict[str, Any], plane: str) -> Any:
+    """Patterns larger than the plane they are for: their middle, with a line that says so."""
+    from tmca.optics import Dispersion
+
+    if not hasattr(patterns, "shape") or settings.get("period"):
+        return patterns
+    wide = plane == ("shutter" if settings.get("disperser", "single") == "single" else "aperture")
+    spread = Dispersion.of(settings.get("dispersion", 1.0), len(settings["bands"])).spread if wide else 0
+    rows, columns = size[0], size[1] + spread
+    height, width = patterns.shape[-2:]
+    if (height, width) == (rows, columns) or height < rows or width < columns:
+        return patterns
+    top, left = (height - rows) // 2, (width - columns) // 2
+    print(f"tmca: {plane}: the middle {rows}×{columns} of {height}×{width} pixels", file=sys.stderr)
+    return patterns[..., top : top + rows, left : left + columns].contiguous()
+
+
+def check_figure(figure: Path | None, overwrite: bool, source: str | Path = "") -> None:
+    """Refuse a picture that could not be written, before the work is done."""
+    if figure is not None:
+        from tmca.experiments.figures import check_picture
+
+        check_picture(figure)
+        check_targets([figure], overwrite, source)
 
 
 def check_targets(files: Iterable[Path], overwrite: bool, source: str | Path = "") -> None:
@@ -124,12 +179,14 @@ def check_targets(files: Iterable[Path], overwrite: bool, source: str | Path = "
         check_target(file, overwrite)
 
 
-def codes_argument(value: str) -> Any:
+def codes_argument(value: str, option: str = "--aperture") -> Any:
     """A family's name, or the patterns in a file: (K, H, W), or MATLAB's (H, W, K)."""
     from tmca.codes import FAMILIES
 
-    if value in FAMILIES or not Path(value).suffix:
+    if value in FAMILIES:
         return value
+    if not Path(value).suffix:
+        raise SettingError(option, repr(value), f"one of {', '.join(FAMILIES)}, or a file of patterns")
     import numpy as np
     import torch
 
@@ -142,6 +199,26 @@ def codes_argument(value: str) -> Any:
     if patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2]):
         patterns = patterns.movedim(2, 0).contiguous()
     return patterns
+
+
+def coloured_argument(file: Path) -> Any:
+    """The code cube (L, H, W) in a file, integers as shares of their type's maximum."""
+    import numpy as np
+    import torch
+
+    from tmca.data import read_array
+
+    stored = np.squeeze(read_array(file))
+    scale = float(np.iinfo(stored.dtype).max) if stored.dtype.kind in "ui" and stored.max() > 1 else 1.0
+    return torch.from_numpy(stored.astype("float32") / scale)
+
+
+def pair(text: str | None, option: str) -> tuple[float, float]:
+    """``ROWS,COLUMNS``; zeros if not given."""
+    values = (0.0, 0.0) if text is None else numbers(text, option)
+    if not isinstance(values, list | tuple) or len(values) != 2:
+        raise SettingError(option, repr(text), "ROWS,COLUMNS in pixels, such as 0,2.5")
+    return (values[0], values[1])
 
 
 def numbers(text: str, option: str) -> float | list[float]:

@@ -8,10 +8,10 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import SensorOptions, SpectralOptions
+from tmca.cli.options import SceneOptions, SensorOptions, SpectralOptions, check_figure
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
-_CAMERA, _SENSOR = SpectralOptions(), SensorOptions()
+_CAMERA, _SENSOR, _SCENE = SpectralOptions(), SensorOptions(), SceneOptions()
 
 
 @app.command
@@ -23,6 +23,7 @@ def learn(
     bands: int = 12,
     all_bands: Annotated[bool, Parameter(negative="")] = False,
     spread: int | None = None,
+    reading: SceneOptions = _SCENE,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     seed: int = 0,
@@ -41,19 +42,24 @@ def learn(
         overwrite: replace files that exist.
         seed: of the random blocks.
     """
+    from tmca.cli.progress import progress_bar
     from tmca.experiments.priors import learn_to_file
 
-    prior = learn_to_file(
-        scenes,
-        out,
-        mixture=mixture,
-        split=split,
-        bands=None if all_bands else bands,
-        spread=spread,
-        seed=seed,
-        figure=figure,
-        overwrite=overwrite,
-    )
+    check_figure(figure, overwrite)
+    with progress_bar(f"prior {out.name}") as progress:
+        prior = learn_to_file(
+            scenes,
+            out,
+            mixture=mixture,
+            split=split,
+            bands=None if all_bands else bands,
+            spread=spread,
+            reading=reading.reading(),
+            seed=seed,
+            figure=figure,
+            overwrite=overwrite,
+            progress=progress,
+        )
     rows, columns = prior.block[1:]
     kind = "mixture" if mixture else "Gaussian"
     print(f"{out}: {kind} prior of blocks {prior.block[0]} × {rows} × {columns} (bands, rows, columns)")

@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+_EVERY = 10.0
+"""Seconds between two lines where nobody watches."""
 
-@contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A bar with an ETA; the value it yields takes the share that is done, 0 to 1. Silent where nobody watches."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-    if not sys.stderr.isatty():
-        yield lambda share: None
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-        task = bars.add_task(label, total=1.0)
-        yield lambda share: bars.update(task, completed=share)
+Told = Callable[..., None]
+"""Takes the share that is done, 0 to 1, and optionally what is done next."""
 
 
 @contextmanager
-def step_progress(label: str) -> Iterator[Callable[[float, str], None]]:
-    """Like ``progress_bar``, told also what comes next; one line per step where nobody watches."""
+def progress_bar(label: str) -> Iterator[Told]:
+    """A bar with an ETA; where nobody watches, a line for each step and every ten seconds."""
     if not sys.stderr.isatty():
-        yield lambda share, step: print(f"{label}: {share:4.0%} {step}", file=sys.stderr)
+        yield _Lines(label)
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -34,4 +26,21 @@ def step_progress(label: str) -> Iterator[Callable[[float, str], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         task = bars.add_task(label, total=1.0)
-        yield lambda share, step: bars.update(task, completed=share, description=step)
+        yield lambda share, step=None: bars.update(task, completed=share, description=step or label)
+
+
+class _Lines:
+    """Progress as lines."""
+
+    def __init__(self, label: str) -> None:
+        self.label, self.start, self.last, self.step = label, time.monotonic(), time.monotonic(), ""
+
+    def __call__(self, share: float, step: str | None = None) -> None:
+        now = time.monotonic()
+        fresh = step is not None and step != self.step
+        if not fresh and now - self.last < _EVERY:
+            return
+        self.last, self.step = now, step or self.step
+        left = (now - self.start) * (1 - share) / share if share > 0 else None
+        eta = "" if left is None or left < 1 else f", {left:.0f} s left" if left < 90 else f", {left / 60:.1f} min left"
+        print(f"{self.label}: {share:4.0%} {self.step}{eta}", file=sys.stderr)

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions, check_targets
+from tmca.cli.options import OutputOptions, SceneOptions, check_targets
 from tmca.cli.progress import progress_bar
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
-_OUTPUT = OutputOptions()
+_OUTPUT, _SCENE = OutputOptions(), SceneOptions()
 
 
 @app.default
@@ -25,6 +25,7 @@ def reconstruct(
     truth: str | None = None,
     tv_weight: float | None = None,
     uncertainty: bool = True,
+    reading: SceneOptions = _SCENE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Recover the scene from SNAPSHOT, a file written by `tmca simulate`.
@@ -48,7 +49,7 @@ def reconstruct(
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     check_targets(reconstruction_files(target, output.figures), output.overwrite, snapshot)
     taken = Snapshot.load(snapshot)
-    scene = None if truth is None else true_scene(truth, taken)
+    scene = None if truth is None else true_scene(truth, taken, **reading.reading())
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         result = reconstruct_snapshot(
             taken, decoder, prior=prior, tv_weight=tv_weight, uncertainty=uncertainty, truth=scene, progress=progress

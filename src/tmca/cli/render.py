@@ -30,9 +30,11 @@ def render(
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
     """
+    from tmca.cli.options import check_figure
     from tmca.cli.options import size as parsed_size
     from tmca.data import rendered_scene, write_dataset
 
+    check_figure(figure, overwrite)
     target = out or Path(f"{scene}.nc")
     data = rendered_scene(scene, size=parsed_size(size), illuminant=illuminant, seed=seed)
     write_dataset(data, target, overwrite=overwrite)

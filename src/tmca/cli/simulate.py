@@ -8,49 +8,57 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions, SensorOptions, SpectralOptions, check_targets, size, spectral_camera
+from tmca.cli.options import (
+    OutputOptions,
+    SceneOptions,
+    SensorOptions,
+    SpectralOptions,
+    check_targets,
+    pair,
+    size,
+    spectral_camera,
+)
+from tmca.errors import SettingError
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
-_OUTPUT, _CAMERA, _SENSOR = OutputOptions(), SpectralOptions(), SensorOptions()
+_OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
 
 
 @app.command
 def spectral(
-    scene: str,
-    /,
-    *,
+    *scenes: str,
     bands: int = 12,
     all_bands: Annotated[bool, Parameter(negative="")] = False,
-    wavelengths: str | None = None,
-    variable: str | None = None,
     crop: str | None = None,
+    motion: str | None = None,
+    reading: SceneOptions = _SCENE,
     camera: SpectralOptions = _CAMERA,
     sensor: SensorOptions = _SENSOR,
     output: OutputOptions = _OUTPUT,
 ) -> None:
-    """Take a snapshot of SCENE with the spectral camera.
+    """Take a snapshot of SCENES with the spectral camera: one scene, or one for each slot of the exposure.
 
     The file that is written holds the snapshot and everything needed to reconstruct it: codes, displacement with
     direction and origin, wavelengths, exposure and noise.
 
     Args:
-        scene: a cube (.mat, ENVI, TIFF, .npy, NetCDF, HDF5, Zarr, CAVE folder) or a rendered scene such as coffee.
+        scenes: a cube (.mat, ENVI, TIFF, .npy, NetCDF, HDF5, Zarr, CAVE folder) or a rendered scene such as coffee.
         bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the file instead.
-        wavelengths: of the file's bands where it does not say, in nm: FIRST:LAST:COUNT or one per band.
-        variable: which one, where the file holds several.
         crop: HEIGHTxWIDTH, the middle of the scene.
+        motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
     """
-    from tmca.cli.wavelengths import metres
     from tmca.experiments.scenes import load_scene
     from tmca.experiments.spectral import snapshot_files, snapshot_pictures, take_snapshot
 
-    given = None if wavelengths is None else metres(wavelengths)
     kept = None if all_bands else bands
-    cube = load_scene(scene, bands=kept, size=size(crop, "--crop"), wavelengths=given, variable=variable)
+    if not scenes:
+        raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
+    cubes = [load_scene(scene, bands=kept, size=size(crop, "--crop"), **reading.reading()) for scene in scenes]
+    cube, moved = cubes[0], pair(motion, "--motion")
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, output.figures), output.overwrite, scene)
-    taken = take_snapshot(cube, spectral_camera(cube, camera, sensor), seed=camera.seed)
+    check_targets(snapshot_files(target, output.figures), output.overwrite, scenes[0])
+    taken = take_snapshot(cubes, spectral_camera(cube, camera, sensor), seed=camera.seed, motion=moved)
     written = [taken.save(target, overwrite=output.overwrite)]
     if output.figures:
         written += snapshot_pictures(taken, target, overwrite=output.overwrite)

@@ -116,7 +116,8 @@ def _own_patterns(values: Tensor, slots: int, size: tuple[int, int], tile: tuple
     if values.ndim == 2:
         values = values.expand(slots, -1, -1)
     if values.ndim != 3 or values.shape[0] != slots:
-        raise ShapeError(name, f"patterns of shape {tuple(values.shape)}", f"({slots}, H, W) for {slots} slots")
+        remedy = f"pass slots={values.shape[0]}" if values.ndim == 3 else ""
+        raise ShapeError(name, f"patterns of shape {tuple(values.shape)}", f"({slots}, H, W) for {slots} slots", remedy)
     if tuple(values.shape[1:]) == size and tile != size:
         values = _one_tile(values, tile, name)
     if tuple(values.shape[1:]) != tuple(min(t, s) for t, s in zip(tile, size, strict=True)):
@@ -124,7 +125,7 @@ def _own_patterns(values: Tensor, slots: int, size: tuple[int, int], tile: tuple
             name,
             f"patterns of {values.shape[1]}×{values.shape[2]} pixels",
             f"{size[0]}×{size[1]}",
-            "crop them or change size=",
+            "crop the patterns or give period= their size",
         )
     if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1:
         raise SettingError(name, "values outside [0, 1]", "0 = closed, 1 = open", "scale the patterns")

@@ -1,6 +1,7 @@
 """Reading and writing files, data sets, splits and rendered scenes."""
 
 from tmca.data.bands import nearest_bands, select_bands
+from tmca.data.checks import Negative
 from tmca.data.cubes import label, read, read_array
 from tmca.data.datasets import read_dataset
 from tmca.data.describe import describe
@@ -14,6 +15,7 @@ from tmca.data.write import atomic_path, check_target, make_folder, write_datase
 __all__ = [
     "KNOWN_SETS",
     "KnownSet",
+    "Negative",
     "atomic_path",
     "check_target",
     "checksum_of",

@@ -8,6 +8,7 @@ import math
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,7 @@ from tmca.errors import OutputError
 if TYPE_CHECKING:
     import xarray
 
+_ATTEMPTS = 20
 _REASONS = {
     errno.ENOSPC: ("a full disk", "room for the file", "free some space or write elsewhere"),
     errno.EDQUOT: ("a full disk quota", "room for the file", "free some space or write elsewhere"),
@@ -111,10 +113,14 @@ def _flush(file: Path) -> None:
 
 
 def _remove(temporary: Path) -> None:
-    if temporary.is_dir():
-        shutil.rmtree(temporary, ignore_errors=True)
-    else:
-        temporary.unlink(missing_ok=True)
+    for _ in range(_ATTEMPTS):
+        if temporary.is_dir():
+            shutil.rmtree(temporary, ignore_errors=True)
+        else:
+            temporary.unlink(missing_ok=True)
+        if not temporary.exists():
+            return
+        time.sleep(0.05)  # a writer's own threads (Zarr's) may still put files there
 
 
 def _output_error(path: Path, error: OSError) -> OutputError:

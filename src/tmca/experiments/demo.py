@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.errors import OutputError
-from tmca.experiments.figures import codes_figure, reconstruction_figure, save_figure, snapshot_figure
+from tmca.experiments.camera_figures import codes_figure, snapshot_figure
+from tmca.experiments.figures import save_figure
+from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import METRICS, mean_over_scenes
 from tmca.experiments.spectral import Reconstruction, reconstruct_snapshot, take_snapshot
@@ -55,18 +57,31 @@ def run_demo(
     Raises:
         OutputError: ``out`` holds results and ``overwrite`` is False.
     """
-    from tmca.data import make_folder, rendered_scene, select_bands
+    from tmca.data import atomic_path, make_folder
+
+    if (out / "report.html").exists() and not overwrite:
+        raise OutputError(
+            out / "report.html", "the report of an earlier demo", "none", "pass --overwrite or another --out"
+        )
+    start, told = time.perf_counter(), progress or (lambda share, next_: None)
+    make_folder(out.parent)
+    if out.exists():
+        rows = _demo(out, size, overwrite, told)
+    else:
+        with atomic_path(out) as folder:  # whole or not at all: an interrupted demo leaves nothing behind
+            rows = _demo(make_folder(folder), size, overwrite, told)
+    return {"rows": rows, "report": str(out / "report.html"), "seconds": time.perf_counter() - start}
+
+
+def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> list[dict[str, Any]]:
+    """Everything that the demo writes, into a folder that exists; returns the rows of its table."""
+    from tmca.data import rendered_scene, select_bands
     from tmca.priors import rendered_prior
 
-    report = out / "report.html"
-    if report.exists() and not overwrite:
-        raise OutputError(report, "the report of an earlier demo", "none", "pass --overwrite or another --out")
-    start, told = time.perf_counter(), progress or (lambda share, next_: None)
     told(0.0, "rendering scenes")
     scenes = {name: select_bands(rendered_scene(name, size=size)["radiance"], BANDS) for name in SCENES}
     for name, scene in scenes.items():
         scene.attrs["name"] = name
-    make_folder(out)
     told(0.1, "learning the prior of rendered scenes")
     prior = rendered_prior(next(iter(scenes.values()))["wavelength"].values.tolist(), BANDS - 1)
     rows, sections = [], []
@@ -78,9 +93,11 @@ def run_demo(
             rows.append(_row(name, code, *results[code]))
         sections.append(_section(name, scene, results, out, overwrite))
     told(0.95, "writing the report")
-    write_report(report, "tmca demo: a snapshot spectral camera", [_summary(rows), *sections], overwrite=overwrite)
+    write_report(
+        out / "report.html", "tmca demo: a snapshot spectral camera", [_summary(rows), *sections], overwrite=overwrite
+    )
     told(1.0, "done")
-    return {"rows": rows, "report": str(report), "seconds": time.perf_counter() - start}
+    return rows
 
 
 def _through(

@@ -9,7 +9,8 @@ import numpy as np
 
 from tmca.cameras.snapshots import NEEDED, Snapshot
 from tmca.errors import DataError
-from tmca.experiments.figures import cube_figure, image_figure, save_figure, snapshot_figure
+from tmca.experiments.camera_figures import snapshot_figure
+from tmca.experiments.figures import cube_figure, image_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras import PRESETS, SpectralCamera
+from tmca.cameras import SpectralCamera
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.scenes import load_scene
@@ -25,9 +25,11 @@ def learn_to_file(
     split: Path | None = None,
     bands: int | None = 12,
     spread: int | None = None,
+    reading: dict[str, Any] | None = None,
     figure: Path | None = None,
     overwrite: bool = False,
     seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
 ) -> Prior:
     """Learn a prior from files, rendered scenes or a split, and write it with its picture.
 
@@ -45,7 +47,11 @@ def learn_to_file(
         raise SettingError("prior learn", "no scenes", "cube files, rendered scenes or --split")
     if spread is not None and spread < 0:
         raise SettingError("--spread", str(spread), "0 pixels or more")
-    cubes = [load_scene(source, bands=bands) for source in sources]
+    cubes, told = [], progress or (lambda share, step: None)
+    for index, source in enumerate(sources):
+        told(0.5 * index / len(sources), f"reading {source}")
+        cubes.append(load_scene(source, bands=bands, **(reading or {})))
+    told(0.5, f"learning the {'mixture ' if mixture else ''}prior")
     prior = learn_prior(
         cubes, spread=cubes[0].sizes["wavelength"] - 1 if spread is None else spread, mixture=mixture, seed=seed
     )
@@ -64,13 +70,9 @@ def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: 
     known = load_prior(prior)
     if not isinstance(known, GaussianPrior):
         raise SettingError(prior, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
-    if preset is not None and preset not in PRESETS:
-        raise SettingError("--preset", repr(preset), f"one of {', '.join(PRESETS)}")
     size = (max(_FRAME, known.block[1]), max(_FRAME, known.block[2]))
-    base: dict[str, Any] = {} if preset is None else dict(PRESETS[preset])
-    camera = SpectralCamera(
-        **{**base, **settings, "bands": known.wavelengths or known.block[0], "size": size, "sensor": Sensor(**sensor)}
-    )
+    settings = settings | {"bands": known.wavelengths or known.block[0], "size": size, "sensor": Sensor(**sensor)}
+    camera = SpectralCamera.from_preset(preset, **settings) if preset else SpectralCamera(**settings)
     operator = camera.operator()
     if not isinstance(operator, TapOperator):
         raise SettingError("relay blur", str(camera.relay_blur), "0 for the expected error")

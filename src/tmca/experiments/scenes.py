@@ -5,11 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+from warnings import warn
 
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from tmca.data import Negative
+
+
+class DarkScene(UserWarning):
+    """A scene without light."""
 
 
 def load_scene(
@@ -19,6 +26,7 @@ def load_scene(
     size: tuple[int, int] | None = None,
     wavelengths: Sequence[float] | None = None,
     variable: str | None = None,
+    negative: Negative = "error",
 ) -> xr.DataArray:
     """A spectral cube of ``bands`` bands.
 
@@ -28,6 +36,7 @@ def load_scene(
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
         variable: which one, where the file holds several.
+        negative: what is done with negative pixels of a file: ``"error"``, ``"clip"`` to 0, or ``"keep"``.
 
     Returns:
         (wavelength, y, x) relative irradiance with a coordinate ``wavelength`` in metres; attribute ``name``.
@@ -46,11 +55,13 @@ def load_scene(
             name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
         )
     else:
-        cube = read(name, wavelengths=wavelengths, variable=variable)
+        cube = read(name, wavelengths=wavelengths, variable=variable, negative=negative)
     if bands is not None:
         cube = select_bands(cube, bands)
     cube = cube if size is None else centre_crop(cube, size, name)
     cube.attrs["name"] = Path(name).stem
+    if not cube.values.any():
+        warn(f"{name}: every pixel is zero", DarkScene, stacklevel=2)
     return cube
 
 

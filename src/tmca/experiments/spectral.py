@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from tmca.cameras import Snapshot, SpectralCamera
+from tmca.cameras import Snapshot, SpectralCamera, moving_scene
 from tmca.decoders.spectral import Decoded, decode, needs_prior
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import codes_figure, reconstruction_figure, save_figure, snapshot_figure
+from tmca.experiments.camera_figures import codes_figure, snapshot_figure
+from tmca.experiments.figures import save_figure
+from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.scenes import centre_crop, load_scene
 
 if TYPE_CHECKING:
@@ -61,12 +63,35 @@ class Reconstruction:
         return write_dataset(xr.Dataset(parts, attrs=attrs), path, overwrite=overwrite)
 
 
-def take_snapshot(cube: xr.DataArray, camera: SpectralCamera, seed: int = 0) -> Snapshot:
-    """Image a (wavelength, y, x) cube; the seed is that of the sensor's noise, whose stream no code shares."""
-    scene = torch.from_numpy(np.ascontiguousarray(cube.values, dtype=np.float32))[None]
+def take_snapshot(
+    cube: xr.DataArray | Sequence[xr.DataArray],
+    camera: SpectralCamera,
+    seed: int = 0,
+    motion: tuple[float, float] = (0.0, 0.0),
+) -> Snapshot:
+    """Image a scene.
+
+    Args:
+        cube: (wavelength, y, x), or one such cube per slot.
+        camera: of its bands and size.
+        seed: of the sensor's noise, whose stream no code shares.
+        motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
+            cube is its place in the middle.
+
+    Raises:
+        SettingError: another number of cubes than slots.
+    """
+    cubes = list(cube) if isinstance(cube, Sequence) else [cube]
+    scenes = [torch.from_numpy(np.ascontiguousarray(one.values, dtype=np.float32)) for one in cubes]
+    if len(scenes) > 1 and len(scenes) != camera.slots:
+        raise SettingError("scenes", f"{len(scenes)}", f"one, or one for each of {camera.slots} slots")
+    scene = torch.stack(scenes) if len(scenes) > 1 else scenes[0]
+    notes = {"scene": str(cubes[0].attrs.get("name", "")), "noise_seed": seed}
+    if any(motion):
+        scene, notes["motion_pixels"] = moving_scene(scene, motion, camera.slots), list(motion)
     with torch.no_grad():
-        values = camera(scene, _NOISE_STREAM + seed)
-    return Snapshot(values, camera, {"scene": str(cube.attrs.get("name", "")), "noise_seed": seed})
+        values = camera(scene[None], _NOISE_STREAM + seed)
+    return Snapshot(values, camera, notes)
 
 
 def reconstruct_snapshot(
@@ -77,7 +102,7 @@ def reconstruct_snapshot(
     tv_weight: float | None = None,
     uncertainty: bool = False,
     truth: xr.DataArray | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[..., None] | None = None,
 ) -> Reconstruction:
     """Recover the scene of a snapshot.
 
@@ -88,33 +113,39 @@ def reconstruct_snapshot(
         tv_weight: of the total variation.
         uncertainty: also estimate the standard deviation of every entry.
         truth: (wavelength, y, x) for metrics.
-        progress: told the share that is done.
+        progress: told the share that is done and, while a prior is learned, what is done next.
     """
-    chosen = find_prior(prior, decoder, snapshot.camera) if needs_prior(decoder) or prior is not None else None
+    chosen = None
+    if needs_prior(decoder) or prior is not None:
+        chosen = find_prior(prior, decoder, snapshot.camera, progress)
     found = decode(snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress)
     return _labelled(found, decoder, snapshot, truth)
 
 
 def find_prior(
-    prior: str | Path | GaussianPrior | GaussianMixturePrior | None, decoder: str, camera: SpectralCamera
+    prior: str | Path | GaussianPrior | GaussianMixturePrior | None,
+    decoder: str,
+    camera: SpectralCamera,
+    progress: Callable[..., None] | None = None,
 ) -> GaussianPrior | GaussianMixturePrior:
     """The prior that a decoder shall use: given, from a file, or learned from the rendered scenes and kept."""
     from tmca.priors import load_prior, rendered_prior
 
     if prior is None:
-        return rendered_prior(camera.wavelengths, camera.dispersion.spread, mixture=decoder == "mixture")
+        mixture = decoder == "mixture"
+        return rendered_prior(camera.wavelengths, camera.dispersion.spread, mixture=mixture, progress=progress)
     return load_prior(prior) if isinstance(prior, (str, Path)) else prior
 
 
-def true_scene(source: str, snapshot: Snapshot) -> xr.DataArray:
-    """The scene of a snapshot, brought to the camera's bands and size.
+def true_scene(source: str, snapshot: Snapshot, **reading: Any) -> xr.DataArray:
+    """The scene of a snapshot, brought to the camera's bands and size; ``reading`` goes to ``load_scene``.
 
     Raises:
         DataError: it is smaller than the snapshot's scene.
     """
     from tmca.data import nearest_bands
 
-    cube = load_scene(source, bands=None)
+    cube = load_scene(source, bands=None, **reading)
     cube = nearest_bands(cube, snapshot.camera.wavelengths)
     height, width = snapshot.camera.size
     if cube.shape[1] < height or cube.shape[2] < width:
@@ -161,9 +192,10 @@ def reconstruction_pictures(
 
 
 def evaluate_files(
-    estimate: str | Path, truth: str, *, figure: Path | None = None, overwrite: bool = False
+    estimate: str | Path, truth: str, *, figure: Path | None = None, overwrite: bool = False, **reading: Any
 ) -> dict[str, float]:
-    """Metrics of one cube file against another; bands matched by wavelength, a larger truth cropped to its middle.
+    """Metrics of one cube file against another; bands matched by wavelength, a larger truth cropped to its middle;
+    ``reading`` goes to ``load_scene``.
 
     Raises:
         DataError: the truth is smaller than the estimate.
@@ -174,7 +206,7 @@ def evaluate_files(
     if figure is not None and Path(estimate).resolve() == figure.resolve():
         raise SettingError("--figure", str(figure), "another file than the estimate")
     cube = read(estimate, negative="keep")
-    reference = nearest_bands(load_scene(truth, bands=None), cube["wavelength"].values)
+    reference = nearest_bands(load_scene(truth, bands=None, **reading), cube["wavelength"].values)
     reference = centre_crop(reference, (cube.shape[1], cube.shape[2]), truth)
     if figure is not None:
         drawing = reconstruction_figure(

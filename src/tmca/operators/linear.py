@@ -82,7 +82,7 @@ class LinearOperator(nn.Module):
         return self.A(scene)
 
     def A_dagger(self, snapshot: Tensor) -> Tensor:
-        """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``; iterates unless a subclass is closed."""
+        """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``; by iteration, unless closed."""
         self._check(snapshot, self.snapshot_shape, "snapshot")
         solved = conjugate_gradient_gram(self, snapshot, 0.0, tolerance=_TOLERANCE[snapshot.dtype], steps=1000)
         return self.A_adjoint(solved)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Prior = GaussianPrior | GaussianMixturePrior
+Told = Callable[[float, str], None]
+"""Takes the share that is done, and what is done next."""
 
 _ENTRIES = {False: 5184, True: 3456}
 _ROWS = {False: 12, True: 8}
@@ -97,7 +99,9 @@ def load_prior(path: str | Path) -> Prior:
     return GaussianMixturePrior.load(path) if kind_of(path) == "gaussian mixture" else GaussianPrior.load(path)
 
 
-def rendered_prior(wavelengths: Sequence[float], spread: int, *, mixture: bool = False) -> Prior:
+def rendered_prior(
+    wavelengths: Sequence[float], spread: int, *, mixture: bool = False, progress: Told | None = None
+) -> Prior:
     """The prior of the rendered training scenes at these wavelengths, learned on first use and kept.
 
     It is kept in the folder ``TMCA_CACHE``, or ``tmca`` in the user's cache folder.
@@ -106,6 +110,7 @@ def rendered_prior(wavelengths: Sequence[float], spread: int, *, mixture: bool =
         wavelengths: of the bands, metres, within 400–700 nm.
         spread: columns by which the camera's snapshot is wider than the scene.
         mixture: a Gaussian mixture instead of one Gaussian.
+        progress: told what is done, where it has to be learned.
 
     Raises:
         SettingError: wavelengths that the rendered scenes do not have.
@@ -129,11 +134,13 @@ def rendered_prior(wavelengths: Sequence[float], spread: int, *, mixture: bool =
             return load_prior(file)
         except DataError:
             pass  # a damaged file of ours: learned anew below, and replaced
-    cubes = []
-    for name in names:
+    cubes, told = [], progress or (lambda share, step: None)
+    for index, name in enumerate(names):
+        told(0.5 * index / len(names), f"first use: rendering {name} for the prior, which is then kept")
         cube = rendered_scene(name, wavelengths=list(wavelengths), size=_RENDERED_SIZE)["radiance"]
         cube.attrs["name"] = name
         cubes.append(cube)
+    told(0.5, f"first use: learning the {'mixture ' if mixture else ''}prior, which is then kept")
     prior = learn_prior(cubes, spread=spread, mixture=mixture)
     make_folder(file.parent)
     prior.save(file, overwrite=True)

@@ -5,6 +5,7 @@ That is the range in which every one of the reflectances was measured.
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -48,8 +49,9 @@ def illuminant(name: str) -> Array:
     import colour
 
     if name not in colour.SDS_ILLUMINANTS:
-        known = ", ".join(colour.SDS_ILLUMINANTS)
-        raise SettingError("illuminant", repr(name), "one that colour-science knows", f"choose one of {known}")
+        near = get_close_matches(name, list(colour.SDS_ILLUMINANTS), 4, 0.3) or ["D65", "A", "LED-B2"]
+        remedy = f"try {', '.join(near)}; colour.SDS_ILLUMINANTS has all {len(colour.SDS_ILLUMINANTS)}"
+        raise SettingError("illuminant", repr(name), "one that colour-science knows", remedy)
     return _on_grid(colour.SDS_ILLUMINANTS[name])
 
 

@@ -1,0 +1,98 @@
+"""How defaults were chosen, on training scenes: ``python benchmarks/defaults.py --train SPLIT [--study tv|blocks]``.
+
+``tv``: PSNR of ADMM-TV over weights, beside `tmca.decoders.default_weight`. ``blocks``: PSNR of the patch LMMSE over
+block sizes of the prior, every scene decoded under a prior of the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+import xarray as xr
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import read_split
+from tmca.decoders import admm_tv, decode, default_weight
+from tmca.experiments.scenes import load_scene
+from tmca.metrics import psnr
+from tmca.priors import learn_prior
+from tmca.sensor import Sensor
+
+CODES = {
+    "static": {"slots": 1, "aperture": "static", "shutter": "open"},
+    "random K = 8": {"slots": 8},
+}
+NOISES = (0.0, 0.01, 0.05)
+FACTORS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 10.0)
+BLOCKS = ((6, 30), (6, 36), (8, 36), (10, 36), (12, 30), (12, 36), (12, 42), (16, 36))
+
+
+def _middle(cube: xr.DataArray, size: int) -> xr.DataArray:
+    top, left = (cube.sizes["y"] - size) // 2, (cube.sizes["x"] - size) // 2
+    return cube.isel(y=slice(top, top + size), x=slice(left, left + size))
+
+
+def snapshot(cube: xr.DataArray, code: str, noise: float) -> tuple[Snapshot, torch.Tensor]:
+    """A snapshot of a scene, and the scene (1, L, H, W)."""
+    camera = SpectralCamera(
+        bands=cube["wavelength"].values.tolist(), size=cube.shape[1:], sensor=Sensor(read_noise=noise), **CODES[code]
+    )
+    scene = torch.from_numpy(cube.values)[None]
+    return Snapshot(camera(scene, generator=0), camera), scene
+
+
+def study_tv(cubes: Sequence[xr.DataArray]) -> None:
+    """Mean PSNR over scenes and codes for weights around the default."""
+    print("kind   sigma  " + "  ".join(f"×{factor:<5g}" for factor in FACTORS))
+    for joint in (True, False):
+        for noise in NOISES:
+            found = []
+            for factor in FACTORS:
+                values = []
+                for cube in cubes:
+                    for code in CODES:
+                        taken, scene = snapshot(cube, code, noise)
+                        weight = factor * default_weight(noise)
+                        result = admm_tv(
+                            taken.camera.operator(), taken.values, weight, joint=joint, bounds=(0.0, float("inf"))
+                        )
+                        values.append(float(psnr(result.estimate, scene)))
+                found.append(sum(values) / len(values))
+            print(
+                f"{'joint' if joint else 'band ':6s} {noise:5g}  " + "  ".join(f"{v:6.2f}" for v in found), flush=True
+            )
+
+
+def study_blocks(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -> None:
+    """Mean PSNR over scenes and codes for block sizes (rows × columns), each scene left out of its prior."""
+    for block in BLOCKS:
+        values: dict[float, list[float]] = {noise: [] for noise in NOISES[:2]}
+        for _index, cube in enumerate(cubes):
+            others = [c for c in whole if c.attrs["name"] != cube.attrs["name"]]
+            prior = learn_prior(others, spread=cube.sizes["wavelength"] - 1, block=block)
+            for noise in values:
+                for code in CODES:
+                    taken, scene = snapshot(cube, code, noise)
+                    values[noise].append(float(psnr(decode(taken, "lmmse", prior=prior).estimate, scene)))
+        text = "  ".join(f"σ = {noise:g}: {sum(v) / len(v):.2f} dB" for noise, v in values.items())
+        print(f"block {block[0]:2d} × {block[1]:2d}  {text}", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--train", type=Path, required=True, help="split file of training scenes")
+    parser.add_argument("--study", choices=("tv", "blocks"), default="tv")
+    parser.add_argument("--size", type=int, default=160)
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    whole = [load_scene(path, bands=12) for path in read_split(options.train)]
+    cubes = [_middle(cube, options.size) for cube in whole if min(cube.shape[1:]) >= options.size]
+    print(f"{len(cubes)} scenes: {', '.join(str(cube.attrs['name']) for cube in cubes)}")
+    study_tv(cubes) if options.study == "tv" else study_blocks(cubes, whole)
+
+
+if __name__ == "__main__":
+    main()

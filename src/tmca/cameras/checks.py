@@ -1,0 +1,41 @@
+"""Checks of a camera's settings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral
+from typing import cast
+
+import torch
+
+from tmca.errors import SettingError
+
+
+def choice(name: str, value: str, choices: tuple[str, ...]) -> str:
+    if value not in choices:
+        raise SettingError(name, repr(value), f"one of {', '.join(choices)}")
+    return value
+
+
+def checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    if not hasattr(size, "__len__") or len(size) != 2 or min(size) < 1:
+        raise SettingError("size", str(size), "(H, W) of at least 1 pixel each")
+    return (int(size[0]), int(size[1]))
+
+
+def band_wavelengths(bands: int | Sequence[float]) -> tuple[float, ...]:
+    if isinstance(bands, Integral):
+        return evenly_spaced(int(bands))
+    values = tuple(float(w) for w in cast(Sequence[float], bands))
+    if not values or not all(100e-9 < w < 100e-6 for w in values) or len(set(values)) < len(values):
+        raise SettingError(
+            "bands", str(list(values)), "different wavelengths in metres, such as 550e-9", "give nm × 1e-9"
+        )
+    return values
+
+
+def evenly_spaced(bands: int) -> tuple[float, ...]:
+    """Evenly spaced from 400 to 700 nm, in metres."""
+    if bands < 1:
+        raise SettingError("bands", str(bands), "at least 1")
+    return tuple(torch.linspace(400e-9, 700e-9, bands, dtype=torch.float64).tolist()) if bands > 1 else (550e-9,)

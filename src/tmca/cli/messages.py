@@ -1,0 +1,48 @@
+"""Errors in the words of the command line: options instead of Python arguments."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+
+from tmca.errors import TmcaError
+
+_ALIASES = {"count": "--wavelengths", "displacement": "--dispersion", "weight": "--tv-weight", "codes": "--aperture"}
+_EXTRA = (
+    "crop",
+    "variable",
+    "wavelengths",
+    "negative",
+    "bands",
+    "illuminant",
+    "decoder",
+    "prior",
+    "tv_weight",
+    "seed",
+    "size",
+)
+
+
+def options() -> dict[str, str]:
+    """Python's name of an argument → the option that sets it."""
+    from tmca.cli.options import SceneOptions, SensorOptions, SpectralOptions
+
+    names = [field.name for kind in (SceneOptions, SensorOptions, SpectralOptions) for field in fields(kind)]
+    return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
+
+
+def in_options(error: TmcaError) -> str:
+    """The error's line with ``name=value`` and bare names of arguments put as options."""
+    known = options()
+    text = str(error)
+    if error.where in known:
+        text = known[error.where] + text[len(error.where) :]
+
+    def option(match: re.Match[str]) -> str:
+        name, value = match[1], match[2] or match[3]
+        if name not in known:
+            return match[0]
+        return known[name] + (f" {value}" if value else "")
+
+    text = re.sub(r"\b([a-z_]+)=(?:\"([^\"]*)\"|(\d+))?(?= |,|;|\.|$)", option, text)
+    return re.sub(r"(--[a-z-]+) \(\1\)", r"\1", text)

@@ -1,0 +1,56 @@
+"""A coloured aperture in the place of the codes, and scenes that move within the exposure."""
+
+import pytest
+import torch
+
+from tmca.cameras import Snapshot, SpectralCamera, moving_scene
+from tmca.errors import SettingError, ShapeError
+
+
+def coloured_camera(**changes):
+    code = torch.rand(4, 6, 7, generator=torch.Generator().manual_seed(0))
+    return SpectralCamera(bands=4, size=(6, 7), coloured=code, **changes), code
+
+
+def test_a_coloured_aperture_weighs_every_band_by_itself():
+    camera, code = coloured_camera(dispersion=2)
+    scene = torch.rand(2, 4, 6, 7)
+    expected = torch.zeros(2, 1, 6, 13)
+    for band in range(4):
+        expected[:, 0, :, 2 * band : 2 * band + 7] += code[band] * scene[:, band]
+    assert torch.allclose(camera.A(scene), expected, atol=1e-6)
+    assert camera.throughput() == pytest.approx(float(code.mean()))
+
+
+def test_a_time_multiplexed_code_is_a_coloured_aperture_that_nobody_made():
+    multiplexed = SpectralCamera(bands=4, size=(6, 7), slots=5)
+    coloured = SpectralCamera(bands=4, size=(6, 7), coloured=multiplexed.code_cube())
+    scene = torch.rand(1, 4, 6, 7)
+    assert torch.allclose(coloured.A(scene), multiplexed.A(scene), atol=1e-6)
+
+
+def test_a_snapshot_file_keeps_the_coloured_aperture(tmp_path):
+    camera, code = coloured_camera()
+    Snapshot(camera(torch.rand(1, 4, 6, 7)), camera).save(tmp_path / "s.nc")
+    assert torch.equal(Snapshot.load(tmp_path / "s.nc").camera.code_cube(), code)
+
+
+@pytest.mark.parametrize("changes", [{"disperser": "dual"}, {"relay_blur": 1.0}])
+def test_a_coloured_aperture_refuses_what_it_cannot_have(changes):
+    with pytest.raises(SettingError, match="coloured"):
+        coloured_camera(**changes)
+    with pytest.raises(ShapeError, match="coloured"):
+        SpectralCamera(bands=3, size=(6, 7), coloured=torch.ones(4, 6, 7))
+
+
+def test_motion_by_whole_pixels_is_a_shift_and_the_middle_is_the_scene():
+    scene = torch.rand(2, 9, 11)
+    moved = moving_scene(scene, (0.0, 3.0), 3)  # the three slots are one pixel apart
+    assert torch.allclose(moved[1], scene, atol=1e-5)
+    assert torch.allclose(moved[2][:, :, 1:], scene[:, :, :-1], atol=1e-5)
+    assert torch.allclose(moved[0][:, :, :-1], scene[:, :, 1:], atol=1e-5)
+
+
+def test_a_scene_at_rest_moves_nowhere():
+    scene = torch.rand(3, 5, 6)
+    assert torch.allclose(moving_scene(scene, (0.0, 0.0), 4), scene.expand(4, -1, -1, -1), atol=1e-6)
