@@ -22,6 +22,7 @@ _ROOMS = (
     "optics",
     "priors",
     "sensor",
+    "training",
 )
 
 __all__ = ["__version__", *_ROOMS]

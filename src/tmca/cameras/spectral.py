@@ -51,6 +51,7 @@ class SpectralCamera(nn.Module):
         period: tile of the codes, pixels; full frame if None.
         seed: of the codes.
         learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
+        spread: of the logits of learned codes, see ``CodePlane``.
         coloured: (L, H, W) transmittance of a static coloured aperture, which takes the place of the codes: an open
             shutter, one slot, a single disperser, no relay blur.
 
@@ -77,6 +78,7 @@ class SpectralCamera(nn.Module):
         period: int | tuple[int, int] | None = None,
         seed: int = 0,
         learnable: bool | str = False,
+        spread: float = 0.0,
         coloured: Tensor | None = None,
     ) -> None:
         super().__init__()
@@ -103,7 +105,7 @@ class SpectralCamera(nn.Module):
         planes = (self.size, wide) if disperser == "single" else (wide, self.size)
         self.multiplexed = MultiplexedCodes(
             slots, *planes, aperture=aperture, shutter=shutter, transmittance=transmittance, duty=duty,
-            period=period, seed=seed, learnable=learnable,
+            period=period, seed=seed, learnable=learnable, spread=spread,
         )  # fmt: skip
         self.sensor = sensor or Sensor()
         self._fixed: tuple[tuple[object, ...], TapOperator] | None = None

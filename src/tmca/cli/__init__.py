@@ -36,8 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if isinstance(error, RuntimeError) and "allocate" not in str(error):
             raise
         _leave("found too little memory for this size, expected less; use --crop, fewer --bands or fewer --slots")
-    except KeyboardInterrupt:
-        print("tmca: stopped; finished files are whole", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        said = str(stop)
+        print(f"tmca: {said or 'stopped; finished files are whole'}", file=sys.stderr)
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)

@@ -13,6 +13,7 @@ COMMANDS = {
     "simulate": ("simulate:app", "Take a coded snapshot of a scene."),
     "reconstruct": ("reconstruct:app", "Recover the scene from a snapshot file."),
     "evaluate": ("evaluate:app", "Compare an estimate with the truth, by every metric."),
+    "train": ("train:app", "Learn a camera's codes and its decoder together."),
     "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }

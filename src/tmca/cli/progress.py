@@ -11,7 +11,7 @@ _EVERY = 10.0
 """Seconds between two lines where nobody watches."""
 
 Told = Callable[..., None]
-"""Takes the share that is done, 0 to 1, and optionally what is done next."""
+"""Takes the share that is done, 0 to 1, and optionally what is done next and figures that change all the time."""
 
 
 @contextmanager
@@ -26,7 +26,9 @@ def progress_bar(label: str) -> Iterator[Told]:
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         task = bars.add_task(label, total=1.0)
-        yield lambda share, step=None: bars.update(task, completed=share, description=step or label)
+        yield lambda share, step=None, detail="": bars.update(
+            task, completed=share, description=f"{step or label} {detail}".strip()
+        )
 
 
 class _Lines:
@@ -35,7 +37,7 @@ class _Lines:
     def __init__(self, label: str) -> None:
         self.label, self.start, self.last, self.step = label, time.monotonic(), time.monotonic(), ""
 
-    def __call__(self, share: float, step: str | None = None) -> None:
+    def __call__(self, share: float, step: str | None = None, detail: str = "") -> None:
         now = time.monotonic()
         fresh = step is not None and step != self.step
         if not fresh and now - self.last < _EVERY:
@@ -43,4 +45,4 @@ class _Lines:
         self.last, self.step = now, step or self.step
         left = (now - self.start) * (1 - share) / share if share > 0 else None
         eta = "" if left is None or left < 1 else f", {left:.0f} s left" if left < 90 else f", {left / 60:.1f} min left"
-        print(f"{self.label}: {share:4.0%} {self.step}{eta}", file=sys.stderr)
+        print(" ".join(f"{self.label}: {share:4.0%} {self.step} {detail}{eta}".split()), file=sys.stderr)

@@ -23,6 +23,7 @@ class MultiplexedCodes(nn.Module):
         seed: same seed, same codes; aperture and shutter draw from different streams.
         learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
         slope: of the surrogate derivative.
+        spread: of the logits' distances from their threshold, see ``CodePlane``.
     """
 
     def __init__(
@@ -39,16 +40,17 @@ class MultiplexedCodes(nn.Module):
         seed: int = 0,
         learnable: bool | str = False,
         slope: float = 4.0,
+        spread: float = 0.0,
     ) -> None:
         super().__init__()
         self.slots = slots
         self.aperture = CodePlane(
             aperture, slots, aperture_size, period=period, density=transmittance, seed=2 * seed,
-            learnable=learnable in (True, "aperture"), slope=slope, name="aperture",
+            learnable=learnable in (True, "aperture"), slope=slope, spread=spread, name="aperture",
         )  # fmt: skip
         self.shutter = CodePlane(
             shutter, slots, shutter_size, period=period, density=duty, seed=2 * seed + 1,
-            learnable=learnable in (True, "shutter"), slope=slope, name="shutter",
+            learnable=learnable in (True, "shutter"), slope=slope, spread=spread, name="shutter",
         )  # fmt: skip
 
     def forward(self) -> tuple[Tensor, Tensor]:

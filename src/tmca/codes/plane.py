@@ -27,6 +27,8 @@ class CodePlane(nn.Module):
         seed: of a named family.
         learnable: logits become a ``Parameter``; the structure of the family (static, one-hot, complementary) is kept.
         slope: of the surrogate derivative, see ``hard_threshold``; assign to ``plane.slope`` to anneal it.
+        spread: share by which the distances of the logits from their threshold differ at random, 0 to 1, so that equal
+            patterns of different slots can part ways when they are learned.
 
     Raises:
         SettingError: unknown family, bad period, values outside [0, 1], grey codes that should be learned.
@@ -44,6 +46,7 @@ class CodePlane(nn.Module):
         seed: int = 0,
         learnable: bool = False,
         slope: float = 4.0,
+        spread: float = 0.0,
         name: str = "code",
     ) -> None:
         super().__init__()
@@ -61,11 +64,14 @@ class CodePlane(nn.Module):
             raise SettingError(
                 name, "grey values", "zeros and ones where codes are learned", "binarise it or leave it fixed"
             )
-        self._store(values, learnable)
+        self._store(values, learnable, spread, seed)
 
-    def _store(self, values: Tensor, learnable: bool) -> None:
+    def _store(self, values: Tensor, learnable: bool, spread: float, seed: int) -> None:
         kept = values[:1] if self.family == "static" else values[::2] if self.family == "complementary" else values
         latent = kept.clone() if self.grey else (2 * kept - 1) * _MARGIN
+        if spread and not self.grey:
+            source = torch.Generator().manual_seed(seed)
+            latent = latent * (1 - spread * torch.rand(latent.shape, generator=source))
         if learnable and self.family != "open":
             self.latent = nn.Parameter(latent)
         else:

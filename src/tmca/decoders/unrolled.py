@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn.functional import softplus
 
 from tmca.decoders.convolutions import ConvolutionalBody
-from tmca.decoders.network import RESIDUAL, Network, code_maps, local_level, noise_maps
+from tmca.decoders.network import LEVEL_REACH, RESIDUAL, Network, code_maps, local_level, noise_maps
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.sensor import Noise
@@ -20,8 +20,8 @@ _FIRST_SHIFT = -3.0  # softplus: 0.05
 class Unrolled(Network):
     """Stages of ``z = x + Aᵀ(A Aᵀ + μ I)⁻¹(y - A x)`` and ``x ← x + prox(x, z - x, code, noise)``, μ > 0 learned.
 
-    The data step is the closed one of half-quadratic splitting; μ is the noise variance plus a learned positive shift.
-    Before training the network returns its first estimate.
+    The data step is the closed one of half-quadratic splitting; μ is the noise variance of each sensor pixel plus a
+    learned positive shift. Before training the network returns its first estimate.
 
     Args:
         bands: L.
@@ -62,13 +62,14 @@ class Unrolled(Network):
             ConvolutionalBody(inputs, bands, tuple(widths), blocks, gather) for _ in range(1 if shared else stages)
         ]
         self.proximal = nn.ModuleList(proximal)
+        self.reach, self.multiple = stages * proximal[0].reach + LEVEL_REACH, proximal[0].multiple
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
         """(B, 1, H, W') and the first estimate (B, L, H, W) → (B, L, H, W)."""
         self.check(start)
         level = local_level(start)
         given = (code_maps(operator).expand(start.shape), noise_maps(noise, level))
-        floor, estimate = noise.variance(snapshot.detach()).mean(), start
+        floor, estimate = noise.variance(snapshot.detach()), start
         for stage, shift in enumerate(softplus(self.shift)):
             with torch.autocast(snapshot.device.type, enabled=False):
                 misfit = snapshot - operator.A(estimate)

@@ -104,5 +104,3 @@ def _restore(optimizer: Optimizer, tensors: dict[str, Tensor]) -> None:
         state.setdefault(int(place), {})[name] = value
     groups = optimizer.state_dict()["param_groups"]
     optimizer.load_state_dict({"state": state, "param_groups": groups})
-
-

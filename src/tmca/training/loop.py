@@ -51,6 +51,8 @@ class Run:
         steps: in all.
         folder: checkpoints and log.
         fabric: engine (Lightning Fabric): precision, device, processes.
+        keep: called with the best validation figures whenever they are the best so far, and at the end of a run that
+            never validated.
         progress: told about every step.
     """
 
@@ -60,6 +62,7 @@ class Run:
     steps: int
     folder: Path
     fabric: Fabric
+    keep: Callable[[dict[str, Any]], None] | None = None
     progress: Progress | None = None
     best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "step": 0})
     said: str = ""
@@ -79,7 +82,7 @@ class Run:
         if newest is None:
             return 0
         state = load_checkpoint(newest, self.module, self.optimizers)
-        self.best = state["best"]
+        self.best = state["best"] if state["best"]["psnr"] is not None else self.best  # JSON has no infinity
         return int(state["step"])
 
     def train(self) -> dict[str, Any]:
@@ -152,15 +155,22 @@ class Run:
         found = self.system.validate()
         figures = {"loss": loss, **self.system.figures(), **found}
         self.said = "".join(f", validation {value:.2f} dB" for name, value in found.items() if name == "psnr")
-        if found.get("psnr", -math.inf) > self.best["psnr"]:
-            self.best = {"psnr": found["psnr"], "step": done}
+        value = found.get("psnr", -math.inf)
+        if value > self.best["psnr"] or (done == self.steps and not found):
+            self.best = {**found, "psnr": value, "step": done}
+            if self.keep and self.fabric.is_global_zero:
+                self.keep(self.best)
         if self.fabric.is_global_zero:
             self.log.add(done, figures)
 
     def _checkpoint(self, done: int) -> None:
         if self.fabric.is_global_zero:
             save_checkpoint(
-                self.folder / "checkpoints", done, self.module, self.optimizers, {"best": self.best, "time": time.time()}
+                self.folder / "checkpoints",
+                done,
+                self.module,
+                self.optimizers,
+                {"best": self.best, "time": time.time()},
             )
         self.fabric.barrier()
 

@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from tmca.cameras import moving_scene
 from tmca.data import atomic_path, make_folder
 from tmca.errors import DataError
 
@@ -96,8 +97,15 @@ class PatchSource:
     """
 
     def __init__(
-        self, store: CubeStore, patch: int, seed: int, *, brightness: float = 0.0, tint: float = 0.0,
-        motion: float = 0.0, slots: int = 1,
+        self,
+        store: CubeStore,
+        patch: int,
+        seed: int,
+        *,
+        brightness: float = 0.0,
+        tint: float = 0.0,
+        motion: float = 0.0,
+        slots: int = 1,
     ) -> None:
         self.store, self.patch, self.seed = store, patch, seed
         self.brightness, self.tint, self.motion, self.slots = brightness, tint, motion, slots
@@ -116,12 +124,14 @@ class PatchSource:
             name, size = self.store.scenes[which], f"{cube.shape[1]}×{cube.shape[2]} pixels"
             raise DataError(name, size, f"at least {side}×{side}", "use smaller patches or leave the scene out")
         top, left = (int(rng.integers(length - side + 1)) for length in cube.shape[1:])
-        values = torch.from_numpy(_varied(cube[:, top : top + side, left : left + side], rng, self.brightness, self.tint))
+        values = torch.from_numpy(
+            _varied(cube[:, top : top + side, left : left + side], rng, self.brightness, self.tint)
+        )
         origin = f"{self.store.scenes[which]} at row {top}, column {left}"
         if not self.motion:
             return Patch(values, values, origin)
         velocity = rng.uniform(-1, 1, 2) * self.motion
-        scene = moving(values, (float(velocity[0]), float(velocity[1])), self.slots)
+        scene = moving_scene(values, (float(velocity[0]), float(velocity[1])), self.slots)
         inner = slice(margin, margin + self.patch)
         return Patch(scene[..., inner, inner].contiguous(), values[:, inner, inner].contiguous(), origin)
 
@@ -142,22 +152,3 @@ def _spectral_gain(bands: int, rng: np.random.Generator, spread: float) -> NDArr
     orders = np.arange(1, 5)
     curve = (rng.standard_normal(4) / orders) @ np.cos(np.pi * orders[:, None] * place)
     return np.exp(spread * curve).astype(np.float32)
-
-
-def moving(scene: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
-    """(L, H, W) → (K, L, H, W): the scene displaced evenly over the exposure, itself in the middle; bilinear.
-
-    Args:
-        scene: (L, H, W).
-        displacement: rows and columns from the beginning to the end of the exposure, pixels.
-        slots: K; each slot shows the scene at its own middle.
-    """
-    height, width = scene.shape[1:]
-    times = (torch.arange(slots, dtype=torch.float64) + 0.5) / slots - 0.5
-    theta = torch.zeros(slots, 2, 3, dtype=scene.dtype)
-    theta[:, 0, 0] = theta[:, 1, 1] = 1
-    theta[:, 0, 2] = (-2 * displacement[1] * times / width).to(scene.dtype)
-    theta[:, 1, 2] = (-2 * displacement[0] * times / height).to(scene.dtype)
-    grid = torch.nn.functional.affine_grid(theta, [slots, 1, height, width], align_corners=False)
-    stack = scene.expand(slots, -1, -1, -1)
-    return torch.nn.functional.grid_sample(stack, grid, padding_mode="border", align_corners=False)

@@ -23,15 +23,15 @@ class CameraSettings(_Strict):
     """
 
     size: tuple[int, int] = (256, 256)
-    slots: int = Field(8, ge=1)
+    slots: int = Field(default=8, ge=1)
     aperture: str = "random"
     shutter: str = "random"
     exposure: Literal["equal", "per-slot"] = "equal"
     dispersion: float | tuple[float, ...] = 1.0
     disperser: Literal["single", "dual"] = "single"
-    transmittance: float = Field(0.5, gt=0, lt=1)
-    duty: float = Field(0.5, gt=0, lt=1)
-    period: int | None = Field(None, ge=1)
+    transmittance: float = Field(default=0.5, gt=0, lt=1)
+    duty: float = Field(default=0.5, gt=0, lt=1)
+    period: int | None = Field(default=None, ge=1)
     seed: int = 0
     learn: Literal["both", "aperture", "shutter", "none"] = "none"
 
@@ -39,10 +39,10 @@ class CameraSettings(_Strict):
 class NoiseSettings(_Strict):
     """One sensor; names as in ``Sensor``."""
 
-    read_noise: float = Field(0.0, ge=0)
-    full_well: float | None = Field(None, gt=0)
-    read_noise_electrons: float = Field(0.0, ge=0)
-    bits: int | None = Field(None, ge=1, le=32)
+    read_noise: float = Field(default=0.0, ge=0)
+    full_well: float | None = Field(default=None, gt=0)
+    read_noise_electrons: float = Field(default=0.0, ge=0)
+    bits: int | None = Field(default=None, ge=1, le=32)
 
 
 class CodeSettings(_Strict):
@@ -56,14 +56,18 @@ class CodeSettings(_Strict):
         throughput: light throughput wanted, share of a white scene's light; None leaves it free.
         hold: ``"penalty"`` adds ``penalty · (throughput - target)²`` to the loss, ``"hard"`` keeps it at the target.
         penalty: weight of the penalty.
+        through_start: the codes' gradient passes through the first estimate (LMMSE) as well as the network.
+        decoder: a trained run or weights file whose decoder is taken over at the start.
     """
 
     start: str = "random"
     slope: tuple[float, float] = (4.0, 40.0)
-    frozen: float = Field(0.2, ge=0, lt=1)
-    throughput: float | None = Field(None, gt=0, lt=1)
+    frozen: float = Field(default=0.2, ge=0, lt=1)
+    throughput: float | None = Field(default=None, gt=0, lt=1)
     hold: Literal["penalty", "hard"] = "penalty"
-    penalty: float = Field(10.0, ge=0)
+    penalty: float = Field(default=10.0, ge=0)
+    through_start: bool = True
+    decoder: str | None = None
 
 
 class DataSettings(_Strict):
@@ -85,13 +89,13 @@ class DataSettings(_Strict):
     train: tuple[str, ...] = ()
     validation: tuple[str, ...] = ()
     shares: tuple[float, float, float] = (0.8, 0.1, 0.1)
-    bands: int = Field(12, ge=1)
-    patch: int = Field(64, ge=4)
-    batch: int = Field(16, ge=1)
-    patches_per_scene: int = Field(64, ge=1)
-    brightness: float = Field(3.0, ge=0)
-    tint: float = Field(0.2, ge=0)
-    motion: float = Field(0.0, ge=0)
+    bands: int = Field(default=12, ge=1)
+    patch: int = Field(default=64, ge=4)
+    batch: int = Field(default=16, ge=1)
+    patches_per_scene: int = Field(default=64, ge=1)
+    brightness: float = Field(default=3.0, ge=0)
+    tint: float = Field(default=0.2, ge=0)
+    motion: float = Field(default=0.0, ge=0)
 
 
 class OptimiserSettings(_Strict):
@@ -107,12 +111,12 @@ class OptimiserSettings(_Strict):
         loss: ``"l2"``, ``"l1"`` ``"charbonnier"`` or ``"log"`` (mean PSNR).
     """
 
-    steps: int | None = Field(None, ge=1)
-    epochs: int = Field(500, ge=1)
-    decoder_rate: float = Field(1e-3, gt=0)
-    code_rate: float = Field(0.03, ge=0)
-    warmup: float = Field(0.05, ge=0, lt=1)
-    clip: float = Field(1.0, ge=0)
+    steps: int | None = Field(default=None, ge=1)
+    epochs: int = Field(default=500, ge=1)
+    decoder_rate: float = Field(default=1e-3, gt=0)
+    code_rate: float = Field(default=0.03, ge=0)
+    warmup: float = Field(default=0.05, ge=0, lt=1)
+    clip: float = Field(default=1.0, ge=0)
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l2"
 
 
@@ -126,8 +130,8 @@ class TrainSettings(_Strict):
     data: DataSettings = DataSettings()
     optimiser: OptimiserSettings = OptimiserSettings()
     precision: Literal["32-true", "bf16-mixed"] = "bf16-mixed"
-    validate_every: int = Field(100, ge=1)
-    checkpoint_every: int = Field(50, ge=1)
+    validate_every: int = Field(default=100, ge=1)
+    checkpoint_every: int = Field(default=50, ge=1)
     seed: int = 0
 
     @field_validator("noise")
@@ -155,7 +159,14 @@ PRESETS: dict[str, dict[str, Any]] = {
     "thesis": {
         "camera": {"size": [256, 256], "slots": 8, "learn": "both"},
         "decoder": {"kind": "unet", "start": "adjoint", "codes": False, "noise_aware": False},
-        "data": {"patch": 256, "batch": 4, "patches_per_scene": 1, "brightness": 0.0, "tint": 0.0, "shares": [0.8, 0.1, 0.1]},
+        "data": {
+            "patch": 256,
+            "batch": 4,
+            "patches_per_scene": 1,
+            "brightness": 0.0,
+            "tint": 0.0,
+            "shares": [0.8, 0.1, 0.1],
+        },
         "optimiser": {"epochs": 500, "loss": "l2"},
         "codes": {"frozen": 0.0},
         "precision": "32-true",
@@ -166,7 +177,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "decoder": {"kind": "unrolled", "start": "lmmse"},
         "noise": [{"read_noise": 0.01}],
         "data": {"patch": 64, "batch": 16},
-        "optimiser": {"steps": 300},
+        "optimiser": {"steps": 300, "loss": "log"},
     },
 }
 

@@ -1,0 +1,81 @@
+"""``tmca train``: codes and decoders that learn together."""
+
+from __future__ import annotations
+
+import json as json_module
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from tmca.errors import SettingError
+
+app = App(name="train", help="Learn a camera's codes and its decoder together.")
+
+
+@app.command
+def spectral(
+    *,
+    out: Path,
+    preset: str | None = None,
+    config: Path | None = None,
+    train: list[str] | None = None,
+    validation: list[str] | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    steps: int | None = None,
+    accelerator: str = "auto",
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Train the spectral camera. The same command goes on with a run that was stopped.
+
+    Writes into --out: weights.safetensors (codes and decoder with the best validation), log.csv, run.json, checkpoints.
+    For several processes start it with `torchrun --nproc-per-node N -m tmca.cli train spectral …`.
+
+    Args:
+        out: folder of the run.
+        preset: quick (minutes on two cores), or thesis (12 bands, 256², K = 8, U-Net, 500 epochs).
+        config: YAML description; options replace its values.
+        train: cubes, rendered scenes, or split files; may be given several times.
+        validation: the same, for choosing the best checkpoint; else shares of --train are set aside.
+        set_: any setting, as camera.slots=4 or noise='[{read_noise: 0.01}]'; may be given several times.
+        steps: optimiser steps.
+        accelerator: auto, cpu or cuda.
+        json: print the result as JSON.
+    """
+    changes = {name: value for name, value in map(_setting, set_ or ())}
+    for name, value in (("data.train", train), ("data.validation", validation), ("optimiser.steps", steps)):
+        if value is not None:
+            changes[name] = value
+    from tmca.cli.progress import progress_bar
+    from tmca.experiments.scenes import load_scene
+    from tmca.training import settings_from, train_spectral
+
+    settings = settings_from(preset, config, changes)
+    bands = settings.data.bands
+    with progress_bar(f"train {out.name}") as bar:
+        found = train_spectral(
+            settings, out, lambda name: load_scene(name, bands=bands), accelerator=accelerator,
+            processes=int(os.environ.get("LOCAL_WORLD_SIZE", "1")),
+            progress=lambda done, steps, said: bar(done / steps, detail=f"step {done}/{steps}, {said}"),
+        )  # fmt: skip
+    if int(os.environ.get("RANK", "0")):
+        return
+    if json:
+        print(json_module.dumps({"weights": str(found.weights), "best": found.best, "steps": found.steps}, indent=1))
+        return
+    said = f", validation PSNR {found.best['psnr']:.2f} dB at step {found.best['step']}" if found.best["step"] else ""
+    print(f"{found.weights}: {found.steps} steps{said}", file=sys.stdout)
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    import yaml
+
+    name, sign, value = text.partition("=")
+    if not sign or not name:
+        raise SettingError("--set", repr(text), "name=value, such as camera.slots=4")
+    try:
+        return name.strip(), yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise SettingError("--set", repr(text), "a value in YAML, such as 4, one-hot or [4, 40]") from None

@@ -1,0 +1,57 @@
+"""Which scenes a run learns from, which it checks itself on, which it leaves alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tmca.data import read_split
+from tmca.errors import SettingError
+from tmca.training.settings import DataSettings
+
+
+@dataclass(frozen=True)
+class SceneLists:
+    """Names of scenes that ``load_scene`` understands."""
+
+    train: tuple[str, ...]
+    validation: tuple[str, ...]
+    test: tuple[str, ...] = ()
+
+
+def scene_lists(data: DataSettings, seed: int) -> SceneLists:
+    """The lists that the settings name; without validation scenes, shares of the training scenes drawn at random.
+
+    Raises:
+        SettingError: no training scenes, or one that is also a validation scene.
+        DataError: a split that cannot be read, or a scene of it that is missing or altered.
+    """
+    train, validation = named_scenes(data.train), named_scenes(data.validation)
+    if not train:
+        raise SettingError("data.train", "no scenes", "cubes, rendered scenes or a split file", "pass --train")
+    both = sorted({_place(name) for name in train} & {_place(name) for name in validation})
+    if both:
+        raise SettingError("data.validation", f"{both[0]}, a training scene", "other scenes")
+    if validation or len(train) < 3:
+        return SceneLists(train, validation)
+    order = np.random.default_rng(seed).permutation(len(train))
+    counts = np.array(data.shares) / sum(data.shares) * len(train)
+    first = max(1, round(counts[0]))
+    second = min(len(train), first + max(1, round(counts[1])))
+    parts = [tuple(train[i] for i in sorted(part)) for part in np.split(order, [first, second])]
+    return SceneLists(*parts)
+
+
+def named_scenes(entries: Sequence[str]) -> tuple[str, ...]:
+    """Scenes with the entries of split files (``.txt``) in their places."""
+    names: list[str] = []
+    for entry in entries:
+        names += [str(path) for path in read_split(entry)] if Path(entry).suffix == ".txt" else [entry]
+    return tuple(names)
+
+
+def _place(name: str) -> str:
+    return str(Path(name).resolve()) if Path(name).exists() else name

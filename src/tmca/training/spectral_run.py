@@ -1,0 +1,233 @@
+"""A whole training run of the spectral camera in a folder: set up, trained or resumed, written as weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralCamera
+from tmca.codes import pattern
+from tmca.data import make_folder
+from tmca.decoders.network import build_network
+from tmca.decoders.neural import Weights, start_block
+from tmca.errors import DataError, SettingError
+from tmca.priors import GaussianPrior, learn_prior, load_prior
+from tmca.sensor import Sensor
+from tmca.training.folder import open_run
+from tmca.training.loop import Progress, Run
+from tmca.training.patches import CubeStore, Load, PatchSource
+from tmca.training.scenes import SceneLists, scene_lists
+from tmca.training.settings import TrainSettings
+from tmca.training.spectral import SpectralSystem
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
+
+_SPREAD = 0.9
+"""Of the first logits' distances from the threshold: slots that start alike part ways."""
+
+
+@dataclass
+class Trained:
+    """What a run leaves.
+
+    Args:
+        weights: file of the best validation, or of the last step where there was none.
+        best: validation figures.
+        steps: in all.
+    """
+
+    weights: Path
+    best: dict[str, Any]
+    steps: int
+
+
+def train_spectral(
+    settings: TrainSettings,
+    folder: Path,
+    load: Load,
+    *,
+    accelerator: str = "auto",
+    processes: int = 1,
+    progress: Progress | None = None,
+) -> Trained:
+    """Train a spectral camera's codes and decoder, or go on with a run that was stopped.
+
+    Args:
+        settings: of the run.
+        folder: of the run: ``run.json``, ``log.csv``, ``prior.nc``, ``checkpoints/``, ``weights.safetensors``.
+        load: from a scene's name to its cube at the camera's bands.
+        accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``.
+        processes: on this machine; more than one must be started by ``torchrun``.
+        progress: told about every step, in the first process.
+
+    Raises:
+        OutputError: the folder holds another run.
+        SettingError, DataError: impossible settings or scenes.
+        TrainingError: a loss that is not finite.
+    """
+    fabric = _engine(settings, accelerator, processes)
+    lists = scene_lists(settings.data, settings.seed)
+    if fabric.is_global_zero:
+        open_run(folder, settings, lists)
+    fabric.barrier()
+    torch.manual_seed(settings.seed)
+    first = load(lists.train[0])
+    wavelengths = first["wavelength"].values.tolist()
+    camera = starting_camera(settings, wavelengths)
+    decoder = dict(settings.decoder)
+    network = build_network(decoder.pop("kind", "unrolled"), bands=camera.bands, **decoder)
+    _take_decoder(settings, network)
+    prior = _prior(fabric, folder, lists, load, camera) if network.start == "lmmse" else None
+    validation = [_middle(load(name).values, settings.camera.size) for name in lists.validation]
+    sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]
+    system = SpectralSystem(
+        camera, network, sensors, prior, validation, loss=settings.optimiser.loss, codes=settings.codes,
+        through_start=settings.codes.through_start, seed=settings.seed,
+    )  # fmt: skip
+    patches = _patches(settings, CubeStore(lists.train, load, make_folder(folder / "cubes")))
+    steps = settings.optimiser.steps or _steps_of_epochs(settings, len(lists.train))
+
+    def keep(best: dict[str, Any]) -> None:
+        weights_of(system, settings, lists, best, bool(prior)).save(folder / "weights.safetensors", overwrite=True)
+
+    told = progress if fabric.is_global_zero else None
+    run = Run(system, patches, settings, steps, folder, fabric, keep, told)
+    return Trained(folder / "weights.safetensors", run.train(), steps)
+
+
+def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:
+    """The camera with the codes that the run starts from."""
+    described = settings.camera.model_dump(exclude={"learn"})
+    learn = settings.camera.learn
+    codes = _starting_codes(settings)
+    return SpectralCamera(
+        bands=wavelengths, **{**described, **codes}, spread=_SPREAD if learn != "none" else 0.0,
+        learnable={"both": True, "none": False}.get(learn, learn),
+    )  # fmt: skip
+
+
+def _starting_codes(settings: TrainSettings) -> dict[str, Any]:
+    """Patterns that take the place of the camera's families."""
+    start, camera = settings.codes.start, settings.camera
+    if start == "random":
+        return {}
+    if start == "one-hot":
+        height, width = (camera.period,) * 2 if camera.period else _shutter_size(settings)
+        return {"shutter": pattern("one-hot", camera.slots, (height, width), camera.duty, 2 * camera.seed + 1)}
+    if not Path(start).exists():
+        raise SettingError("codes.start", repr(start), "'random', 'one-hot', or a weights file", "check the path")
+    found = Weights.load(_weights_file(start))
+    planes = {"aperture": found.aperture, "shutter": found.shutter}
+    if found.camera.get("period") != camera.period or found.camera.get("disperser") != camera.disperser:
+        raise DataError(
+            start, f"codes of period {found.camera.get('period')}", f"period {camera.period}", "set camera.period"
+        )
+    if len(found.aperture) not in (1, camera.slots):
+        raise DataError(start, f"{len(found.aperture)} slots", f"1 or {camera.slots}", "set camera.slots")
+    return {name: plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()}
+
+
+def _shutter_size(settings: TrainSettings) -> tuple[int, int]:
+    bands = settings.data.bands
+    camera = SpectralCamera(bands=bands, **settings.camera.model_dump(exclude={"learn"}))
+    return camera.multiplexed.shutter.size
+
+
+def _weights_file(place: str) -> Path:
+    return Path(place) / "weights.safetensors" if Path(place).is_dir() else Path(place)
+
+
+def _take_decoder(settings: TrainSettings, network: torch.nn.Module) -> None:
+    """Start from the decoder of an earlier run."""
+    if settings.codes.decoder is None:
+        return
+    found = Weights.load(_weights_file(settings.codes.decoder))
+    try:
+        network.load_state_dict(found.network.state_dict())
+    except RuntimeError:
+        raise DataError(
+            settings.codes.decoder, "a decoder of other sizes", "the same kind and settings as in this run"
+        ) from None
+
+
+def weights_of(
+    system: SpectralSystem, settings: TrainSettings, lists: SceneLists, best: dict[str, Any], with_prior: bool
+) -> Weights:
+    """The present state as a decoder with its codes."""
+    camera, codes = system.camera, system.camera.multiplexed
+    with torch.no_grad():
+        planes = [(plane.tile() if plane.period else plane()).clone() for plane in (codes.aperture, codes.shutter)]
+    kept = {
+        "size": list(camera.size), "period": settings.camera.period, "exposure": camera.exposure,
+        "dispersion": list(camera.dispersion.displacement), "disperser": camera.disperser,
+    }  # fmt: skip
+    card = {
+        "training": settings.model_dump(), "scenes": list(map(_short, lists.train)),
+        "validation": list(map(_short, lists.validation)), "best": best, **system.figures(),
+    }  # fmt: skip
+    prior = "prior.nc" if with_prior else ""
+    return Weights(system.network, camera.wavelengths, planes[0], planes[1], kept, prior, card)
+
+
+def _short(name: str) -> str:
+    return Path(name).name
+
+
+def _engine(settings: TrainSettings, accelerator: str, processes: int) -> Fabric:
+    import logging
+    import warnings
+
+    from lightning_fabric import Fabric
+
+    logging.getLogger("lightning_fabric").setLevel(logging.WARNING)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        fabric = Fabric(
+            accelerator=accelerator, devices=processes, strategy="ddp" if processes > 1 else "auto",
+            precision=settings.precision,
+        )  # fmt: skip
+        fabric.launch()
+    if settings.data.batch % fabric.world_size:
+        raise SettingError("data.batch", str(settings.data.batch), f"a multiple of the {fabric.world_size} processes")
+    return fabric
+
+
+def _prior(fabric: Fabric, folder: Path, lists: SceneLists, load: Load, camera: SpectralCamera) -> GaussianPrior:
+    """The run's own prior of its training scenes, learned once."""
+    file = folder / "prior.nc"
+    if fabric.is_global_zero and not file.exists():
+        spread = camera.dispersion.spread
+        cubes = [load(name) for name in lists.train]
+        learn_prior(cubes, spread=spread, block=start_block(camera.bands, spread)).save(file)
+    fabric.barrier()
+    found = load_prior(file)
+    assert isinstance(found, GaussianPrior)
+    return found
+
+
+def _patches(settings: TrainSettings, store: CubeStore) -> Callable[[int, int], Any]:
+    data = settings.data
+    return PatchSource(
+        store, data.patch, settings.seed, brightness=data.brightness, tint=data.tint, motion=data.motion,
+        slots=settings.camera.slots,
+    )  # fmt: skip
+
+
+def _steps_of_epochs(settings: TrainSettings, scenes: int) -> int:
+    data = settings.data
+    return settings.optimiser.epochs * max(1, -(-scenes * data.patches_per_scene // data.batch))
+
+
+def _middle(cube: Any, size: tuple[int, int]) -> Tensor:
+    """(L, H, W) the middle of a validation scene, no larger than the camera."""
+    height, width = min(cube.shape[1], size[0]), min(cube.shape[2], size[1])
+    top, left = (cube.shape[1] - height) // 2, (cube.shape[2] - width) // 2
+    return torch.from_numpy(np.array(cube[:, top : top + height, left : left + width], dtype=np.float32))

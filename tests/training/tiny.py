@@ -1,0 +1,54 @@
+"""A run of seconds on scenes made from their names; as a script, ``python tiny.py FOLDER [name=value …]``."""
+
+import os
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import torch
+import yaml
+
+from tmca.data import label
+from tmca.training import settings_from, train_spectral
+
+DESCRIBED = {
+    "camera": {"size": [24, 32], "slots": 2, "period": 8, "learn": "both"},
+    "noise": [{"read_noise": 0.01}, {"full_well": 1000, "read_noise_electrons": 2}],
+    "decoder": {"kind": "unrolled", "stages": 1, "widths": [6, 8], "blocks": 1, "start": "lmmse"},
+    "data": {"train": ["first", "second"], "validation": ["third"], "patch": 16, "batch": 4, "bands": 3},
+    "optimiser": {"steps": 8, "loss": "log", "decoder_rate": 0.01},
+    "precision": "32-true",
+    "validate_every": 4,
+    "checkpoint_every": 2,
+}
+
+
+def settings(**changes):
+    merged = {
+        f"{group}.{name}": v for group, part in DESCRIBED.items() if isinstance(part, dict) for name, v in part.items()
+    }
+    merged |= {name: value for name, value in DESCRIBED.items() if not isinstance(value, dict)}
+    return settings_from(None, None, merged | changes)
+
+
+def load(name):
+    """A smooth random cube (3, 40, 44) that depends on its name alone."""
+    rng = np.random.default_rng(zlib.crc32(name.encode()))
+    coarse = torch.from_numpy(rng.random((1, 3, 7, 8), dtype=np.float32))
+    fine = torch.nn.functional.interpolate(coarse, size=(40, 44), mode="bicubic").clamp(0, 1)[0]
+    cube = label(fine.numpy(), np.array([450e-9, 550e-9, 650e-9]))
+    cube.attrs["name"] = name
+    return cube
+
+
+def train(folder, progress=None, load=load, **changes):
+    processes = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+    return train_spectral(
+        settings(**changes), Path(folder), load, accelerator="cpu", processes=processes, progress=progress
+    )
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    train(sys.argv[1], **{name: yaml.safe_load(value) for name, value in (a.split("=") for a in sys.argv[2:])})
