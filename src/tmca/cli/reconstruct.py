@@ -20,7 +20,8 @@ def reconstruct(
     snapshot: Path,
     /,
     *,
-    decoder: Annotated[str, Parameter(alias="-d")] = "lmmse",
+    decoder: Annotated[str | None, Parameter(alias="-d")] = None,
+    weights: Path | None = None,
     prior: Path | None = None,
     truth: str | None = None,
     tv_weight: float | None = None,
@@ -32,7 +33,8 @@ def reconstruct(
 
     Args:
         snapshot: snapshot file; it carries codes, dispersion, wavelengths, exposure and noise.
-        decoder: lmmse, mixture, admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means or dagger.
+        decoder: lmmse (default), mixture, admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means, dagger, or network.
+        weights: of a network, written by `tmca train`; the decoder is then network.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it (learned once, then kept).
         truth: the scene, for errors and metrics: a file or the name of a rendered scene.
         tv_weight: weight of the total variation; chosen from the noise level without it.
@@ -46,13 +48,21 @@ def reconstruct(
         true_scene,
     )
 
+    decoder = decoder or ("network" if weights else "lmmse")
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     check_targets(reconstruction_files(target, output.figures), output.overwrite, snapshot)
     taken = Snapshot.load(snapshot)
     scene = None if truth is None else true_scene(truth, taken, **reading.reading())
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         result = reconstruct_snapshot(
-            taken, decoder, prior=prior, tv_weight=tv_weight, uncertainty=uncertainty, truth=scene, progress=progress
+            taken,
+            decoder,
+            prior=prior,
+            tv_weight=tv_weight,
+            weights=weights,
+            uncertainty=uncertainty,
+            truth=scene,
+            progress=progress,
         )
     written = [result.save(target, overwrite=output.overwrite)]
     if output.figures:

@@ -12,8 +12,11 @@ from tmca.decoders.denoisers import (
 )
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.network import Network, build_network
+from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.decoders.pnp import PnPADMM, pnp_admm
 from tmca.decoders.spectral import METHODS, Decoded, decode
+from tmca.decoders.start import first_estimate
 from tmca.decoders.tv import total_variation, tv_prox
 
 __all__ = [
@@ -22,13 +25,18 @@ __all__ = [
     "Decoded",
     "Estimate",
     "MixtureLMMSE",
+    "Network",
+    "NeuralDecoder",
     "PatchLMMSE",
     "PnPADMM",
     "Result",
+    "Weights",
     "admm_tv",
+    "build_network",
     "chambolle_denoiser",
     "decode",
     "default_weight",
+    "first_estimate",
     "module_denoiser",
     "nl_means_denoiser",
     "per_band",

@@ -1,4 +1,4 @@
-"""Every training-free decoder of the spectral camera under one call."""
+"""Every decoder of the spectral camera under one call."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from tmca.decoders.admm import admm_tv, default_weight
 from tmca.decoders.denoisers import nl_means_denoiser, tv_denoiser
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.neural import NeuralDecoder, Weights, same_bands
 from tmca.decoders.pnp import pnp_admm
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 
-METHODS = ("lmmse", "mixture", "admm-tv", "admm-tv-joint", "pnp-tv", "pnp-nl-means", "dagger")
+METHODS = ("lmmse", "mixture", "admm-tv", "admm-tv-joint", "pnp-tv", "pnp-nl-means", "dagger", "network")
 _ITERATIONS, _PNP_ITERATIONS, _LEAST_NOISE = 300, 100, 1e-3
 Progress = Callable[[float], None]
 
@@ -54,6 +55,7 @@ def decode(
     *,
     prior: GaussianPrior | GaussianMixturePrior | None = None,
     tv_weight: float | None = None,
+    weights: Weights | None = None,
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> Decoded:
@@ -63,8 +65,9 @@ def decode(
         snapshot: values and camera.
         method: ``"lmmse"`` (Gaussian prior), ``"mixture"`` (Gaussian-mixture prior), ``"admm-tv"``, ``"admm-tv-joint"``
             (total variation band by band or over all bands), ``"pnp-tv"``, ``"pnp-nl-means"`` (plug-and-play ADMM with
-            a denoiser), ``"dagger"`` (least-norm, the plain baseline).
-        prior: for the first two.
+            a denoiser), ``"dagger"`` (least-norm, the plain baseline), ``"network"`` (trained).
+        prior: for the first two; for a network, in the place of its own.
+        weights: of the network.
         tv_weight: for the next two; chosen from the noise if None.
         uncertainty: the first two also return every entry's standard deviation.
         progress: told the share that is done.
@@ -74,14 +77,19 @@ def decode(
     """
     if method not in METHODS:
         raise SettingError("decoder", repr(method), f"one of {', '.join(METHODS)}")
-    if prior is not None and not needs_prior(method):
+    if prior is not None and not needs_prior(method) and method != "network":
         raise SettingError("prior", f"one for {method}", "none: only lmmse and mixture use it", "leave it out")
+    if (weights is None) == (method == "network"):
+        found, expected = ("none", "those of the network") if weights is None else (f"some for {method}", "none")
+        raise SettingError("weights", found, expected, "weights and the decoder network go together")
     if tv_weight is not None and not method.startswith("admm"):
         raise SettingError("tv_weight", f"{tv_weight} for {method}", "none: only admm-tv uses it", "leave it out")
     start = time.perf_counter()
     with torch.no_grad():
         if needs_prior(method):
             found = _by_prior(snapshot, method, prior, uncertainty, progress)
+        elif weights is not None:
+            found = _by_network(snapshot, weights, prior)
         elif method == "dagger":
             found = Decoded(snapshot.camera.A_dagger(snapshot.values))
         elif method.startswith("pnp"):
@@ -136,6 +144,21 @@ def _check_bands(prior: GaussianPrior | GaussianMixturePrior | None, snapshot: S
                 f"the camera's {wanted * 1e9:.4g} nm",
                 "learn a prior at the camera's bands",
             )
+
+
+def _by_network(snapshot: Snapshot, weights: Weights, prior: GaussianPrior | GaussianMixturePrior | None) -> Decoded:
+    camera, operator = snapshot.camera, snapshot.camera.operator()
+    if not isinstance(operator, TapOperator):
+        raise SettingError("relay blur", str(camera.relay_blur), "0 for a network", "use admm-tv")
+    if not same_bands(weights.wavelengths, camera.wavelengths):
+        bands = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
+        own = f"the camera's {camera.bands}, {camera.wavelengths[0] * 1e9:.4g} nm and on"
+        raise SettingError("weights", bands, own, "train a network at the camera's bands")
+    if isinstance(prior, GaussianMixturePrior):
+        raise SettingError("prior", "a mixture", "a Gaussian prior for a network")
+    _check_bands(prior, snapshot)
+    decoder = NeuralDecoder(weights.network, weights.load_prior() if prior is None else prior)
+    return Decoded(decoder(snapshot.values, operator, camera.noise), notes={"weights": str(weights.path or "")})
 
 
 def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progress: Progress | None) -> Decoded:

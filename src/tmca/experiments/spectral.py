@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import Snapshot, SpectralCamera, moving_scene
+from tmca.decoders.neural import Weights
 from tmca.decoders.spectral import Decoded, decode, needs_prior
 from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
@@ -100,6 +101,7 @@ def reconstruct_snapshot(
     *,
     prior: str | Path | GaussianPrior | GaussianMixturePrior | None = None,
     tv_weight: float | None = None,
+    weights: str | Path | Weights | None = None,
     uncertainty: bool = False,
     truth: xr.DataArray | None = None,
     progress: Callable[..., None] | None = None,
@@ -111,6 +113,7 @@ def reconstruct_snapshot(
         decoder: one of ``tmca.decoders.METHODS``.
         prior: a prior, its file, or None for the rendered scenes' one at the camera's bands.
         tv_weight: of the total variation.
+        weights: of a trained network, or their file.
         uncertainty: also estimate the standard deviation of every entry.
         truth: (wavelength, y, x) for metrics.
         progress: told the share that is done and, while a prior is learned, what is done next.
@@ -118,7 +121,10 @@ def reconstruct_snapshot(
     chosen = None
     if needs_prior(decoder) or prior is not None:
         chosen = find_prior(prior, decoder, snapshot.camera, progress)
-    found = decode(snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress)
+    trained = Weights.load(weights) if isinstance(weights, str | Path) else weights
+    found = decode(
+        snapshot, decoder, prior=chosen, tv_weight=tv_weight, weights=trained, uncertainty=uncertainty, progress=progress
+    )  # fmt: skip
     return _labelled(found, decoder, snapshot, truth)
 
 
