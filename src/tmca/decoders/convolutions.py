@@ -52,6 +52,7 @@ class ConvolutionalBody(nn.Module):
         if not widths or min(*widths, blocks, gather, 1) < 1:
             raise SettingError("widths", f"{widths}, {blocks} blocks, gather {gather}", "numbers of at least 1")
         self.gather, self.multiple = gather, gather * 2 ** (len(widths) - 1)
+        self.reach = _reach(len(widths), blocks, gather)
         self.enter = nn.Conv2d(inputs * gather**2, widths[0], 3, padding=1)
         stack = [nn.Sequential(*(ResidualBlock(width) for _ in range(blocks))) for width in widths]
         self.descent = nn.ModuleList(stack)
@@ -77,3 +78,9 @@ class ConvolutionalBody(nn.Module):
         for level, up in zip(reversed(self.ascent), reversed(self.up), strict=True):
             x = level(up(x) + kept.pop())
         return pixel_shuffle(self.leave(x), self.gather)[..., :height, :width]
+
+
+def _reach(levels: int, blocks: int, gather: int) -> int:
+    """Pixels that a body sees to each side: its convolutions at each level's scale, and the alignment of the scales."""
+    both_ways = sum(2 * blocks * (2 if level < levels - 1 else 1) * gather * 2**level for level in range(levels))
+    return both_ways + 2 * gather + 2 * gather * 2 ** (levels - 1)

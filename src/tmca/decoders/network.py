@@ -18,6 +18,7 @@ _NOISE_UNIT = 3.0  # brings relative noise to the size of the other inputs
 RESIDUAL = 0.1
 """Size of what a network adds to an estimate, relative to the local level: first steps then do no harm."""
 _SIDE = 33  # pixels, of the neighbourhood that says how bright the scene is
+LEVEL_REACH = _SIDE // 2
 _DARKEST = 0.01  # relative irradiance
 
 
@@ -29,6 +30,9 @@ class Network(nn.Module):
     Args:
         bands: L.
         start: first estimate it wants, see ``first_estimate``.
+
+    ``reach`` is the distance in pixels beyond which nothing of the input changes an output pixel, ``multiple`` the
+    step by which a window may be moved without changing what the network computes.
     """
 
     kind: str
@@ -40,6 +44,7 @@ class Network(nn.Module):
         if bands < 1:
             raise SettingError("bands", str(bands), "at least 1")
         self.bands, self.start = bands, start
+        self.reach, self.multiple = 0, 1
         self.settings: dict[str, Any] = {}
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from tmca.decoders.convolutions import ConvolutionalBody
-from tmca.decoders.network import RESIDUAL, Network, code_maps, local_level, noise_maps
+from tmca.decoders.network import LEVEL_REACH, RESIDUAL, Network, code_maps, local_level, noise_maps
 from tmca.operators import TapOperator
 from tmca.sensor import Noise
 
@@ -50,6 +50,7 @@ class UNet(Network):
         }  # fmt: skip
         inputs = bands * (1 + codes) + 2 * noise_aware
         self.body = ConvolutionalBody(inputs, bands, tuple(widths), blocks, gather, silent=self.residual)
+        self.reach, self.multiple = self.body.reach + LEVEL_REACH, self.body.multiple
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
         """(B, 1, H, W') and the first estimate (B, L, H, W) → (B, L, H, W)."""

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn.functional import softplus
 
 from tmca.decoders.convolutions import ConvolutionalBody
-from tmca.decoders.network import RESIDUAL, Network, code_maps, local_level, noise_maps
+from tmca.decoders.network import LEVEL_REACH, RESIDUAL, Network, code_maps, local_level, noise_maps
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.sensor import Noise
@@ -62,6 +62,7 @@ class Unrolled(Network):
             ConvolutionalBody(inputs, bands, tuple(widths), blocks, gather) for _ in range(1 if shared else stages)
         ]
         self.proximal = nn.ModuleList(proximal)
+        self.reach, self.multiple = stages * proximal[0].reach + LEVEL_REACH, proximal[0].multiple
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
         """(B, 1, H, W') and the first estimate (B, L, H, W) → (B, L, H, W)."""

@@ -100,7 +100,8 @@ def load_prior(path: str | Path) -> Prior:
 
 
 def rendered_prior(
-    wavelengths: Sequence[float], spread: int, *, mixture: bool = False, progress: Told | None = None
+    wavelengths: Sequence[float], spread: int, *, mixture: bool = False,
+    block: tuple[int, int] | None = None, progress: Told | None = None,
 ) -> Prior:
     """The prior of the rendered training scenes at these wavelengths, learned on first use and kept.
 
@@ -110,6 +111,7 @@ def rendered_prior(
         wavelengths: of the bands, metres, within 400–700 nm.
         spread: columns by which the camera's snapshot is wider than the scene.
         mixture: a Gaussian mixture instead of one Gaussian.
+        block: (rows, columns) instead of the camera's.
         progress: told what is done, where it has to be learned.
 
     Raises:
@@ -127,6 +129,7 @@ def rendered_prior(
         )
     names = sorted(split_rendered()["train"])
     identity = [_KEPT, __version__, [round(w * 1e12) for w in wavelengths], spread, mixture, names, _RENDERED_SIZE]
+    identity += [] if block is None else [list(block)]
     digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
     file = cache_folder() / f"rendered-{'mixture' if mixture else 'gaussian'}-{digest}.nc"
     if file.exists():
@@ -141,7 +144,7 @@ def rendered_prior(
         cube.attrs["name"] = name
         cubes.append(cube)
     told(0.5, f"first use: learning the {'mixture ' if mixture else ''}prior, which is then kept")
-    prior = learn_prior(cubes, spread=spread, mixture=mixture)
+    prior = learn_prior(cubes, spread=spread, mixture=mixture, block=block)
     make_folder(file.parent)
     prior.save(file, overwrite=True)
     return prior

@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from tmca.cameras import moving_scene
 from tmca.data import atomic_path, make_folder
 from tmca.errors import DataError
 
@@ -121,7 +122,7 @@ class PatchSource:
         if not self.motion:
             return Patch(values, values, origin)
         velocity = rng.uniform(-1, 1, 2) * self.motion
-        scene = moving(values, (float(velocity[0]), float(velocity[1])), self.slots)
+        scene = moving_scene(values, (float(velocity[0]), float(velocity[1])), self.slots)
         inner = slice(margin, margin + self.patch)
         return Patch(scene[..., inner, inner].contiguous(), values[:, inner, inner].contiguous(), origin)
 
@@ -142,22 +143,3 @@ def _spectral_gain(bands: int, rng: np.random.Generator, spread: float) -> NDArr
     orders = np.arange(1, 5)
     curve = (rng.standard_normal(4) / orders) @ np.cos(np.pi * orders[:, None] * place)
     return np.exp(spread * curve).astype(np.float32)
-
-
-def moving(scene: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
-    """(L, H, W) → (K, L, H, W): the scene displaced evenly over the exposure, itself in the middle; bilinear.
-
-    Args:
-        scene: (L, H, W).
-        displacement: rows and columns from the beginning to the end of the exposure, pixels.
-        slots: K; each slot shows the scene at its own middle.
-    """
-    height, width = scene.shape[1:]
-    times = (torch.arange(slots, dtype=torch.float64) + 0.5) / slots - 0.5
-    theta = torch.zeros(slots, 2, 3, dtype=scene.dtype)
-    theta[:, 0, 0] = theta[:, 1, 1] = 1
-    theta[:, 0, 2] = (-2 * displacement[1] * times / width).to(scene.dtype)
-    theta[:, 1, 2] = (-2 * displacement[0] * times / height).to(scene.dtype)
-    grid = torch.nn.functional.affine_grid(theta, [slots, 1, height, width], align_corners=False)
-    stack = scene.expand(slots, -1, -1, -1)
-    return torch.nn.functional.grid_sample(stack, grid, padding_mode="border", align_corners=False)
