@@ -1,0 +1,165 @@
+"""A trained network as a decoder, and its file: one safetensors with everything needed to use it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from tmca.cameras import SpectralCamera
+from tmca.decoders.network import Network, build_network
+from tmca.decoders.start import first_estimate
+from tmca.errors import DataError
+from tmca.operators import TapOperator
+from tmca.priors import GaussianPrior, block_for, load_prior, rendered_prior
+from tmca.sensor import Noise
+
+FORMAT = "tmca weights 1"
+
+
+@dataclass
+class Weights:
+    """A trained network with the codes it was trained for.
+
+    Args:
+        network: decoder.
+        wavelengths: of its bands, metres.
+        aperture: (K, h, w) codes, one tile of them.
+        shutter: (K, h, w') codes.
+        camera: settings of the camera that are no codes (``size``, ``period``, ``exposure``, ``dispersion``, …).
+        prior: ``"rendered"``, a file beside the weights, or ``""`` where none is needed.
+        card: how it was trained and how good it is: JSON values.
+        path: file it came from.
+    """
+
+    network: Network
+    wavelengths: tuple[float, ...]
+    aperture: Tensor
+    shutter: Tensor
+    camera: dict[str, Any]
+    prior: str = ""
+    card: dict[str, Any] = field(default_factory=dict)
+    path: Path | None = None
+
+    def spectral_camera(self, size: tuple[int, int] | None = None, **changes: Any) -> SpectralCamera:
+        """The camera with these codes; tiled codes fit any ``size`` (H, W)."""
+        settings = {**self.camera, **changes} | ({} if size is None else {"size": size})
+        return SpectralCamera(
+            bands=self.wavelengths, slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings
+        )
+
+    def load_prior(self) -> GaussianPrior | None:
+        """The prior that the network starts from.
+
+        Raises:
+            DataError: the file is gone or is no Gaussian prior.
+        """
+        if not self.prior:
+            return None
+        if self.prior != "rendered":
+            beside = self.path.parent / self.prior if self.path is not None else Path(self.prior)
+            found = load_prior(beside)
+        else:
+            spread = self.spectral_camera().dispersion.spread
+            found = rendered_prior(self.wavelengths, spread, block=start_block(len(self.wavelengths), spread))
+        if not isinstance(found, GaussianPrior):
+            raise DataError(self.prior, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
+        return found
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the file, whole or not at all; the network in half precision.
+
+        Raises:
+            OutputError: the file exists, or cannot be written.
+        """
+        from tmca.data import atomic_path, plain
+
+        tensors = {f"network.{k}": v.detach().cpu().half().contiguous() for k, v in self.network.state_dict().items()}
+        codes = {"aperture": self.aperture, "shutter": self.shutter}
+        tensors |= {name: value.detach().cpu().to(torch.uint8).contiguous() for name, value in codes.items()}
+        about = {
+            "kind": self.network.kind, "settings": self.network.settings, "wavelengths": list(self.wavelengths),
+            "camera": self.camera, "prior": self.prior, "card": self.card,
+        }  # fmt: skip
+        with atomic_path(path, overwrite=overwrite) as temporary:
+            save_file(tensors, temporary, {"format": FORMAT, "tmca": json.dumps(plain(about))})
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Weights:
+        """Read what ``save`` wrote.
+
+        Raises:
+            DataError: no such file, no weights of a camera in it, or tensors that do not fit the network.
+        """
+        if not Path(path).is_file():
+            raise DataError(path, "no such file", "weights from `tmca train`", "train a network and name its file")
+        try:
+            with safe_open(path, "pt") as file:
+                head = file.metadata() or {}
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        except (SafetensorError, OSError) as error:
+            raise DataError(path, f"no readable weights ({error})", "a safetensors file", "copy it again") from error
+        if head.get("format") != FORMAT:
+            raise DataError(path, "a safetensors file of something else", "weights from `tmca train`")
+        about = json.loads(head["tmca"])
+        network = build_network(about["kind"], **about["settings"])
+        own = {k.removeprefix("network."): v.float() for k, v in tensors.items() if k.startswith("network.")}
+        try:
+            network.load_state_dict(own)
+        except RuntimeError as error:
+            raise DataError(path, f"tensors that do not fit its network ({error})", "whole weights") from error
+        planes = (tensors["aperture"].float(), tensors["shutter"].float())
+        camera = {**about["camera"], "size": tuple(about["camera"]["size"])}
+        return cls(network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], Path(path))
+
+
+def start_block(bands: int, spread: int) -> tuple[int, int]:
+    """(rows, columns) of the prior's blocks for networks that start from the LMMSE: those of the mixture, which are
+    solved twice as fast and leave the network 0.2 dB more to do."""
+    return block_for(bands, spread, mixture=True)
+
+
+class NeuralDecoder:
+    """A network with its prior: ``decoder(snapshot, operator, noise) -> estimate``, any height and width.
+
+    Args:
+        network: trained.
+        prior: of the first estimate; None where it needs none.
+        tile: rows of the scene that pass the network at once, None for all; the estimate is the same to rounding.
+    """
+
+    def __init__(self, network: Network, prior: GaussianPrior | None, tile: int | None = 256) -> None:
+        self.network, self.prior, self.tile = network, prior, tile
+
+    @torch.no_grad()
+    def __call__(self, snapshot: Tensor, operator: TapOperator, noise: Noise) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W)."""
+        start = first_estimate(self.network.start, snapshot, operator, noise, self.prior)
+        height, width = start.shape[2:]
+        if self.tile is None or height <= self.tile:
+            return self.network(snapshot, operator, noise, start)
+        return torch.cat([self._rows(snapshot, operator, noise, start, top) for top in range(0, height, self.tile)], 2)
+
+    def _rows(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor, top: int) -> Tensor:
+        """Some rows of the estimate, computed with a margin as wide as the network sees; the optics mix no rows."""
+        assert self.tile is not None
+        height, width = start.shape[2:]
+        margin = -(-self.network.reach // self.network.multiple) * self.network.multiple
+        first = max(0, (top - margin) // self.network.multiple * self.network.multiple)
+        last = min(height, top + self.tile + margin)
+        part = TapOperator(operator.taps.window(first, 0, last - first, width))
+        found = self.network(snapshot[:, :, first:last], part, noise, start[:, :, first:last])
+        return found[:, :, top - first : min(top + self.tile, height) - first]
+
+
+def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Whether two lists of wavelengths in metres agree to a nanometre."""
+    return len(one) == len(other) and all(abs(a - b) <= 1e-9 for a, b in zip(one, other, strict=True))
