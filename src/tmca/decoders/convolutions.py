@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad, pixel_shuffle, pixel_unshuffle
@@ -56,7 +58,7 @@ class ConvolutionalBody(nn.Module):
         self.enter = nn.Conv2d(inputs * gather**2, widths[0], 3, padding=1)
         stack = [nn.Sequential(*(ResidualBlock(width) for _ in range(blocks))) for width in widths]
         self.descent = nn.ModuleList(stack)
-        pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        pairs = list(pairwise(widths))
         self.down = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in pairs)
         self.up = nn.ModuleList(nn.ConvTranspose2d(b, a, 2, stride=2) for a, b in pairs)
         self.ascent = nn.ModuleList(nn.Sequential(*(ResidualBlock(a) for _ in range(blocks))) for a, _ in pairs)

@@ -118,7 +118,9 @@ class Weights:
             raise DataError(path, f"tensors that do not fit its network ({error})", "whole weights") from error
         planes = (tensors["aperture"].float(), tensors["shutter"].float())
         camera = {**about["camera"], "size": tuple(about["camera"]["size"])}
-        return cls(network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], Path(path))
+        return cls(
+            network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], Path(path)
+        )
 
 
 def start_block(bands: int, spread: int) -> tuple[int, int]:
@@ -136,14 +138,14 @@ class NeuralDecoder:
         tile: rows of the scene that pass the network at once, None for all; the estimate is the same to rounding.
     """
 
-    def __init__(self, network: Network, prior: GaussianPrior | None, tile: int | None = 256) -> None:
+    def __init__(self, network: Network, prior: GaussianPrior | None, tile: int | None = 512) -> None:
         self.network, self.prior, self.tile = network, prior, tile
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, operator: TapOperator, noise: Noise) -> Tensor:
         """(B, 1, H, W') → (B, L, H, W)."""
         start = first_estimate(self.network.start, snapshot, operator, noise, self.prior)
-        height, width = start.shape[2:]
+        height = start.shape[2]
         if self.tile is None or height <= self.tile:
             return self.network(snapshot, operator, noise, start)
         return torch.cat([self._rows(snapshot, operator, noise, start, top) for top in range(0, height, self.tile)], 2)

@@ -20,8 +20,8 @@ _FIRST_SHIFT = -3.0  # softplus: 0.05
 class Unrolled(Network):
     """Stages of ``z = x + Aᵀ(A Aᵀ + μ I)⁻¹(y - A x)`` and ``x ← x + prox(x, z - x, code, noise)``, μ > 0 learned.
 
-    The data step is the closed one of half-quadratic splitting; μ is the noise variance plus a learned positive shift.
-    Before training the network returns its first estimate.
+    The data step is the closed one of half-quadratic splitting; μ is the noise variance of each sensor pixel plus a
+    learned positive shift. Before training the network returns its first estimate.
 
     Args:
         bands: L.
@@ -69,7 +69,7 @@ class Unrolled(Network):
         self.check(start)
         level = local_level(start)
         given = (code_maps(operator).expand(start.shape), noise_maps(noise, level))
-        floor, estimate = noise.variance(snapshot.detach()).mean(), start
+        floor, estimate = noise.variance(snapshot.detach()), start
         for stage, shift in enumerate(softplus(self.shift)):
             with torch.autocast(snapshot.device.type, enabled=False):
                 misfit = snapshot - operator.A(estimate)

@@ -44,19 +44,19 @@ class TapOperator(LinearOperator):
         self._check(snapshot, self.snapshot_shape, "snapshot")
         return backproject(snapshot, self.code, self._layout)
 
-    def gram_solve(self, snapshot: Tensor, shift: float) -> Tensor:
+    def gram_solve(self, snapshot: Tensor, shift: float | Tensor) -> Tensor:
         """``(A Aᵀ + shift·I)⁻¹ snapshot``: a division, or a tridiagonal solve along x.
 
         Args:
             snapshot: (B, 1, H, W').
-            shift: ≥ 0; with 0, sensor pixels that no light reaches give zero.
+            shift: ≥ 0, or a map of the snapshot's size; with 0, sensor pixels that no light reaches give zero.
         """
         coupling = gram_neighbour(self.taps)
         if coupling is None:
             diagonal = gram_diagonal(self.taps) + shift
             return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(diagonal.dtype).tiny), 0)
         diagonal, coupling, right = gram_diagonal(self.taps).double(), coupling.double(), snapshot.double()
-        if shift == 0:
+        if not isinstance(shift, Tensor) and shift == 0:
             return _least_norm(diagonal, coupling, right).to(snapshot.dtype)
         return solve_tridiagonal(diagonal + shift, coupling, right).to(snapshot.dtype)
 
