@@ -158,7 +158,10 @@ def test_the_derivative_by_the_code_is_that_of_finite_differences(name, dispersi
 @pytest.mark.parametrize("dispersion", [1.0, 0.5, [0.0, 1.5, -0.7]])
 def test_the_first_estimate_is_differentiable_in_the_code(kind, dispersion):
     taps = camera((3, 5), dispersion=dispersion).operator().taps
-    code, snapshot = learned_code(TapOperator(taps)), TapOperator(taps).double().A(scenes(TapOperator(taps), 1).double())
+    code, snapshot = (
+        learned_code(TapOperator(taps)),
+        TapOperator(taps).double().A(scenes(TapOperator(taps), 1).double()),
+    )
 
     def estimate(code):
         return first_estimate(kind, snapshot, TapOperator(replace(taps, code=code)), NOISE)
@@ -222,7 +225,7 @@ def test_half_precision_leaves_the_data_step_precise():
 def test_other_bands_than_the_network_s_are_named():
     operator, network = camera(bands=4).operator(), trained("unrolled")
     snapshot = operator.A(scenes(operator))
-    with pytest.raises(ShapeError, match="4.*3"):
+    with pytest.raises(ShapeError, match=r"4.*3"):
         decoded(network, operator, snapshot)
 
 

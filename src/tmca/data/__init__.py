@@ -10,7 +10,7 @@ from tmca.data.formats.wavelengths import metres_to_nm, nm_to_metres
 from tmca.data.rendering import rendered_names, rendered_scene, split_rendered
 from tmca.data.splits import checksum_of, read_split, write_split
 from tmca.data.tiff import write_tiff
-from tmca.data.write import atomic_path, check_target, make_folder, write_dataset, write_json, write_text
+from tmca.data.write import atomic_path, check_target, make_folder, plain, write_dataset, write_json, write_text
 
 __all__ = [
     "KNOWN_SETS",
@@ -25,6 +25,7 @@ __all__ = [
     "metres_to_nm",
     "nearest_bands",
     "nm_to_metres",
+    "plain",
     "read",
     "read_array",
     "read_dataset",
