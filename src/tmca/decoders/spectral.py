@@ -80,8 +80,8 @@ def decode(
     if prior is not None and not needs_prior(method) and method != "network":
         raise SettingError("prior", f"one for {method}", "none: only lmmse and mixture use it", "leave it out")
     if (weights is None) == (method == "network"):
-        found, expected = ("none", "those of the network") if weights is None else (f"some for {method}", "none")
-        raise SettingError("weights", found, expected, "weights and the decoder network go together")
+        there, wanted = ("none", "those of the network") if weights is None else (f"some for {method}", "none")
+        raise SettingError("weights", there, wanted, "weights and the decoder network go together")
     if tv_weight is not None and not method.startswith("admm"):
         raise SettingError("tv_weight", f"{tv_weight} for {method}", "none: only admm-tv uses it", "leave it out")
     start = time.perf_counter()

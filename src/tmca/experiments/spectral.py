@@ -123,7 +123,8 @@ def reconstruct_snapshot(
         chosen = find_prior(prior, decoder, snapshot.camera, progress)
     trained = Weights.load(weights) if isinstance(weights, str | Path) else weights
     found = decode(
-        snapshot, decoder, prior=chosen, tv_weight=tv_weight, weights=trained, uncertainty=uncertainty, progress=progress
+        snapshot, decoder, prior=chosen, tv_weight=tv_weight, weights=trained, uncertainty=uncertainty,
+        progress=progress,
     )  # fmt: skip
     return _labelled(found, decoder, snapshot, truth)
 
