@@ -21,23 +21,30 @@ def spectral(
     work: Path = Path("runs/compare-spectral"),
     bands: int = 12,
     decoders: str = "lmmse,mixture,admm-tv",
+    validation: Path | None = None,
     seed: int = 0,
+    seeds: int = 1,
+    steps: int = 400,
     jobs: int = 1,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Static CASSI against time-multiplexed codes, noise-free, at σ = 0.01 and with a real sensor, without training.
+    """Static CASSI against time-multiplexed codes, noise-free, at σ = 0.01 and with a real sensor.
 
     Writes spectral.md and spectral.json. Finished cells are kept in --work: a run that was stopped goes on.
 
     Args:
-        train: split file (a path per line) whose scenes teach the prior.
+        train: split file (a path per line) whose scenes teach priors and networks.
         test: split file whose scenes are measured; it chooses nothing.
         out: folder of the two result files.
         work: folder of priors and finished cells.
         bands: bands, nearest to even spacing from 400 to 700 nm.
-        decoders: which of lmmse, mixture, admm-tv, admm-tv-joint, separated by commas.
-        seed: of codes and noise.
+        decoders: which of lmmse, mixture, admm-tv, admm-tv-joint, and of the trained unet-thesis (from Φᵀy), unet (from
+            the LMMSE), unrolled; separated by commas. Codes are learned with unet-thesis and unrolled.
+        validation: split file of the scenes that choose a network's best step.
+        seed: of codes and noise of the rows without training.
+        seeds: trainings of every trained row.
+        steps: optimiser steps of a training.
         jobs: processes side by side.
         overwrite: replace result files that exist.
         json: print the results as JSON.
@@ -48,7 +55,8 @@ def spectral(
         print(f"[{done}/{total}] {name} · {left / 60:.1f} min left", file=sys.stderr)
 
     results = compare_spectral(
-        train, test, out, work, bands=bands, decoders=decoders.split(","), seed=seed, jobs=jobs,
+        train, test, out, work, bands=bands, decoders=decoders.split(","), validation=validation,
+        seed=seed, seeds=seeds, steps=steps, jobs=jobs,
         overwrite=overwrite, progress=told, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     if json:

@@ -9,19 +9,18 @@ from typing import Any
 
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.cells import Measured, Settings, run_cells, source_digest
-from tmca.experiments.results import METRICS, markdown_table, mean_over_scenes, repository_commit
-
-CODES: dict[str, dict[str, Any]] = {
-    "CASSI random": {"slots": 1, "aperture": "random", "shutter": "open"},
-    "TMCA random K = 8": {"slots": 8, "aperture": "random", "shutter": "random"},
-    "TMCA one-hot K = 4": {"slots": 4, "aperture": "random", "shutter": "one-hot"},
-}
-NOISES: dict[str, dict[str, Any]] = {
-    "noise-free": {},
-    "σ = 0.01": {"read_noise": 0.01},
-    "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 10_000, "read_noise_electrons": 3},
-}
-DECODER_NAMES = {"lmmse": "LMMSE", "mixture": "mixture", "admm-tv": "ADMM-TV", "admm-tv-joint": "ADMM-TV joint"}
+from tmca.experiments.spectral_cells import measure
+from tmca.experiments.spectral_rows import (
+    CODES,
+    DECODER_NAMES,
+    MULTIPLEXED,
+    NETWORKS,
+    NOISES,
+    STATIC,
+    trained_rows,
+    training_of,
+)
+from tmca.experiments.spectral_tables import markdown, results
 
 Told = Callable[[int, int, str, float], None]
 
@@ -34,7 +33,10 @@ def compare_spectral(
     *,
     bands: int = 12,
     decoders: Sequence[str] = ("lmmse", "mixture", "admm-tv"),
+    validation: Path | None = None,
     seed: int = 0,
+    seeds: int = 1,
+    steps: int = 400,
     patches: int = 24_000,
     jobs: int = 1,
     overwrite: bool = False,
@@ -50,7 +52,10 @@ def compare_spectral(
         work: folder of priors and finished cells; a stopped run goes on there.
         bands: number of bands from 400 to 700 nm.
         decoders: names of ``DECODER_NAMES``.
-        seed: of codes and noise.
+        validation: split file of the scenes that choose a network's best step.
+        seed: of codes and noise of the rows without training.
+        seeds: of the trained rows.
+        steps: of a training.
         patches: on which the expected error is checked, for each code and noise.
         jobs: processes side by side.
         overwrite: replace the two result files.
@@ -79,59 +84,17 @@ def compare_spectral(
     if "lmmse" in priors:
         cells += _expectations(examples, scenes, priors["lmmse"], bands, seed, patches)
     measured = run_cells(cells, measure, work, jobs=jobs, progress=_timed(progress))
-    results = _results(measured, train, test, command)
-    write_json(results, files[0], overwrite=overwrite)
-    write_text(_markdown(results), files[1], overwrite=overwrite)
-    return results
-
-
-def measure(cell: Settings) -> Measured:
-    """One cell: take the snapshot, reconstruct it, measure; or compare the expected error with patches."""
-    if "decoder" not in cell:
-        return _expected(cell)
-    from tmca.cameras import SpectralCamera
-    from tmca.experiments.scenes import load_scene
-    from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
-    from tmca.sensor import Sensor
-
-    scene = load_scene(cell["path"], bands=cell["bands"])
-    camera = SpectralCamera(
-        bands=scene["wavelength"].values.tolist(),
-        size=(scene.sizes["y"], scene.sizes["x"]),
-        sensor=Sensor(**NOISES[cell["noise"]]),
-        seed=cell["seed"],
-        **CODES[cell["code"]],
-    )
-    snapshot = take_snapshot(scene, camera, seed=cell["seed"])
-    result = reconstruct_snapshot(snapshot, cell["decoder"], prior=cell["prior"], truth=scene)
-    return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
-
-
-def _expected(cell: Settings) -> Measured:
-    """Predicted PSNR of a code beside the PSNR on patches of the training and of the test scenes."""
-    import torch
-
-    from tmca.cameras import SpectralCamera
-    from tmca.experiments.expected import predicted_and_measured
-    from tmca.experiments.scenes import load_scene
-    from tmca.priors import GaussianPrior
-    from tmca.sensor import Sensor
-
-    prior = GaussianPrior.load(cell["prior"])
-    camera = SpectralCamera(
-        bands=prior.wavelengths or cell["bands"],
-        size=(256, 256),
-        sensor=Sensor(**NOISES[cell["noise"]]),
-        seed=cell["seed"],
-        **CODES[cell["code"]],
-    )
-    found = {}
-    for split in ("train", "test"):
-        cubes = [torch.from_numpy(load_scene(path, bands=cell["bands"]).values) for path in cell[split]]
-        found["predicted"], found[split] = predicted_and_measured(
-            prior, camera, cubes, count=cell["patches"], seed=cell["seed"]
-        )
-    return {"expected": found}
+    trainings = _trainings(train, validation, work, bands, decoders, seeds, steps)
+    trained = []
+    for later in (False, True):  # learned multiplexed codes start at learned static ones
+        part = [cell for cell in trainings if (cell["code"] == MULTIPLEXED) == later]
+        trained += run_cells(part, measure, work, jobs=jobs, progress=_timed(progress))
+    measured += trained
+    measured += run_cells(_trained_cells(scenes, trained, bands), measure, work, jobs=jobs, progress=_timed(progress))
+    found = results(measured, train, test, command)
+    write_json(found, files[0], overwrite=overwrite)
+    write_text(markdown(found), files[1], overwrite=overwrite)
+    return found
 
 
 def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[str]) -> dict[str, Path]:
@@ -156,27 +119,64 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
 def _cells(
     scenes: Sequence[Path], priors: dict[str, Path], bands: int, decoders: Sequence[str], seed: int
 ) -> list[Settings]:
-    from tmca.data import checksum_of
-
+    """Measurements of the rows that need no training."""
+    rows = [(code, decoder) for decoder in decoders if decoder not in NETWORKS for code in CODES]
     return [
-        {
-            "name": f"{scene.stem} · {code} · {noise} · {DECODER_NAMES[decoder]}",
-            "scene": scene.stem,
-            "source": source_digest(),
-            "path": str(scene),
-            "checksum": checksum_of(scene),
-            "prior": str(priors[decoder]) if decoder in priors else None,
-            "code": code,
-            "noise": noise,
-            "decoder": decoder,
-            "bands": bands,
-            "seed": seed,
-        }
-        for decoder in decoders
+        _measurement(scene, code, noise, decoder, bands, seed) | {"prior": str(priors.get(decoder, "")) or None}
+        for code, decoder in rows
         for noise in NOISES
-        for code in CODES
         for scene in scenes
     ]
+
+
+def _trainings(
+    train: Path, validation: Path | None, work: Path, bands: int, decoders: Sequence[str], seeds: int, steps: int
+) -> list[Settings]:
+    """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera."""
+    from tmca.data import split_rendered
+    from tmca.experiments.cells import cell_key
+
+    data = {"bands": bands, "train": [str(train), *sorted(split_rendered()["train"])]}
+    data["validation"] = [str(validation)] if validation else []
+    cells: dict[tuple[str, str, int], Settings] = {}
+    for code, decoder in trained_rows(decoders):
+        for seed in range(seeds):
+            training = training_of(code, decoder, seed, steps) | {"data": data}
+            if code == MULTIPLEXED:
+                start = cells[STATIC, decoder, seed]["folder"]
+                training["codes"] = {"start": start, "decoder": start}
+            cell: Settings = {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}", "code": code}
+            cell |= {"decoder": decoder, "seed": seed, "bands": bands, "training": training, "source": source_digest()}
+            cells[code, decoder, seed] = cell | {"folder": str(work / f"training-{cell_key(cell)}")}
+    return list(cells.values())
+
+
+def _trained_cells(scenes: Sequence[Path], trained: Sequence[Measured], bands: int) -> list[Settings]:
+    """Measurements of trained rows."""
+    return [
+        _measurement(scene, cell["code"], noise, cell["decoder"], bands, cell["seed"])
+        | {"prior": None, "weights": cell["weights"]}
+        for cell in trained
+        for noise in NOISES
+        for scene in scenes
+    ]
+
+
+def _measurement(scene: Path, code: str, noise: str, decoder: str, bands: int, seed: int) -> Settings:
+    from tmca.data import checksum_of
+
+    return {
+        "name": f"{scene.stem} · {code} · {noise} · {DECODER_NAMES[decoder]} · seed {seed}",
+        "scene": scene.stem,
+        "source": source_digest(),
+        "path": str(scene),
+        "checksum": checksum_of(scene),
+        "code": code,
+        "noise": noise,
+        "decoder": decoder,
+        "bands": bands,
+        "seed": seed,
+    }
 
 
 def _expectations(
@@ -198,84 +198,6 @@ def _expectations(
         for noise in NOISES
         for code in CODES
     ]
-
-
-def _results(measured: Sequence[Measured], train: Path, test: Path, command: Sequence[str]) -> dict[str, Any]:
-    rows: dict[tuple[str, ...], dict[str, Any]] = {}
-    for cell in (cell for cell in measured if "decoder" in cell):
-        key = (cell["code"], cell["noise"], cell["decoder"])
-        row = rows.setdefault(
-            key,
-            {
-                "method": f"{cell['code']} + {DECODER_NAMES[cell['decoder']]}",
-                "code": cell["code"],
-                "decoder": DECODER_NAMES[cell["decoder"]],
-                "exposure": "equal",
-                "noise": cell["noise"],
-                "throughput": cell["throughput"],
-                "scenes": {},
-                "seconds": 0.0,
-            },
-        )
-        row["scenes"][cell["scene"]] = cell["metrics"]
-        row["seconds"] += cell["seconds"]
-    for row in rows.values():
-        row |= mean_over_scenes(row["scenes"])
-    return {
-        "command": " ".join(command),
-        "commit": repository_commit(),
-        "split": {"train": _listed(train), "test": _listed(test)},
-        "budget": {
-            "training": "none: priors in closed form",
-            "decoding_seconds": sum(r["seconds"] for r in rows.values()),
-        },
-        "rows": list(rows.values()),
-        "expected_error": [
-            {"code": cell["code"], "noise": cell["noise"], **cell["expected"]}
-            for cell in measured
-            if "expected" in cell
-        ],
-    }
-
-
-def _markdown(results: dict[str, Any]) -> str:
-    scenes = list(results["rows"][0]["scenes"])
-    lines = [
-        "# Spectral camera: static and time-multiplexed codes without training",
-        "",
-        f"Command: `{results['command']}` at commit `{results['commit']}`.",
-        "",
-        f"Prior learned from {', '.join(results['split']['train'])}.",
-        f"Measured on {', '.join(results['split']['test'])}, "
-        "full images. Equal exposure time in all rows. Means over scenes, then PSNR scene by scene.",
-        "",
-    ]
-    columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
-    columns += [(f"psnr {scene}", f"PSNR {scene}", ".2f") for scene in scenes]
-    columns += [("throughput", "light", ".1%"), ("seconds", "seconds", ".0f")]
-    for noise in dict.fromkeys(row["noise"] for row in results["rows"]):
-        rows = [
-            {**row, **{f"psnr {scene}": values["psnr"] for scene, values in row["scenes"].items()}}
-            for row in results["rows"]
-            if row["noise"] == noise
-        ]
-        lines += [f"## {noise}", "", markdown_table(rows, columns)]
-    if results["expected_error"]:
-        columns = [("code", "code", ""), ("noise", "noise", ""), ("predicted", "predicted (dB)", ".2f")]
-        columns += [("train", "on patches of training scenes", ".2f"), ("test", "on patches of test scenes", ".2f")]
-        lines += [
-            "## Expected error against measured error",
-            "",
-            "PSNR of single blocks under the Gaussian prior: predicted before anything is captured, and measured on",
-            "thousands of patches. Overlapping blocks, blended, do better than single ones.",
-            "",
-            markdown_table(results["expected_error"], columns),
-        ]
-    return "\n".join(lines)
-
-
-def _listed(split: Path) -> list[str]:
-    return [line.split()[-1] for line in split.read_text().splitlines() if line.strip() and not line.startswith("#")]
 
 
 def _timed(told: Told | None) -> Callable[[int, int, str], None] | None:

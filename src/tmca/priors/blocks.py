@@ -100,10 +100,10 @@ class BlockModel:
 
     def measure(self, weights: Tensor, blocks: Tensor) -> Tensor:
         """A applied to blocks (..., P, n), with weights (P, taps, h, columns): (..., P, measurements)."""
-        scene = blocks.unflatten(-1, self.block)
+        bands = blocks.unflatten(-1, self.block).unbind(-3)
         total = blocks.new_zeros(*blocks.shape[:-1], self.block[1], self.columns)
         for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
-            light = scene[..., channel, :, self.span - o : self.span - o + self.columns]
+            light = bands[channel][..., self.span - o : self.span - o + self.columns]
             total = torch.addcmul(total, light, weights[:, t])
         return total.flatten(-2)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -37,9 +38,15 @@ class BlockPosterior:
 
     def estimate(self, block: int, measured: Tensor) -> Tensor:
         """(N, n) linear minimum-mean-square-error estimate of one block from measurements (N, m)."""
-        residual = (measured - self.expected[block]).double()
-        solved = torch.cholesky_solve(residual.mT, self.factor[block]).to(self.cross.dtype)
-        return self.mean + solved.mT @ self.cross[:, block]
+        cross, factor, expected = self._blocks[block]
+        solved = torch.cholesky_solve((measured - expected).double().mT, factor).to(cross.dtype)
+        return self.mean + solved.mT @ cross
+
+    @cached_property
+    def _blocks(self) -> list[tuple[Tensor, Tensor, Tensor]]:
+        """Cross covariance, factor and expected measurements of every block; unbound at once, as the derivative of an
+        index would fill a tensor of all blocks for each of them."""
+        return list(zip(self.cross.unbind(1), self.factor.unbind(0), self.expected.unbind(0), strict=True))
 
     def error_variance(self) -> Tensor:
         """(P, n) posterior variance of every pixel, the same whatever is measured."""

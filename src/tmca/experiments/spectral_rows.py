@@ -1,0 +1,61 @@
+"""What the spectral table compares: codes, noises, decoders, and how the trained ones are trained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+CODES: dict[str, dict[str, Any]] = {
+    "CASSI random": {"slots": 1, "aperture": "random", "shutter": "open"},
+    "TMCA random K = 8": {"slots": 8, "aperture": "random", "shutter": "random"},
+    "TMCA one-hot K = 4": {"slots": 4, "aperture": "random", "shutter": "one-hot"},
+}
+LEARNED: dict[str, dict[str, Any]] = {
+    "CASSI learned": {"slots": 1, "aperture": "random", "shutter": "open", "learn": "aperture", "period": 32},
+    "TMCA learned K = 8": {"slots": 8, "aperture": "random", "shutter": "random", "learn": "both", "period": 32},
+}
+"""The second starts at the codes and the decoder of the first: time multiplexing contains the static camera."""
+STATIC, MULTIPLEXED = LEARNED
+NOISES: dict[str, dict[str, Any]] = {
+    "noise-free": {},
+    "σ = 0.01": {"read_noise": 0.01},
+    "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 10_000, "read_noise_electrons": 3},
+}
+DECODER_NAMES = {
+    "lmmse": "LMMSE",
+    "mixture": "mixture",
+    "admm-tv": "ADMM-TV",
+    "admm-tv-joint": "ADMM-TV joint",
+    "unet-thesis": "U-Net from Φᵀy",
+    "unet": "U-Net from LMMSE",
+    "unrolled": "unrolled",
+}
+NETWORKS: dict[str, dict[str, Any]] = {
+    "unet-thesis": {"kind": "unet", "start": "adjoint", "codes": False, "noise_aware": False},
+    "unet": {"kind": "unet", "start": "lmmse"},
+    "unrolled": {"kind": "unrolled", "start": "lmmse"},
+}
+OF_LEARNED_CODES = ("unet-thesis", "unrolled")
+"""Decoders that codes are learned with."""
+
+
+def training_of(code: str, decoder: str, seed: int, steps: int) -> dict[str, Any]:
+    """Settings of a trained row, without its scenes: one network for all noises.
+
+    The thesis' U-Net is trained as the thesis says (L2), the others on the mean PSNR.
+    """
+    camera = {**(CODES | LEARNED)[code], "seed": seed}
+    loss = "l2" if decoder == "unet-thesis" else "log"
+    return {
+        "camera": camera,
+        "noise": list(NOISES.values()),
+        "decoder": NETWORKS[decoder],
+        "optimiser": {"steps": steps, "loss": loss},
+        "seed": seed,
+    }
+
+
+def trained_rows(decoders: Sequence[str]) -> list[tuple[str, str]]:
+    """(code, decoder) of the rows that are trained, those that others start from first."""
+    rows = [(code, decoder) for decoder in decoders if decoder in NETWORKS for code in CODES]
+    return rows + [(code, decoder) for code in LEARNED for decoder in decoders if decoder in OF_LEARNED_CODES]

@@ -1,0 +1,125 @@
+"""The spectral table as JSON rows and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tmca.experiments.cells import Measured
+from tmca.experiments.results import METRICS, markdown_table, mean_over_scenes, repository_commit
+from tmca.experiments.spectral_rows import DECODER_NAMES, NETWORKS
+
+
+def results(measured: Sequence[Measured], train: Path, test: Path, command: Sequence[str]) -> dict[str, Any]:
+    """Rows of the table from measured cells; trained rows are means over their seeds."""
+    rows: dict[tuple[str, ...], dict[str, Any]] = {}
+    for cell in (cell for cell in measured if "metrics" in cell):
+        key = (cell["code"], cell["noise"], cell["decoder"])
+        row = rows.setdefault(key, _row(cell))
+        row["runs"].setdefault(cell["scene"], []).append(cell["metrics"])
+        row["seconds"] += cell["seconds"]
+    training = [_training(cell) for cell in measured if "best" in cell]
+    for row in rows.values():
+        runs = row.pop("runs")
+        row["seeds"] = max(len(values) for values in runs.values())
+        row["scenes"] = {
+            scene: mean_over_scenes({str(i): m for i, m in enumerate(values)}) for scene, values in runs.items()
+        }
+        row |= mean_over_scenes(row["scenes"])
+        row["seed_psnr"] = [sum(m["psnr"] for m in seed) / len(seed) for seed in zip(*runs.values(), strict=False)]
+        times = [t["cpu_seconds"] for t in training if (t["code"], t["decoder"]) == (row["code"], row["decoder"])]
+        row["training_cpu_minutes"] = sum(times) / len(times) / 60 if times else 0.0
+    return {
+        "command": " ".join(command),
+        "commit": repository_commit(),
+        "split": {"train": listed(train), "test": listed(test)},
+        "budget": {
+            "training": training or "none: priors in closed form",
+            "decoding_seconds": sum(r["seconds"] for r in rows.values()),
+        },
+        "rows": list(rows.values()),
+        "expected_error": [
+            {"code": cell["code"], "noise": cell["noise"], **cell["expected"]}
+            for cell in measured
+            if "expected" in cell
+        ],
+    }
+
+
+def _row(cell: Measured) -> dict[str, Any]:
+    return {
+        "method": f"{cell['code']} + {DECODER_NAMES[cell['decoder']]}",
+        "code": cell["code"],
+        "decoder": DECODER_NAMES[cell["decoder"]],
+        "trained": cell["decoder"] in NETWORKS,
+        "exposure": "equal",
+        "noise": cell["noise"],
+        "throughput": cell["throughput"],
+        "runs": {},
+        "seconds": 0.0,
+    }
+
+
+def _training(cell: Measured) -> dict[str, Any]:
+    return {
+        "code": cell["code"],
+        "decoder": DECODER_NAMES[cell["decoder"]],
+        "seed": cell["seed"],
+        "steps": cell["training"]["optimiser"]["steps"],
+        "cpu_seconds": cell["seconds"],
+        "validation_psnr": cell["best"]["psnr"],
+    }
+
+
+def markdown(found: dict[str, Any]) -> str:
+    """The results for people."""
+    scenes = list(found["rows"][0]["scenes"])
+    trained = any(row["trained"] for row in found["rows"])
+    lines = [
+        "# Spectral camera: static and time-multiplexed codes" + ("" if trained else " without training"),
+        "",
+        f"Command: `{found['command']}` at commit `{found['commit']}`.",
+        "",
+        f"Prior learned from {', '.join(found['split']['train'])}.",
+        f"Measured on {', '.join(found['split']['test'])}, "
+        "full images. Equal exposure time in all rows. Means over scenes, then PSNR scene by scene.",
+        "",
+    ]
+    if trained:
+        lines += [
+            "Networks learned from the same scenes and the rendered training scenes, one for all three noises, in the "
+            "CPU minutes of the last column (one core); learned TMCA starts at the codes and the decoder of learned "
+            "CASSI, whose minutes come on top. Means over seeds.",
+            "",
+        ]
+    columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
+    columns += [(f"psnr {scene}", f"PSNR {scene}", ".2f") for scene in scenes]
+    columns += [("throughput", "light", ".1%"), ("seconds", "seconds", ".0f")]
+    columns += [("seeds", "seeds", "d"), ("training_cpu_minutes", "training (min)", ".1f")] if trained else []
+    for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
+        rows = [
+            {**row, **{f"psnr {scene}": values["psnr"] for scene, values in row["scenes"].items()}}
+            for row in found["rows"]
+            if row["noise"] == noise
+        ]
+        lines += [f"## {noise}", "", markdown_table(rows, columns)]
+    return "\n".join(lines + (_expected(found["expected_error"]) if found["expected_error"] else []))
+
+
+def _expected(rows: Sequence[dict[str, Any]]) -> list[str]:
+    columns = [("code", "code", ""), ("noise", "noise", ""), ("predicted", "predicted (dB)", ".2f")]
+    columns += [("train", "on patches of training scenes", ".2f"), ("test", "on patches of test scenes", ".2f")]
+    return [
+        "## Expected error against measured error",
+        "",
+        "PSNR of single blocks under the Gaussian prior: predicted before anything is captured, and measured on",
+        "thousands of patches. Overlapping blocks, blended, do better than single ones.",
+        "",
+        markdown_table(rows, columns),
+    ]
+
+
+def listed(split: Path) -> list[str]:
+    """Paths that a split names."""
+    return [line.split()[-1] for line in split.read_text().splitlines() if line.strip() and not line.startswith("#")]
