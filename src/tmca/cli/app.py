@@ -15,6 +15,7 @@ COMMANDS = {
     "evaluate": ("evaluate:app", "Compare an estimate with the truth, by every metric."),
     "train": ("train:app", "Learn a camera's codes and its decoder together."),
     "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
+    "sweep": ("sweep:app", "Every combination of some settings, over test scenes."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }
 

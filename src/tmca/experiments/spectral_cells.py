@@ -9,7 +9,7 @@ from typing import Any
 from tmca.cameras import SpectralCamera
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.scenes import load_scene
-from tmca.experiments.spectral_rows import CODES, NOISES
+from tmca.experiments.spectral_rows import CODES, NETWORKS, NOISES
 from tmca.sensor import Sensor
 
 
@@ -73,3 +73,58 @@ def coded_camera(cell: Settings, bands: Any, size: tuple[int, int]) -> SpectralC
     """The camera of a cell's code and noise."""
     sensor = Sensor(**NOISES[cell["noise"]])
     return SpectralCamera(bands=bands, size=size, sensor=sensor, seed=cell["seed"], **CODES[cell["code"]])
+
+
+def sweep_cell(cell: Settings) -> Measured:
+    """One combination of a sweep on one scene; a network is trained, and a prior learned, once for all scenes."""
+    from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
+
+    size = None if cell["size"] is None else (cell["size"][0], cell["size"][1])
+    scene = load_scene(cell["path"], bands=cell["bands"], size=size)
+    camera = SpectralCamera(
+        bands=scene["wavelength"].values.tolist(), size=(scene.sizes["y"], scene.sizes["x"]),
+        sensor=Sensor(**cell["sensor"]), **cell["camera"],
+    )  # fmt: skip
+    snapshot = take_snapshot(scene, camera, seed=cell["camera"].get("seed", 0))
+    method, prior, weights = cell["decoder"], None, None
+    if method in NETWORKS:
+        method, weights = "network", _network_of(cell)
+    elif method in ("lmmse", "mixture") and cell["train"]:
+        prior = _prior_of(cell, camera)
+    result = reconstruct_snapshot(snapshot, method, prior=prior, weights=weights, truth=scene)
+    return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
+
+
+def sweep_training(cell: Settings) -> Measured:
+    """The training of one combination, before its scenes are measured."""
+    return {"weights": str(_network_of(cell))}
+
+
+def _network_of(cell: Settings) -> Path:
+    from tmca.data import split_rendered
+    from tmca.training import settings_from, train_spectral
+
+    training = {
+        "camera": cell["camera"], "noise": [cell["sensor"]], "decoder": NETWORKS[cell["decoder"]],
+        "data": {"bands": cell["bands"], "train": [*cell["train"], *sorted(split_rendered()["train"])]},
+        "optimiser": {"steps": cell["steps"], "loss": "l2" if cell["decoder"] == "unet-thesis" else "log"},
+    }  # fmt: skip
+    bands = cell["bands"]
+    found = train_spectral(
+        settings_from(None, None, training), Path(cell["folder"]), lambda name: load_scene(name, bands=bands)
+    )
+    return found.weights
+
+
+def _prior_of(cell: Settings, camera: SpectralCamera) -> Path:
+    """The prior of a sweep's training scenes, kept by what makes it."""
+    from tmca.experiments.cells import cell_key
+    from tmca.priors import learn_prior
+
+    spread, mixture = camera.dispersion.spread, cell["decoder"] == "mixture"
+    key = cell_key({"train": cell["train"], "bands": cell["bands"], "spread": spread, "mixture": mixture})
+    file = Path(cell["folder"]).parent / f"prior-{key}.nc"
+    if not file.exists():
+        cubes = [load_scene(name, bands=cell["bands"]) for name in cell["train"]]
+        learn_prior(cubes, spread=spread, mixture=mixture).save(file, overwrite=True)
+    return file

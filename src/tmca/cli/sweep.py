@@ -1,0 +1,81 @@
+"""``tmca sweep``: every combination of some settings."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from tmca.errors import SettingError
+
+app = App(name="sweep", help="Every combination of some settings, over test scenes.")
+
+
+@app.command
+def spectral(
+    *scenes: str,
+    vary: list[str],
+    out: Path = Path("sweep"),
+    work: Path = Path("runs/sweep-spectral"),
+    test: Path | None = None,
+    train: Path | None = None,
+    decoder: str = "lmmse",
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    steps: int = 300,
+    bands: int = 12,
+    crop: str | None = None,
+    jobs: int = 1,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Sweep settings of the spectral camera over SCENES: `--vary noise=0,0.01,0.1 --vary slots=2,4,8`.
+
+    Writes OUT.json, OUT.csv, OUT.md and OUT.png. Finished cells are kept in --work: a run that was stopped goes on.
+
+    Args:
+        scenes: cubes or rendered scenes to measure on; the rendered test scenes without any.
+        vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits, slots,
+            aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed.
+        out: results, without a suffix.
+        work: folder of finished cells.
+        test: split file of scenes to add.
+        train: split file of the scenes that teach priors and networks; the rendered scenes' prior without it.
+        decoder: lmmse, mixture, admm-tv, admm-tv-joint, or a network trained at every combination: unet-thesis, unet,
+            unrolled.
+        set_: NAME=VALUE of the same names for all cells.
+        steps: of each training.
+        bands: bands, nearest to even spacing from 400 to 700 nm.
+        crop: HEIGHTxWIDTH, the middle of the scenes.
+        jobs: processes side by side.
+        overwrite: replace results that exist.
+        json: print the results as JSON.
+    """
+    from tmca.cli.options import size
+    from tmca.data import read_split, split_rendered
+    from tmca.experiments.sweep_spectral import sweep_spectral
+
+    named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
+    axes = dict(_values(text, "--vary") for text in vary)
+    fixed = {name: values[0] for name, values in (_values(text, "--set") for text in set_ or ())}
+    examples = [str(path) for path in read_split(train)] if train else []
+
+    def told(done: int, total: int, name: str) -> None:
+        print(f"[{done}/{total}] {name}", file=sys.stderr)
+
+    found = sweep_spectral(
+        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, steps=steps, bands=bands,
+        size=size(crop, "--crop"), jobs=jobs, overwrite=overwrite, progress=told, command=["tmca", *sys.argv[1:]],
+    )  # fmt: skip
+    print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
+
+
+def _values(text: str, option: str) -> tuple[str, list[Any]]:
+    import yaml
+
+    name, sign, values = text.partition("=")
+    if not sign or not name.strip():
+        raise SettingError(option, repr(text), "NAME=VALUE,VALUE, such as slots=2,4,8")
+    return name.strip(), [yaml.safe_load(value) for value in values.split(",") if value.strip()]
