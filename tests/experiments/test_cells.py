@@ -52,3 +52,10 @@ def test_other_settings_make_another_cell(tmp_path):
     assert run_cells(changed, square, tmp_path)[0]["square"] == 49
     files = [json.loads(f.read_text()) for f in tmp_path.glob("*.json")]
     assert sorted(f["square"] for f in files) == [0, 49]
+
+
+def test_cells_go_through_submitit_as_well(tmp_path):
+    pytest.importorskip("submitit")
+    found = run_cells(CELLS, square, tmp_path, cluster={"cluster": "debug"})
+    assert [cell["square"] for cell in found] == [0, 1, 4, 9, 16]
+    assert len(run_cells(CELLS, never, tmp_path, cluster={"cluster": "debug"})) == 5

@@ -9,6 +9,8 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.options import cluster_parameters
+
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
 
 
@@ -26,6 +28,7 @@ def spectral(
     seeds: int = 1,
     steps: int = 400,
     jobs: int = 1,
+    slurm: str | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -46,6 +49,7 @@ def spectral(
         seeds: trainings of every trained row.
         steps: optimiser steps of a training.
         jobs: processes side by side.
+        slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
         overwrite: replace result files that exist.
         json: print the results as JSON.
     """
@@ -56,7 +60,7 @@ def spectral(
 
     results = compare_spectral(
         train, test, out, work, bands=bands, decoders=decoders.split(","), validation=validation,
-        seed=seed, seeds=seeds, steps=steps, jobs=jobs,
+        seed=seed, seeds=seeds, steps=steps, jobs=jobs, cluster=cluster_parameters(slurm),
         overwrite=overwrite, progress=told, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     if json:

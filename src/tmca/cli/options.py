@@ -213,6 +213,18 @@ def coloured_argument(file: Path) -> Any:
     return torch.from_numpy(stored.astype("float32") / scale)
 
 
+def cluster_parameters(text: str | None) -> dict[str, Any] | None:
+    """``NAME=VALUE,…`` for submitit; None without."""
+    if text is None:
+        return None
+    import yaml
+
+    parts = [part.partition("=") for part in text.split(",") if part]
+    if not parts or not all(sign for _, sign, _ in parts):
+        raise SettingError("--slurm", repr(text), "NAME=VALUE,…, such as timeout_min=60,slurm_partition=gpu")
+    return {name: yaml.safe_load(value) for name, _, value in parts}
+
+
 def pair(text: str | None, option: str) -> tuple[float, float]:
     """``ROWS,COLUMNS``; zeros if not given."""
     values = (0.0, 0.0) if text is None else numbers(text, option)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.options import cluster_parameters
 from tmca.errors import SettingError
 
 app = App(name="sweep", help="Every combination of some settings, over test scenes.")
@@ -28,6 +29,7 @@ def spectral(
     bands: int = 12,
     crop: str | None = None,
     jobs: int = 1,
+    slurm: str | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -37,8 +39,8 @@ def spectral(
 
     Args:
         scenes: cubes or rendered scenes to measure on; the rendered test scenes without any.
-        vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits, slots,
-            aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed.
+        vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
+            slots, aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed.
         out: results, without a suffix.
         work: folder of finished cells.
         test: split file of scenes to add.
@@ -50,6 +52,7 @@ def spectral(
         bands: bands, nearest to even spacing from 400 to 700 nm.
         crop: HEIGHTxWIDTH, the middle of the scenes.
         jobs: processes side by side.
+        slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
         overwrite: replace results that exist.
         json: print the results as JSON.
     """
@@ -67,7 +70,8 @@ def spectral(
 
     found = sweep_spectral(
         axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, steps=steps, bands=bands,
-        size=size(crop, "--crop"), jobs=jobs, overwrite=overwrite, progress=told, command=["tmca", *sys.argv[1:]],
+        size=size(crop, "--crop"), jobs=jobs, cluster=cluster_parameters(slurm), overwrite=overwrite, progress=told,
+        command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import tmca
 from tmca.data import make_folder, write_json, write_text
-from tmca.errors import TmcaError
+from tmca.errors import SettingError, TmcaError
 
 Settings = dict[str, Any]
 Measured = dict[str, Any]
@@ -47,6 +47,7 @@ def run_cells(
     folder: str | Path,
     *,
     jobs: int = 1,
+    cluster: Settings | None = None,
     progress: Progress | None = None,
 ) -> list[Measured]:
     """Compute every cell that has no file in ``folder`` yet.
@@ -56,6 +57,7 @@ def run_cells(
         compute: module-level function from settings to measured values (it runs in another process if jobs > 1).
         folder: where a file per finished cell is kept.
         jobs: processes side by side.
+        cluster: parameters of submitit (``timeout_min``, ``slurm_partition``, …) to send the cells to Slurm instead.
         progress: told after each cell.
 
     Returns:
@@ -68,7 +70,7 @@ def run_cells(
     files = [place / f"{cell_key(cell)}.json" for cell in cells]
     waiting = [i for i, file in enumerate(files) if not file.exists()]
     done, failed = len(cells) - len(waiting), []
-    for index, error in _outcomes(cells, waiting, files, compute, jobs):
+    for index, error in _outcomes(cells, waiting, files, compute, jobs, cluster):
         done += 1
         if error:
             failed.append(index)
@@ -91,7 +93,11 @@ def _outcomes(
     files: Sequence[Path],
     compute: Callable[[Settings], Measured],
     jobs: int,
+    cluster: Settings | None,
 ) -> Any:
+    if cluster is not None:
+        yield from _submitted(cells, waiting, files, compute, cluster)
+        return
     if jobs <= 1:
         for index in waiting:
             yield index, _one_cell(cells[index], files[index], compute)
@@ -100,6 +106,29 @@ def _outcomes(
         running = {pool.submit(_one_cell, cells[i], files[i], compute): i for i in waiting}
         for future in as_completed(running):
             yield running[future], future.result()
+
+
+def _submitted(
+    cells: Sequence[Settings],
+    waiting: Sequence[int],
+    files: Sequence[Path],
+    compute: Callable[[Settings], Measured],
+    parameters: Settings,
+) -> Any:
+    """The outcomes of cells sent to a cluster through submitit."""
+    try:
+        import submitit
+    except ImportError:
+        raise SettingError("--slurm", "no submitit", "the package submitit", "pip install submitit") from None
+    if not waiting:
+        return
+    chosen = dict(parameters)
+    executor = submitit.AutoExecutor(files[0].parent / "slurm", cluster=chosen.pop("cluster", "slurm"))
+    executor.update_parameters(name="tmca", **chosen)
+    with executor.batch():
+        sent = [executor.submit(_one_cell, cells[i], files[i], compute) for i in waiting]
+    for index, job in zip(waiting, sent, strict=True):
+        yield index, job.result()
 
 
 def _one_thread() -> None:

@@ -39,6 +39,7 @@ def compare_spectral(
     steps: int = 400,
     patches: int = 24_000,
     jobs: int = 1,
+    cluster: Settings | None = None,
     overwrite: bool = False,
     progress: Told | None = None,
     command: Sequence[str] = (),
@@ -58,6 +59,7 @@ def compare_spectral(
         steps: of a training.
         patches: on which the expected error is checked, for each code and noise.
         jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
         overwrite: replace the two result files.
         progress: told (done, all, name, seconds left) after each cell.
         command: how the run was called, kept in the results.
@@ -83,14 +85,20 @@ def compare_spectral(
     cells = _cells(scenes, priors, bands, decoders, seed)
     if "lmmse" in priors:
         cells += _expectations(examples, scenes, priors["lmmse"], bands, seed, patches)
-    measured = run_cells(cells, measure, work, jobs=jobs, progress=_timed(progress))
+
+    def run(part: list[Settings]) -> list[Measured]:
+        return run_cells(part, measure, work, jobs=jobs, cluster=cluster, progress=_timed(progress))
+
+    measured = run(cells)
     trainings = _trainings(train, validation, work, bands, decoders, seeds, steps)
     trained = []
     for later in (False, True):  # learned multiplexed codes start at learned static ones
         part = [cell for cell in trainings if (cell["code"] == MULTIPLEXED) == later]
-        trained += run_cells(part, measure, work, jobs=jobs, progress=_timed(progress))
+        trained += run(part)
     measured += trained
-    measured += run_cells(_trained_cells(scenes, trained, bands), measure, work, jobs=jobs, progress=_timed(progress))
+    measured += run_cells(
+        _trained_cells(scenes, trained, bands), measure, work, jobs=jobs, cluster=cluster, progress=_timed(progress)
+    )
     found = results(measured, train, test, command)
     write_json(found, files[0], overwrite=overwrite)
     write_text(markdown(found), files[1], overwrite=overwrite)

@@ -42,6 +42,7 @@ def sweep_spectral(
     bands: int = 12,
     size: tuple[int, int] | None = None,
     jobs: int = 1,
+    cluster: Settings | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
     command: Sequence[str] = (),
@@ -60,6 +61,7 @@ def sweep_spectral(
         bands: from 400 to 700 nm.
         size: (H, W) middle of the scenes.
         jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
         overwrite: replace results.
         progress: told after each cell.
         command: how the run was called.
@@ -80,8 +82,8 @@ def sweep_spectral(
     cells = [_cell(point, scene, bands, size, list(train), steps, work) for point in points for scene in scenes]
     trainings = {cell["folder"]: cell for cell in cells if cell["decoder"] in NETWORKS}
     named = [{**cell, "name": f"training for {cell['name']}", "path": ""} for cell in trainings.values()]
-    run_cells(named, sweep_training, work, jobs=jobs, progress=progress)  # once for all scenes
-    measured = run_cells(cells, sweep_cell, make_folder(work), jobs=jobs, progress=progress)
+    run_cells(named, sweep_training, work, jobs=jobs, cluster=cluster, progress=progress)  # once for all scenes
+    measured = run_cells(cells, sweep_cell, make_folder(work), jobs=jobs, cluster=cluster, progress=progress)
     rows = _rows(points, measured, len(scenes))
     found = {"command": " ".join(command), "commit": repository_commit(), "scenes": list(map(str, scenes)),
              "vary": {name: list(values) for name, values in vary.items()}, "rows": rows}  # fmt: skip

@@ -1,0 +1,85 @@
+"""``tmca train`` as a user meets it."""
+
+import json
+
+import pytest
+
+from tmca.cli import main
+from tmca.decoders import Weights
+
+TINY = """
+camera: {size: [24, 32], slots: 2, period: 8, learn: both}
+decoder: {kind: unrolled, stages: 1, widths: [4], blocks: 1, start: dagger}
+data: {patch: 16, batch: 2, bands: 3}
+validate_every: 2
+"""
+
+
+def train(folder, *more):
+    (folder / "run.yaml").write_text(TINY)
+    main(
+        [
+            "train",
+            "spectral",
+            "--config",
+            str(folder / "run.yaml"),
+            "--train",
+            "chelsea",
+            "--out",
+            str(folder / "run"),
+            *more,
+        ]
+    )
+
+
+def refused(capsys, *arguments):
+    with pytest.raises(SystemExit) as stop:
+        main([str(a) for a in arguments])
+    assert stop.value.code == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def test_a_run_leaves_weights_that_reconstruct(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    train(tmp_path, "--steps", "2", "--validation", "rocket", "--json")
+    said = json.loads(capsys.readouterr().out)
+    assert said["steps"] == 2
+    assert said["best"]["psnr"] > 0
+    assert Weights.load(said["weights"]).card["training"]["data"]["train"] == ["chelsea"]
+    scene = ["coffee", "--bands", "3", "--crop", "24x32", "--slots", "2", "--no-figures", "--out", "s.nc"]
+    main(["simulate", "spectral", *scene])
+    main(["reconstruct", "s.nc", "--weights", said["weights"], "--no-figures"])
+    assert (tmp_path / "s_network.nc").exists()
+    other = ["coffee", "--bands", "4", "--crop", "24x32", "--no-figures", "--out", "other.nc"]
+    main(["simulate", "spectral", *other])
+    assert "3 bands" in refused(capsys, "reconstruct", "other.nc", "--weights", said["weights"])
+
+
+def test_another_run_in_the_folder_is_refused(tmp_path, capsys):
+    train(tmp_path, "--steps", "1")
+    capsys.readouterr()
+    line = refused(
+        capsys, "train", "spectral", "--config", tmp_path / "run.yaml", "--train", "chelsea", "--out", tmp_path / "run",
+        "--steps", "2",
+    )  # fmt: skip
+    assert "optimiser.steps = 1, now 2" in line
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--preset", "tesis"], ["--preset", "thesis, quick"]),
+        (["--set", "camera.slotz=3"], ["camera.slotz", "slots"]),
+        (["--set", "camera"], ["--set", "name=value"]),
+        (["--config", "nowhere.yaml"], ["nowhere.yaml"]),
+        ([], ["data.train", "--train"]),
+        (["--train", "nowhere.mat"], ["nowhere.mat"]),
+    ],
+)
+def test_what_cannot_be_trained_is_one_line(tmp_path, capsys, more, words):
+    line = refused(capsys, "train", "spectral", "--out", tmp_path / "run", *more)
+    for word in words:
+        assert word in line
+    assert not (tmp_path / "run" / "weights.safetensors").exists()
