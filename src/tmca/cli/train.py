@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json as json_module
 import os
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,7 +29,7 @@ def spectral(
 ) -> None:
     """Train the spectral camera. The same command goes on with a run that was stopped.
 
-    Writes into --out: weights.safetensors (codes and decoder with the best validation), log.csv, run.json, checkpoints.
+    Writes into --out: weights.safetensors (codes and decoder with the best validation), log.csv, pictures, checkpoints.
     For several processes start it with `torchrun --nproc-per-node N -m tmca.cli train spectral …`.
 
     Args:
@@ -50,6 +49,7 @@ def spectral(
             changes[name] = value
     from tmca.cli.progress import progress_bar
     from tmca.experiments.scenes import load_scene
+    from tmca.experiments.training_figures import training_pictures
     from tmca.training import settings_from, train_spectral
 
     settings = settings_from(preset, config, changes)
@@ -62,11 +62,12 @@ def spectral(
         )  # fmt: skip
     if int(os.environ.get("RANK", "0")):
         return
+    pictures = training_pictures(out)
     if json:
         print(json_module.dumps({"weights": str(found.weights), "best": found.best, "steps": found.steps}, indent=1))
         return
     said = f", validation PSNR {found.best['psnr']:.2f} dB at step {found.best['step']}" if found.best["step"] else ""
-    print(f"{found.weights}: {found.steps} steps{said}", file=sys.stdout)
+    print(f"{found.weights}: {found.steps} steps{said}; {', '.join(picture.name for picture in pictures)} beside it")
 
 
 def _setting(text: str) -> tuple[str, Any]:
