@@ -33,7 +33,7 @@ def curve_figure(rows: list[dict[str, str]]) -> Figure:
     sensors = [name for name in (rows[0] if rows else {}) if name.startswith("psnr_")]
     for axis, names, title, unit in (
         (axes[0], ["psnr", *sensors], "validation", "PSNR (dB)"),
-        (axes[1], ["loss"], "training", "loss of a batch"),
+        (axes[1], ["loss"], "training", "mean loss"),
         (axes[2], ["throughput", "transmittance", "duty"], "codes", "share"),
     ):
         for name in names:

@@ -65,6 +65,7 @@ class Run:
     keep: Callable[[dict[str, Any]], None] | None = None
     progress: Progress | None = None
     best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "step": 0})
+    losses: list[float] = field(default_factory=list)
     said: str = ""
 
     def __post_init__(self) -> None:
@@ -83,6 +84,7 @@ class Run:
             return 0
         state = load_checkpoint(newest, self.module, self.optimizers)
         self.best = state["best"] if state["best"]["psnr"] is not None else self.best  # JSON has no infinity
+        self.losses = list(state["losses"])
         return int(state["step"])
 
     def train(self) -> dict[str, Any]:
@@ -98,9 +100,10 @@ class Run:
         with _asked_to_stop() as asked:
             for step in range(first, self.steps):
                 loss = self._step(wrapped, step)
+                self.losses.append(loss)
                 done = step + 1
                 if done % self.settings.validate_every == 0 or done == self.steps:
-                    self._validate(done, loss)
+                    self._validate(done)
                 stop = self._anyone(asked)
                 if done % self.settings.checkpoint_every == 0 or done == self.steps or stop:
                     self._checkpoint(done)
@@ -151,15 +154,16 @@ class Run:
             f"look at these scenes or lower the learning rate; kept: {kept or 'no checkpoint yet'}",
         )
 
-    def _validate(self, done: int, loss: float) -> None:
+    def _validate(self, done: int) -> None:
         found = self.system.validate()
-        figures = {"loss": loss, **self.system.figures(), **found}
+        figures = {"loss": math.fsum(self.losses) / len(self.losses), **self.system.figures(), **found}
         self.said = "".join(f", validation {value:.2f} dB" for name, value in found.items() if name == "psnr")
         value = found.get("psnr", -math.inf)
         if value > self.best["psnr"] or (done == self.steps and not found):
             self.best = {**found, "psnr": value, "step": done}
             if self.keep and self.fabric.is_global_zero:
                 self.keep(self.best)
+        self.losses.clear()
         if self.fabric.is_global_zero:
             self.log.add(done, figures)
 
