@@ -174,7 +174,7 @@ class Run:
                 done,
                 self.module,
                 self.optimizers,
-                {"best": self.best, "time": time.time()},
+                {"best": self.best, "losses": self.losses, "time": time.time()},
             )
         self.fabric.barrier()
 
