@@ -6,7 +6,7 @@ import torch
 from tmca.cameras import SpectralCamera
 from tmca.decoders.network import build_network
 from tmca.decoders.neural import NeuralDecoder, Weights, same_bands
-from tmca.errors import DataError, OutputError
+from tmca.errors import DataError, OutputError, SettingError
 from tmca.sensor import Noise
 
 NOISE = Noise(0.01, 0.02)
@@ -46,6 +46,19 @@ def test_tiles_leave_no_seam(kind, dispersion, height, tile):
     tiled = NeuralDecoder(network, None, tile=tile)(snapshot, operator, NOISE)
     assert tiled.shape == whole.shape
     torch.testing.assert_close(tiled, whole, rtol=0, atol=1e-5)
+
+
+def test_progress_rises_to_one():
+    operator, told = camera((70, 13)).operator(), []
+    NeuralDecoder(trained("unrolled"), None, tile=16)(snapshot_of(operator), operator, NOISE, told.append)
+    assert told == sorted(told)
+    assert len(told) == 5
+    assert told[-1] == pytest.approx(1)
+
+
+def test_tiles_of_no_rows_are_refused():
+    with pytest.raises(SettingError, match="tile"):
+        NeuralDecoder(trained("unet"), None, tile=0)
 
 
 @pytest.mark.parametrize("kind", SMALL)

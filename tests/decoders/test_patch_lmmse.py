@@ -1,5 +1,7 @@
 """The patch LMMSE decoder is the textbook estimate, for every camera, size and noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -119,6 +121,21 @@ def test_uncertainty_is_calibrated_on_scenes_of_the_prior():
     z = (found.estimate - scenes) / found.deviation
     assert float(z.square().mean()) == pytest.approx(1, abs=0.03)
     assert float(z.mean()) == pytest.approx(0, abs=0.05)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("shot", [0.0, 0.01])
+def test_its_derivative_by_code_and_snapshot_is_exact_on_one_block(name, shot):
+    model = BlockModel.of(camera(name, 4, 12), (3, 4, 12))
+    taps = camera(name, 4, model.judged[1] - model.judged[0])
+    code = (0.1 + 0.8 * taps.code.double()).requires_grad_()
+    y = snapshot(taps, smooth_scene(*taps.scene_shape[1:], seed=4)[None]).double().requires_grad_()
+    decoder = PatchLMMSE(narrower(4, 12), dtype=torch.float64)
+
+    def estimate(code, y):
+        return decoder(y, replace(taps, code=code), 0.05, shot, differentiable=True).estimate
+
+    assert torch.autograd.gradcheck(estimate, (code, y), fast_mode=True, rtol=1e-4, atol=1e-6)
 
 
 def test_progress_ends_at_one():

@@ -12,7 +12,7 @@ from tests.operators.references import (
     single_disperser_by_loops,
 )
 from tmca.errors import SettingError, ShapeError
-from tmca.operators import coloured_code, conditioning, dual_disperser, single_disperser, sparse_matrix
+from tmca.operators import TapOperator, coloured_code, conditioning, dual_disperser, single_disperser, sparse_matrix
 from tmca.optics import Dispersion
 
 KAPPA = torch.tensor([1.0, 0.5, 0.8, 0.3], dtype=torch.float64)
@@ -113,6 +113,38 @@ def test_gram_solve_is_the_shifted_inverse(kind, name):
     snapshot = torch.randn(2, *operator.snapshot_shape, dtype=torch.float64)
     truth = np.linalg.solve(matrix @ matrix.T + 0.1 * np.eye(len(matrix)), snapshot.reshape(2, -1).numpy().T).T
     np.testing.assert_allclose(operator.gram_solve(snapshot, 0.1).reshape(2, -1).numpy(), truth, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", DISPERSIONS)
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_every_sensor_pixel_may_have_a_noise_variance_of_its_own(kind, name):
+    operator, *_ = build(kind, DISPERSIONS[name], (3, 6))
+    matrix = sparse_matrix(operator).toarray()
+    snapshot = torch.randn(2, *operator.snapshot_shape, dtype=torch.float64)
+    variance = 0.01 + torch.rand(2, *operator.snapshot_shape, dtype=torch.float64)
+    pairs = zip(snapshot.reshape(2, -1).numpy(), variance.reshape(2, -1).numpy(), strict=True)
+    truth = [np.linalg.solve(matrix @ matrix.T + np.diag(r), y) for y, r in pairs]
+    np.testing.assert_allclose(operator.gram_solve(snapshot, variance).reshape(2, -1).numpy(), truth, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", DISPERSIONS)
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_a_window_is_the_camera_of_a_scene_that_is_dark_around_it(kind, name):
+    operator, *_ = build(kind, DISPERSIONS[name], (7, 9))
+    top, left, height, width = 2, 3, 4, 5
+    part = TapOperator(operator.taps.window(top, left, height, width))
+    scene = torch.zeros(1, *operator.scene_shape, dtype=operator.code.dtype)
+    inside = torch.rand(1, operator.scene_shape[0], height, width, dtype=operator.code.dtype)
+    scene[:, :, top : top + height, left : left + width] = inside
+    whole = operator.A(scene)[:, :, top : top + height, left : left + part.snapshot_shape[2]]
+    torch.testing.assert_close(part.A(inside), whole)
+
+
+@pytest.mark.parametrize("window", [(-1, 0, 3, 3), (0, 7, 3, 3), (5, 0, 3, 3), (0, 0, 0, 3)])
+def test_a_window_beyond_the_codes_is_refused(window):
+    operator, *_ = build("single", DISPERSIONS["fractional"], (7, 9))
+    with pytest.raises(ShapeError, match="window"):
+        operator.taps.window(*window)
 
 
 @pytest.mark.parametrize("name", ["one pixel per band", "fractional", "not monotone"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,13 @@ from torch import Tensor
 from tmca.cameras import SpectralCamera
 from tmca.decoders.network import Network, build_network
 from tmca.decoders.start import first_estimate
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianPrior, block_for, load_prior, rendered_prior
 from tmca.sensor import Noise
 
 FORMAT = "tmca weights 1"
+_FIRST = 0.9  # share of the time that the first estimate takes, as a rule
 
 
 @dataclass
@@ -136,30 +137,54 @@ class NeuralDecoder:
         network: trained.
         prior: of the first estimate; None where it needs none.
         tile: rows of the scene that pass the network at once, None for all; the estimate is the same to rounding.
+
+    Raises:
+        SettingError: tiles of less than one row.
     """
 
     def __init__(self, network: Network, prior: GaussianPrior | None, tile: int | None = 512) -> None:
+        if tile is not None and tile < 1:
+            raise SettingError("tile", str(tile), "at least 1 row, or None for all")
         self.network, self.prior, self.tile = network, prior, tile
 
     @torch.no_grad()
-    def __call__(self, snapshot: Tensor, operator: TapOperator, noise: Noise) -> Tensor:
-        """(B, 1, H, W') → (B, L, H, W)."""
-        start = first_estimate(self.network.start, snapshot, operator, noise, self.prior)
-        height = start.shape[2]
-        if self.tile is None or height <= self.tile:
-            return self.network(snapshot, operator, noise, start)
-        return torch.cat([self._rows(snapshot, operator, noise, start, top) for top in range(0, height, self.tile)], 2)
+    def __call__(
+        self,
+        snapshot: Tensor,
+        operator: TapOperator,
+        noise: Noise,
+        progress: Callable[[float], None] | None = None,
+    ) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W).
 
-    def _rows(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor, top: int) -> Tensor:
+        Args:
+            snapshot: in snapshot units.
+            operator: that took it.
+            noise: of the sensor.
+            progress: told the share that is done.
+        """
+        told = progress or (lambda share: None)
+        start = first_estimate(
+            self.network.start, snapshot, operator, noise, self.prior, progress=lambda share: told(_FIRST * share)
+        )
+        height = start.shape[2]
+        rows, parts = self.tile or height, []
+        for top in range(0, height, rows):
+            parts.append(self._rows(snapshot, operator, noise, start, top, rows))
+            told(_FIRST + (1 - _FIRST) * min(1.0, (top + rows) / height))
+        return torch.cat(parts, dim=2)
+
+    def _rows(
+        self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor, top: int, rows: int
+    ) -> Tensor:
         """Some rows of the estimate, computed with a margin as wide as the network sees; the optics mix no rows."""
-        assert self.tile is not None
         height, width = start.shape[2:]
         margin = -(-self.network.reach // self.network.multiple) * self.network.multiple
         first = max(0, (top - margin) // self.network.multiple * self.network.multiple)
-        last = min(height, top + self.tile + margin)
+        last = min(height, top + rows + margin)
         part = TapOperator(operator.taps.window(first, 0, last - first, width))
         found = self.network(snapshot[:, :, first:last], part, noise, start[:, :, first:last])
-        return found[:, :, top - first : min(top + self.tile, height) - first]
+        return found[:, :, top - first : min(top + rows, height) - first]
 
 
 def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:

@@ -89,7 +89,7 @@ def decode(
         if needs_prior(method):
             found = _by_prior(snapshot, method, prior, uncertainty, progress)
         elif weights is not None:
-            found = _by_network(snapshot, weights, prior)
+            found = _by_network(snapshot, weights, prior, progress)
         elif method == "dagger":
             found = Decoded(snapshot.camera.A_dagger(snapshot.values))
         elif method.startswith("pnp"):
@@ -146,7 +146,12 @@ def _check_bands(prior: GaussianPrior | GaussianMixturePrior | None, snapshot: S
             )
 
 
-def _by_network(snapshot: Snapshot, weights: Weights, prior: GaussianPrior | GaussianMixturePrior | None) -> Decoded:
+def _by_network(
+    snapshot: Snapshot,
+    weights: Weights,
+    prior: GaussianPrior | GaussianMixturePrior | None,
+    progress: Progress | None,
+) -> Decoded:
     camera, operator = snapshot.camera, snapshot.camera.operator()
     if not isinstance(operator, TapOperator):
         raise SettingError("relay blur", str(camera.relay_blur), "0 for a network", "use admm-tv")
@@ -158,7 +163,8 @@ def _by_network(snapshot: Snapshot, weights: Weights, prior: GaussianPrior | Gau
         raise SettingError("prior", "a mixture", "a Gaussian prior for a network")
     _check_bands(prior, snapshot)
     decoder = NeuralDecoder(weights.network, weights.load_prior() if prior is None else prior)
-    return Decoded(decoder(snapshot.values, operator, camera.noise), notes={"weights": str(weights.path or "")})
+    found = decoder(snapshot.values, operator, camera.noise, progress)
+    return Decoded(found, notes={"weights": str(weights.path or "")})
 
 
 def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progress: Progress | None) -> Decoded:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -24,6 +26,7 @@ def first_estimate(
     prior: GaussianPrior | None = None,
     *,
     differentiable: bool = False,
+    progress: Callable[[float], None] | None = None,
 ) -> Tensor:
     """(B, 1, H, W') → (B, L, H, W).
 
@@ -34,6 +37,7 @@ def first_estimate(
         noise: of the sensor.
         prior: for the LMMSE.
         differentiable: let gradients reach code and snapshot through the LMMSE too.
+        progress: told the share of the LMMSE that is done.
 
     Raises:
         SettingError: unknown kind, or no prior for the LMMSE.
@@ -48,4 +52,5 @@ def first_estimate(
         raise SettingError("prior", "none", "a Gaussian prior for a network that starts from the LMMSE")
     read = max(noise.read, _LEAST_READ_NOISE)
     decoder = PatchLMMSE(prior, dtype=torch.float32)
-    return decoder(snapshot, operator.taps, read, noise.shot, differentiable=differentiable).estimate.to(snapshot.dtype)
+    found = decoder(snapshot, operator.taps, read, noise.shot, differentiable=differentiable, progress=progress)
+    return found.estimate.to(snapshot.dtype)
