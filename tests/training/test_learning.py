@@ -189,6 +189,14 @@ def test_a_folder_of_another_run_and_foreign_folders_are_refused(tmp_path):
         tiny.train(tmp_path / "foreign")
 
 
+def test_two_runs_do_not_share_a_folder(tmp_path):
+    def again(done, steps, said):
+        with pytest.raises(OutputError, match="going on"):
+            tiny.train(tmp_path / "run", **{"optimiser.steps": 2})
+
+    tiny.train(tmp_path / "run", again, **{"optimiser.steps": 2})
+
+
 def test_a_damaged_checkpoint_is_named(tmp_path):
     tiny.train(tmp_path / "run")
     newest = tmp_path / "run" / "checkpoints" / "0000008" / "state.safetensors"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from tmca.data import make_folder, write_json
@@ -10,7 +13,7 @@ from tmca.errors import DataError, OutputError
 from tmca.training.scenes import SceneLists
 from tmca.training.settings import TrainSettings
 
-_ABOUT = "run.json"
+_ABOUT, _LOCK = "run.json", ".lock"
 
 
 def open_run(folder: Path, settings: TrainSettings, lists: SceneLists) -> None:
@@ -29,6 +32,21 @@ def open_run(folder: Path, settings: TrainSettings, lists: SceneLists) -> None:
         raise OutputError(folder, "a folder with other files", "an empty or new one", "choose another --out")
     make_folder(folder)
     write_json(described, about)
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a run's folder; the system lets go of it whatever ends this one.
+
+    Raises:
+        OutputError: a run is going on in it.
+    """
+    with (folder / _LOCK).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise OutputError(folder, "a run that is going on", "none", "wait for it or choose another --out") from None
+        yield
 
 
 def _same(about: Path, described: dict[str, object]) -> None:

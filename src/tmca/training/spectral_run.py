@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ from tmca.decoders.neural import Weights, start_block
 from tmca.errors import DataError, SettingError
 from tmca.priors import GaussianPrior, learn_prior, load_prior
 from tmca.sensor import Sensor
-from tmca.training.folder import open_run
+from tmca.training.folder import held, open_run
 from tmca.training.loop import Progress, Run
 from tmca.training.patches import CubeStore, Load, PatchSource
 from tmca.training.scenes import SceneLists, scene_lists
@@ -77,6 +78,13 @@ def train_spectral(
     if fabric.is_global_zero:
         open_run(folder, settings, lists)
     fabric.barrier()
+    with held(folder) if fabric.is_global_zero else nullcontext():
+        return _train(settings, folder, load, lists, fabric, progress if fabric.is_global_zero else None)
+
+
+def _train(
+    settings: TrainSettings, folder: Path, load: Load, lists: SceneLists, fabric: Fabric, progress: Progress | None
+) -> Trained:
     torch.manual_seed(settings.seed)
     first = load(lists.train[0])
     wavelengths = first["wavelength"].values.tolist()
@@ -97,8 +105,7 @@ def train_spectral(
     def keep(best: dict[str, Any]) -> None:
         weights_of(system, settings, lists, best, bool(prior)).save(folder / "weights.safetensors", overwrite=True)
 
-    told = progress if fabric.is_global_zero else None
-    run = Run(system, patches, settings, steps, folder, fabric, keep, told)
+    run = Run(system, patches, settings, steps, folder, fabric, keep, progress)
     return Trained(folder / "weights.safetensors", run.train(), steps)
 
 
