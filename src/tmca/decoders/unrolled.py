@@ -26,7 +26,7 @@ class Unrolled(Network):
     Args:
         bands: L.
         start: first estimate, ``"adjoint"``, ``"dagger"`` or ``"lmmse"``.
-        stages: number of data steps.
+        stages: number of data steps; in the same minutes on one core two learn more than three do.
         shared: all stages share one proximal network.
         widths: channels of each level of a proximal network, finest first.
         blocks: residual blocks on each level.
@@ -43,7 +43,7 @@ class Unrolled(Network):
         *,
         bands: int = 12,
         start: str = "lmmse",
-        stages: int = 3,
+        stages: int = 2,
         shared: bool = False,
         widths: Sequence[int] = (48, 64),
         blocks: int = 2,
