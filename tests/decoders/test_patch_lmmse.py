@@ -103,6 +103,17 @@ def test_a_tiled_code_is_factored_once_per_phase():
     assert sum(map(len, groups)) == len(grid.positions) > 3 * len(groups)
 
 
+@pytest.mark.parametrize(
+    ("period", "stride"), [(None, (2, 8)), ((3, 4), (1, 8)), ((2, 6), (2, 6)), ((5, 9), (1, 8)), ((1, 1), (2, 8))]
+)
+def test_blocks_step_by_what_fits_the_tile_of_the_code(period, stride):
+    taps = camera("single disperser", 12, 33, period=period)
+    y = noisy(snapshot(taps, smooth_scene(12, 33, seed=7)[None]), 0.02, 0.0)
+    prior = narrower(4, 12)
+    found, expected = PatchLMMSE(prior)(y, taps, 0.02), PatchLMMSE(prior, stride=stride)(y, taps, 0.02)
+    torch.testing.assert_close(found.estimate, expected.estimate, atol=0, rtol=0)
+
+
 def test_measurements_without_noise_are_met():
     taps = camera("dual disperser", 8, 12)
     scene = smooth_scene(8, 12, seed=7)[None]

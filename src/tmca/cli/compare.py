@@ -43,11 +43,11 @@ def spectral(
         work: folder of priors and finished cells.
         bands: bands, nearest to even spacing from 400 to 700 nm.
         decoders: which of lmmse, mixture, admm-tv, admm-tv-joint, and of the trained unet-thesis (from Φᵀy), unet (from
-            the LMMSE), unrolled; separated by commas. Codes are learned with unet-thesis and unrolled.
+            the LMMSE), unrolled, unrolled-mixture; separated by commas. unet-thesis and unrolled learn codes too.
         validation: split file of the scenes that choose a network's best step.
-        seed: of codes and noise of the rows without training.
-        seeds: trainings of every trained row.
-        steps: optimiser steps of a training.
+        seed: of codes, noise and trainings.
+        seeds: how many codes and trainings, from --seed on (ADMM-TV: one).
+        steps: optimiser steps of the unrolled network with fixed codes; others take as many minutes.
         jobs: processes side by side.
         slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
         overwrite: replace result files that exist.

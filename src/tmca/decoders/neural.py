@@ -18,7 +18,7 @@ from tmca.decoders.network import Network, build_network
 from tmca.decoders.start import first_estimate
 from tmca.errors import DataError, SettingError
 from tmca.operators import TapOperator
-from tmca.priors import GaussianPrior, block_for, load_prior, rendered_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, block_for, load_prior, rendered_prior
 from tmca.sensor import Noise
 
 FORMAT = "tmca weights 1"
@@ -56,22 +56,25 @@ class Weights:
             bands=self.wavelengths, slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings
         )
 
-    def load_prior(self) -> GaussianPrior | None:
+    def load_prior(self) -> GaussianPrior | GaussianMixturePrior | None:
         """The prior that the network starts from.
 
         Raises:
-            DataError: the file is gone or is no Gaussian prior.
+            DataError: the file is gone or holds a prior of the other kind.
         """
         if not self.prior:
             return None
+        mixture = self.network.start == "mixture"
         if self.prior != "rendered":
             beside = self.path.parent / self.prior if self.path is not None else Path(self.prior)
             found = load_prior(beside)
         else:
             spread = self.spectral_camera().dispersion.spread
-            found = rendered_prior(self.wavelengths, spread, block=start_block(len(self.wavelengths), spread))
-        if not isinstance(found, GaussianPrior):
-            raise DataError(self.prior, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
+            found = rendered_prior(
+                self.wavelengths, spread, mixture=mixture, block=start_block(len(self.wavelengths), spread)
+            )
+        if isinstance(found, GaussianMixturePrior) != mixture:
+            raise DataError(self.prior, f"a {type(found).__name__}", f"a prior to start from the {self.network.start}")
         return found
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -142,7 +145,9 @@ class NeuralDecoder:
         SettingError: tiles of less than one row.
     """
 
-    def __init__(self, network: Network, prior: GaussianPrior | None, tile: int | None = 512) -> None:
+    def __init__(
+        self, network: Network, prior: GaussianPrior | GaussianMixturePrior | None, tile: int | None = 512
+    ) -> None:
         if tile is not None and tile < 1:
             raise SettingError("tile", str(tile), "at least 1 row, or None for all")
         self.network, self.prior, self.tile = network, prior, tile

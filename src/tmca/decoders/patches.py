@@ -21,7 +21,8 @@ class PatchDecoder:
     Args:
         prior: of the blocks (L, h, w).
         stride: rows and columns from block to block; None takes two thirds of its rows, and its judged columns but
-            no more than two thirds of all, so that blocks overlap.
+            no more than two thirds of all, so that blocks overlap; for tiled codes the next smaller divisors of the
+            period, so that blocks under the same part of the tile share their matrices.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
     """
 
@@ -62,15 +63,20 @@ class PatchDecoder:
         self.prior = self.prior.to(taps.code.device)
         model = BlockModel.of(taps, self.prior.block)
         solver = self.solver(model, read_noise, shot)
-        return decode_blocks(solver, model, snapshot, taps, self._stride(model), uncertainty, progress, differentiable)
+        return decode_blocks(
+            solver, model, snapshot, taps, self._stride(model, taps.code), uncertainty, progress, differentiable
+        )
 
     def solver(self, model: BlockModel, read_noise: float, shot: float) -> Solver:
         """The posteriors of blocks under this decoder's prior."""
         raise TypeError(f"{type(self).__name__} defines no solver")
 
-    def _stride(self, model: BlockModel) -> tuple[int, int]:
-        first, last = model.judged
-        rows, columns = self.stride or (_two_thirds(model.block[1]), min(last - first, _two_thirds(model.block[2])))
+    def _stride(self, model: BlockModel, code: Tensor) -> tuple[int, int]:
+        if self.stride is None:
+            first, last = model.judged
+            rows, columns = _two_thirds(model.block[1]), min(last - first, _two_thirds(model.block[2]))
+            return _dividing(rows, _period(code.detach(), 1)), _dividing(columns, _period(code.detach(), 2))
+        rows, columns = self.stride
         if rows < 1 or columns < 1:
             raise SettingError("stride", f"{self.stride}", "rows and columns ≥ 1")
         return min(rows, model.block[1]), columns
@@ -78,3 +84,19 @@ class PatchDecoder:
 
 def _two_thirds(length: int) -> int:
     return max(1, 2 * length // 3)
+
+
+def _dividing(most: int, period: int | None) -> int:
+    """The largest step, from half of ``most`` to it, that divides a period or is a multiple of it."""
+    steps = range(-(-most // 2), most + 1)
+    return max((step for step in steps if period and 0 in (period % step, step % period)), default=most)
+
+
+def _period(code: Tensor, axis: int) -> int | None:
+    """Smallest step along an axis under which the code repeats itself at least twice."""
+    length = code.shape[axis]
+    for step in range(1, length // 2 + 1):
+        early, late = code.narrow(axis, 0, length - step), code.narrow(axis, step, length - step)
+        if torch.equal(early[:, :1], late[:, :1]) and torch.equal(early, late):
+            return step
+    return None

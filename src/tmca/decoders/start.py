@@ -8,12 +8,15 @@ import torch
 from torch import Tensor
 
 from tmca.decoders.lmmse import PatchLMMSE
+from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.patches import PatchDecoder
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
-from tmca.priors import GaussianPrior
+from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Noise
 
-STARTS = ("adjoint", "dagger", "lmmse")
+STARTS = ("adjoint", "dagger", "lmmse", "mixture")
+NEED_PRIOR = ("lmmse", "mixture")
 _LEAST_READ_NOISE = 5e-4
 """Snapshot units: float32 is enough above it, and networks have no use for more."""
 
@@ -23,7 +26,7 @@ def first_estimate(
     snapshot: Tensor,
     operator: TapOperator,
     noise: Noise,
-    prior: GaussianPrior | None = None,
+    prior: GaussianPrior | GaussianMixturePrior | None = None,
     *,
     differentiable: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -31,26 +34,33 @@ def first_estimate(
     """(B, 1, H, W') → (B, L, H, W).
 
     Args:
-        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene) or ``"lmmse"``.
+        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene), ``"lmmse"`` or ``"mixture"``.
         snapshot: in snapshot units.
         operator: that took it.
         noise: of the sensor.
-        prior: for the LMMSE.
+        prior: for the LMMSE, or of the mixture.
         differentiable: let gradients reach code and snapshot through the LMMSE too.
         progress: told the share of the LMMSE that is done.
 
     Raises:
-        SettingError: unknown kind, or no prior for the LMMSE.
+        SettingError: unknown kind, no prior, or one of the other kind.
     """
     if kind == "adjoint":
         return operator.A_adjoint(snapshot)
     if kind == "dagger":
         return operator.A_dagger(snapshot)
-    if kind != "lmmse":
+    if kind not in NEED_PRIOR:
         raise SettingError("start", repr(kind), f"one of {', '.join(STARTS)}")
-    if prior is None:
-        raise SettingError("prior", "none", "a Gaussian prior for a network that starts from the LMMSE")
+    decoder = _patch_decoder(kind, prior)
     read = max(noise.read, _LEAST_READ_NOISE)
-    decoder = PatchLMMSE(prior, dtype=torch.float32)
     found = decoder(snapshot, operator.taps, read, noise.shot, differentiable=differentiable, progress=progress)
     return found.estimate.to(snapshot.dtype)
+
+
+def _patch_decoder(kind: str, prior: GaussianPrior | GaussianMixturePrior | None) -> PatchDecoder:
+    if kind == "lmmse" and isinstance(prior, GaussianPrior):
+        return PatchLMMSE(prior, dtype=torch.float32)
+    if kind == "mixture" and isinstance(prior, GaussianMixturePrior):
+        return MixtureLMMSE(prior, dtype=torch.float32)
+    found = "none" if prior is None else f"a {type(prior).__name__}"
+    raise SettingError("prior", found, f"one for a network that starts from {kind}")

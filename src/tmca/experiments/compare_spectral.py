@@ -13,9 +13,11 @@ from tmca.experiments.spectral_cells import measure
 from tmca.experiments.spectral_rows import (
     CODES,
     DECODER_NAMES,
+    LEARNED,
     MULTIPLEXED,
     NETWORKS,
     NOISES,
+    OF_UNROLLED_CODES,
     STATIC,
     trained_rows,
     training_of,
@@ -54,8 +56,8 @@ def compare_spectral(
         bands: number of bands from 400 to 700 nm.
         decoders: names of ``DECODER_NAMES``.
         validation: split file of the scenes that choose a network's best step.
-        seed: of codes and noise of the rows without training.
-        seeds: of the trained rows.
+        seed: of codes, noise and trainings.
+        seeds: codes and noise of the rows under a prior, and trainings of the others, from ``seed`` on.
         steps: of a training.
         patches: on which the expected error is checked, for each code and noise.
         jobs: processes side by side.
@@ -82,7 +84,7 @@ def compare_spectral(
     make_folder(out)
     make_folder(work)
     priors = _learn(examples, work, bands, decoders)
-    cells = _cells(scenes, priors, bands, decoders, seed)
+    cells = _cells(scenes, priors, bands, decoders, seed, seeds)
     if "lmmse" in priors:
         cells += _expectations(examples, scenes, priors["lmmse"], bands, seed, patches)
 
@@ -90,14 +92,19 @@ def compare_spectral(
         return run_cells(part, measure, work, jobs=jobs, cluster=cluster, progress=_timed(progress))
 
     measured = run(cells)
-    trainings = _trainings(train, validation, work, bands, decoders, seeds, steps)
+    trainings = _trainings(train, validation, work, bands, decoders, seed, seeds, steps)
     trained = []
     for later in (False, True):  # learned multiplexed codes start at learned static ones
         part = [cell for cell in trainings if (cell["code"] == MULTIPLEXED) == later]
         trained += run(part)
     measured += trained
     measured += run_cells(
-        _trained_cells(scenes, trained, bands), measure, work, jobs=jobs, cluster=cluster, progress=_timed(progress)
+        _trained_cells(scenes, trained, bands, decoders, priors),
+        measure,
+        work,
+        jobs=jobs,
+        cluster=cluster,
+        progress=_timed(progress),
     )
     found = results(measured, train, test, command)
     write_json(found, files[0], overwrite=overwrite)
@@ -125,46 +132,71 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
 
 
 def _cells(
-    scenes: Sequence[Path], priors: dict[str, Path], bands: int, decoders: Sequence[str], seed: int
+    scenes: Sequence[Path], priors: dict[str, Path], bands: int, decoders: Sequence[str], seed: int, seeds: int
 ) -> list[Settings]:
-    """Measurements of the rows that need no training."""
-    rows = [(code, decoder) for decoder in decoders if decoder not in NETWORKS for code in CODES]
+    """Measurements of the rows that need no training; those under a prior with the codes of every seed."""
+    rows = [
+        (code, decoder, seed + extra)
+        for decoder in decoders
+        if decoder not in NETWORKS
+        for extra in range(seeds if decoder in priors else 1)
+        for code in CODES
+    ]
     return [
-        _measurement(scene, code, noise, decoder, bands, seed) | {"prior": str(priors.get(decoder, "")) or None}
-        for code, decoder in rows
+        _measurement(scene, code, noise, decoder, bands, place) | {"prior": str(priors.get(decoder, "")) or None}
+        for code, decoder, place in rows
         for noise in NOISES
         for scene in scenes
     ]
 
 
 def _trainings(
-    train: Path, validation: Path | None, work: Path, bands: int, decoders: Sequence[str], seeds: int, steps: int
+    train: Path,
+    validation: Path | None,
+    work: Path,
+    bands: int,
+    decoders: Sequence[str],
+    first: int,
+    seeds: int,
+    steps: int,
 ) -> list[Settings]:
     """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera."""
     from tmca.data import split_rendered
     from tmca.experiments.cells import cell_key
 
-    data = {"bands": bands, "train": [str(train), *sorted(split_rendered()["train"])]}
+    data: dict[str, Any] = {"bands": bands, "train": [str(train), *sorted(split_rendered()["train"])]}
     data["validation"] = [str(validation)] if validation else []
+    data["prior"] = [str(train)]
     cells: dict[tuple[str, str, int], Settings] = {}
     for code, decoder in trained_rows(decoders):
-        for seed in range(seeds):
-            training = training_of(code, decoder, seed, steps) | {"data": data}
+        for seed in range(first, first + seeds):
+            training = training_of(code, decoder, seed, steps)
+            training["data"] = {**training["data"], **data}
             if code == MULTIPLEXED:
                 start = cells[STATIC, decoder, seed]["folder"]
-                training["codes"] = {"start": start, "decoder": start}
+                training["codes"] |= {"start": start, "decoder": start}
             cell: Settings = {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}", "code": code}
             cell |= {"decoder": decoder, "seed": seed, "bands": bands, "training": training, "source": source_digest()}
             cells[code, decoder, seed] = cell | {"folder": str(work / f"training-{cell_key(cell)}")}
     return list(cells.values())
 
 
-def _trained_cells(scenes: Sequence[Path], trained: Sequence[Measured], bands: int) -> list[Settings]:
-    """Measurements of trained rows."""
+def _trained_cells(
+    scenes: Sequence[Path],
+    trained: Sequence[Measured],
+    bands: int,
+    decoders: Sequence[str],
+    priors: dict[str, Path],
+) -> list[Settings]:
+    """Measurements of trained rows, and of decoders without training under the learned codes."""
+    rows: list[tuple[Measured, str, str | None]] = [(cell, cell["decoder"], None) for cell in trained]
+    for cell in trained:
+        if cell["code"] in LEARNED and cell["decoder"] == "unrolled":
+            rows += [(cell, name, str(priors[name])) for name in OF_UNROLLED_CODES if name in decoders]
     return [
-        _measurement(scene, cell["code"], noise, cell["decoder"], bands, cell["seed"])
-        | {"prior": None, "weights": cell["weights"]}
-        for cell in trained
+        _measurement(scene, cell["code"], noise, decoder, bands, cell["seed"])
+        | {"prior": prior, "weights": cell["weights"]}
+        for cell, decoder, prior in rows
         for noise in NOISES
         for scene in scenes
     ]

@@ -45,9 +45,10 @@ def reconstruct(cell: Settings) -> Measured:
         camera = weights.spectral_camera((scene.sizes["y"], scene.sizes["x"]), sensor=sensor)
     else:
         camera = coded_camera(cell, scene["wavelength"].values.tolist(), (scene.sizes["y"], scene.sizes["x"]))
-    method = cell["decoder"] if weights is None else "network"
+    network = weights if cell["decoder"] in NETWORKS else None
+    method = "network" if network else cell["decoder"]
     snapshot = take_snapshot(scene, camera, seed=cell["seed"])
-    result = reconstruct_snapshot(snapshot, method, prior=cell["prior"], weights=weights, truth=scene)
+    result = reconstruct_snapshot(snapshot, method, prior=cell["prior"], weights=network, truth=scene)
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
 
 

@@ -29,14 +29,24 @@ DECODER_NAMES = {
     "unet-thesis": "U-Net from Φᵀy",
     "unet": "U-Net from LMMSE",
     "unrolled": "unrolled",
+    "unrolled-mixture": "unrolled from mixture",
 }
 NETWORKS: dict[str, dict[str, Any]] = {
     "unet-thesis": {"kind": "unet", "start": "adjoint", "codes": False, "noise_aware": False},
     "unet": {"kind": "unet", "start": "lmmse"},
     "unrolled": {"kind": "unrolled", "start": "lmmse"},
+    "unrolled-mixture": {"kind": "unrolled", "start": "mixture"},
 }
 OF_LEARNED_CODES = ("unet-thesis", "unrolled")
 """Decoders that codes are learned with."""
+OF_UNROLLED_CODES = ("lmmse", "mixture")
+"""Decoders without training that reconstruct from the codes learned with the unrolled network."""
+PACE = {"unet-thesis": 1.0, "unet": 1.0, "unrolled": 1.0, "unrolled-mixture": 1.0}
+"""Steps in the minutes that one step of the unrolled network takes with fixed codes."""
+LEARNING = 0.5
+"""Steps of a run that learns codes, relative to one with fixed codes, in the same minutes."""
+POOL = {"lmmse": 1536, "mixture": 768, "adjoint": 0}
+"""Patches whose first estimates a run keeps: the slower they are, the fewer."""
 
 
 def training_of(code: str, decoder: str, seed: int, steps: int) -> dict[str, Any]:
@@ -44,13 +54,18 @@ def training_of(code: str, decoder: str, seed: int, steps: int) -> dict[str, Any
 
     The thesis' U-Net is trained as the thesis says (L2), the others on the mean PSNR.
     """
+    learned = code in LEARNED
     camera = {**(CODES | LEARNED)[code], "seed": seed}
     loss = "l2" if decoder == "unet-thesis" else "log"
+    steps = round(steps * PACE[decoder] * (LEARNING if learned and decoder == "unrolled" else 1))
     return {
         "camera": camera,
         "noise": list(NOISES.values()),
         "decoder": NETWORKS[decoder],
+        "codes": {"frozen": 0.5},
+        "data": {"pool": POOL[NETWORKS[decoder]["start"]]},
         "optimiser": {"steps": steps, "loss": loss},
+        "validate_every": max(1, steps // 6),
         "seed": seed,
     }
 

@@ -14,6 +14,8 @@ from tmca.priors.posterior import GaussianSolver, check_noise, explained_varianc
 
 # Components less probable than this add nothing to the variance worth their time.
 NEGLIGIBLE = 1e-2
+# … and to the mean.
+NOTHING = 1e-6
 # A quick look at some of a block's rows rules out components this far (in log probability) behind the best one, and
 # keeps no more than this number for each measurement.
 BEHIND, CANDIDATES = 10.0, 8
@@ -101,13 +103,21 @@ class MixturePosterior:
 
     def _mean(self, block: int, likely: Components, share: Tensor, solved: Tensor) -> Tensor:
         """(N, n) mean of the component estimates by shares (M, N); ``solved`` (M, N, m) is G⁻¹(y - A μ)."""
-        s, scales = self.solver, self.solver.prior.scales[likely.kinds]
-        lit = share * likely.gains[:, None]
-        pulled = (lit * likely.gains[:, None])[..., None] * solved
-        whole = (scales[:, None, None] * pulled).sum(0).to(s.dtype) @ self.cross[:, block]
-        tilt = torch.bmm(pulled.to(s.dtype) @ self.inside[block], s.changes[likely.kinds]).sum(0)
-        tilt = tilt + lit.mT.to(s.dtype) @ s.means[likely.kinds]
-        return whole + tilt @ s.basis.mT + lit.sum(0)[:, None].to(s.dtype) * s.centre
+        s = self.solver
+        some, of = (share > NOTHING).nonzero(as_tuple=True)  # few components matter to each of the N
+        kinds, lit = likely.kinds[some], share[some, of] * likely.gains[some]
+        pulled = (lit * likely.gains[some])[:, None] * solved[some, of]
+        inside, tilt = pulled.to(s.dtype) @ self.inside[block], lit[:, None].to(s.dtype) * s.means[kinds]
+        for kind in kinds.unique():
+            own = (kinds == kind).nonzero()[:, 0]
+            tilt = tilt.index_add(0, own, inside[own] @ s.changes[kind])
+
+        def gathered(values: Tensor) -> Tensor:
+            """Sum over the components of each measurement."""
+            return values.new_zeros(share.shape[1], *values.shape[1:]).index_add(0, of, values)
+
+        whole = gathered(s.prior.scales[kinds, None] * pulled).to(s.dtype) @ self.cross[:, block]
+        return whole + gathered(tilt) @ s.basis.mT + gathered(lit)[:, None].to(s.dtype) * s.centre
 
     def _variance(self, block: int, likely: Components, share: Tensor, solved: Tensor, estimate: Tensor) -> Tensor:
         """(N, judged) variance within the components plus that between them."""

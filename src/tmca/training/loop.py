@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +23,7 @@ from tmca.training.log import TrainingLog
 from tmca.training.patches import Patch
 from tmca.training.schedules import code_rate, decoder_rate, slope
 from tmca.training.settings import TrainSettings
+from tmca.training.starts import KeptStarts, Pool
 from tmca.training.system import System
 
 if TYPE_CHECKING:
@@ -54,6 +55,7 @@ class Run:
         keep: called with the best validation figures whenever they are the best so far, and at the end of a run that
             never validated.
         progress: told about every step.
+        pool: patches to draw from while the codes stay as they are, and their first estimates.
     """
 
     system: System
@@ -64,6 +66,7 @@ class Run:
     fabric: Fabric
     keep: Callable[[dict[str, Any]], None] | None = None
     progress: Progress | None = None
+    pool: tuple[Pool, KeptStarts] | None = None
     best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "step": 0})
     losses: list[float] = field(default_factory=list)
     said: str = ""
@@ -116,9 +119,9 @@ class Run:
     def _step(self, wrapped: Any, step: int) -> float:
         share = self.settings.data.batch // self.fabric.world_size
         indexes = range(self.fabric.global_rank * share, (self.fabric.global_rank + 1) * share)
-        patches = [self.patch(step, index) for index in indexes]
         self._set_rates(step)
-        loss = wrapped(patches, step, list(indexes))
+        patches, *drawn = self._batch(step, indexes)
+        loss = wrapped(patches, *drawn)
         self.fabric.backward(loss)
         self._check_finite(loss, step, patches)
         groups = self.system.groups()
@@ -127,8 +130,18 @@ class Run:
         for optimizer in self.optimizers.values():
             optimizer.step()
             optimizer.zero_grad()
-        self.system.hold()
+        if not self.system.frozen:
+            self.system.hold()
         return float(loss.detach())
+
+    def _batch(self, step: int, indexes: Sequence[int]) -> tuple[list[Patch], int, list[int], Tensor | None]:
+        """Patches, the step and indexes of their random numbers, and their first estimates if these are kept."""
+        start, places = None, list(indexes)
+        if self.pool and self.system.frozen:
+            pool, starts = self.pool
+            step, places = pool.draw(step, places)
+            start = starts(step, places)
+        return [self.patch(step, index) for index in places], step, places, start
 
     def _set_rates(self, step: int) -> None:
         chosen, codes = self.settings.optimiser, self.settings.codes
@@ -136,6 +149,7 @@ class Run:
             "decoder": decoder_rate(step, self.steps, chosen.decoder_rate, chosen.warmup),
             "codes": code_rate(step, self.steps, chosen.code_rate, codes.frozen),
         }
+        self.system.frozen = "codes" not in self.optimizers or rates["codes"] == 0
         for name, optimizer in self.optimizers.items():
             for group in optimizer.param_groups:
                 group["lr"] = rates[name]

@@ -20,29 +20,35 @@ class SceneLists:
     train: tuple[str, ...]
     validation: tuple[str, ...]
     test: tuple[str, ...] = ()
+    prior: tuple[str, ...] = ()
 
 
 def scene_lists(data: DataSettings, seed: int) -> SceneLists:
     """The lists that the settings name; without validation scenes, shares of the training scenes drawn at random.
 
     Raises:
-        SettingError: no training scenes, or one that is also a validation scene.
+        SettingError: no training scenes, or a scene of training or prior that is also a validation scene.
         DataError: a split that cannot be read, or a scene of it that is missing or altered.
     """
-    train, validation = named_scenes(data.train), named_scenes(data.validation)
+    train, validation, prior = (named_scenes(part) for part in (data.train, data.validation, data.prior))
     if not train:
         raise SettingError("data.train", "no scenes", "cubes, rendered scenes or a split file", "pass --train")
-    both = sorted({_place(name) for name in train} & {_place(name) for name in validation})
-    if both:
-        raise SettingError("data.validation", f"{both[0]}, a training scene", "other scenes")
+    _check_apart((*train, *prior), validation)
     if validation or len(train) < 3:
-        return SceneLists(train, validation)
+        return SceneLists(train, validation, prior=prior)
     order = np.random.default_rng(seed).permutation(len(train))
     counts = np.array(data.shares) / sum(data.shares) * len(train)
     first = max(1, round(counts[0]))
     second = min(len(train), first + max(1, round(counts[1])))
-    parts = [tuple(train[i] for i in sorted(part)) for part in np.split(order, [first, second])]
-    return SceneLists(*parts)
+    learned, checked, test = (tuple(train[i] for i in sorted(part)) for part in np.split(order, [first, second]))
+    _check_apart(prior, (*checked, *test))
+    return SceneLists(learned, checked, test, prior)
+
+
+def _check_apart(learned: Sequence[str], checked: Sequence[str]) -> None:
+    both = sorted({_place(name) for name in learned} & {_place(name) for name in checked})
+    if both:
+        raise SettingError("data.validation", f"{both[0]}, a training scene", "other scenes")
 
 
 def named_scenes(entries: Sequence[str]) -> tuple[str, ...]:

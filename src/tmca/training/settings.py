@@ -84,6 +84,9 @@ class DataSettings(_Strict):
         brightness: patches are made darker by up to this many stops, or brighter by one.
         tint: standard deviation of a random smooth change of the spectrum, natural logarithm.
         motion: largest motion of the scene within the exposure, pixels; needs a single disperser.
+        pool: while codes stay as they are, batches are drawn from this many patches, whose snapshots and first
+            estimates are made once; 0 makes new ones in every step.
+        prior: scenes of the prior of the first estimate; if empty, those of ``train``.
     """
 
     train: tuple[str, ...] = ()
@@ -96,6 +99,8 @@ class DataSettings(_Strict):
     brightness: float = Field(default=3.0, ge=0)
     tint: float = Field(default=0.2, ge=0)
     motion: float = Field(default=0.0, ge=0)
+    pool: int = Field(default=0, ge=0)
+    prior: tuple[str, ...] = ()
 
 
 class OptimiserSettings(_Strict):

@@ -10,10 +10,10 @@ from torch import Tensor, nn
 
 from tmca.cameras import SpectralCamera
 from tmca.decoders.network import Network
-from tmca.decoders.start import first_estimate
+from tmca.decoders.start import NEED_PRIOR, first_estimate
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator, SlotwiseDisperser, TapOperator
-from tmca.priors import GaussianPrior
+from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Noise, Sensor
 from tmca.training.losses import LOSSES, psnr_of
 from tmca.training.patches import Patch
@@ -46,7 +46,7 @@ class SpectralSystem(nn.Module):
         camera: SpectralCamera,
         network: Network,
         sensors: Sequence[Sensor],
-        prior: GaussianPrior | None,
+        prior: GaussianPrior | GaussianMixturePrior | None,
         validation: Sequence[Tensor],
         *,
         loss: str = "l2",
@@ -57,36 +57,58 @@ class SpectralSystem(nn.Module):
         super().__init__()
         if camera.blurred:
             raise SettingError("relay blur", str(camera.relay_blur), "0 where a network is trained")
-        if network.start == "lmmse" and prior is None:
-            raise SettingError("prior", "none", "a Gaussian prior for a network that starts from the LMMSE")
+        if network.start in NEED_PRIOR and prior is None:
+            raise SettingError("prior", "none", f"one for a network that starts from {network.start}")
         self.camera, self.network = camera, network
         self.sensors, self.prior, self.validation = tuple(sensors), prior, tuple(validation)
         self.loss, self.codes, self.seed = LOSSES[loss], codes or CodeSettings(), seed
         self.through_start = through_start and camera.multiplexed.learnable
+        if self.through_start and network.start == "mixture":
+            raise SettingError(
+                "codes.through_start",
+                "true with start mixture",
+                "false, or start lmmse",
+                "codes learn with start lmmse",
+            )
+        self.frozen = not camera.multiplexed.learnable
+        self._checked: dict[tuple[int, int], Tensor] = {}
 
-    def forward(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
-        """Mean loss of a batch."""
-        device = self.camera.response.device
-        scenes = torch.stack([patch.scene for patch in patches]).to(device)
-        truth = torch.stack([patch.truth for patch in patches]).to(device)
-        window = self._window(step, truth.shape[2:])
-        sensor = self.sensors[step % len(self.sensors)]
-        seeds = [(self.seed, _NOISE, step, index) for index in indexes]
-        operator = self._windowed(window)
-        imaging = operator if scenes.ndim == 4 else self._moving(window)
-        estimate = self.decode(self._recorded(imaging, scenes, sensor, seeds), operator, self._noise(sensor))
+    def forward(
+        self, patches: Sequence[Patch], step: int, indexes: Sequence[int], start: Tensor | None = None
+    ) -> Tensor:
+        """Mean loss of a batch; ``start`` holds its first estimates where they are known."""
+        truth = torch.stack([patch.truth for patch in patches]).to(self.camera.response.device)
+        estimate = self.decode(*self._seen(patches, step, indexes), start)
         loss = self.loss(estimate.float(), truth)
         if self.codes.throughput is not None and self.codes.hold == "penalty":
             loss = loss + self.codes.penalty * (throughput_of(self.camera) - self.codes.throughput) ** 2
         return loss
 
-    def decode(self, snapshot: Tensor, operator: TapOperator, noise: Noise) -> Tensor:
-        """(B, 1, H, W') → (B, L, H, W): first estimate, then the network."""
+    @torch.no_grad()
+    def start(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
+        """(B, L, H, W) first estimates of a batch."""
+        return self._first(*self._seen(patches, step, indexes))
+
+    def decode(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor | None = None) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W): first estimate, unless it is known, then the network."""
+        if start is None:
+            start = self._first(snapshot, operator, noise)
+        return self.network(snapshot, operator, noise, start.to(snapshot))
+
+    def _first(self, snapshot: Tensor, operator: TapOperator, noise: Noise) -> Tensor:
+        through = self.through_start and not self.frozen
         with torch.autocast(snapshot.device.type, enabled=False):
-            start = first_estimate(
-                self.network.start, snapshot, operator, noise, self.prior, differentiable=self.through_start
-            )
-        return self.network(snapshot, operator, noise, start)
+            return first_estimate(self.network.start, snapshot, operator, noise, self.prior, differentiable=through)
+
+    def _seen(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> tuple[Tensor, TapOperator, Noise]:
+        """Snapshots of a batch, the operator that took them, and the sensor's noise."""
+        scenes = torch.stack([patch.scene for patch in patches]).to(self.camera.response.device)
+        window = self._window(step, scenes.shape[-2:])
+        sensor = self.sensors[step % len(self.sensors)]
+        seeds = [(self.seed, _NOISE, step, index) for index in indexes]
+        operator = self._windowed(window)
+        imaging = operator if scenes.ndim == 4 else self._moving(window)
+        return self._recorded(imaging, scenes, sensor, seeds), operator, self._noise(sensor)
 
     def groups(self) -> dict[str, list[nn.Parameter]]:
         """Parameters of the decoder and of the codes."""
@@ -122,12 +144,22 @@ class SpectralSystem(nn.Module):
                 scene = truth[None].to(self.camera.response.device)
                 operator = self._windowed((0, 0, *truth.shape[1:]))
                 snapshot = self._recorded(operator, scene, sensor, [(self.seed, _CHECK, place, index)])
-                estimate = self.decode(snapshot, operator, self._noise(sensor)).float().clamp_min(0)
+                first = self._first_of((place, index), snapshot, operator, self._noise(sensor))
+                estimate = self.decode(snapshot, operator, self._noise(sensor), first).float().clamp_min(0)
                 error = float((estimate - scene).square().mean())
                 found.setdefault(f"psnr_{place}", []).append(psnr_of(error))
         self.train()
         means = {name: float(np.mean(values)) for name, values in found.items()}
         return {"psnr": float(np.mean(list(means.values()))), **(means if len(means) > 1 else {})} if means else {}
+
+    def _first_of(self, check: tuple[int, int], snapshot: Tensor, operator: TapOperator, noise: Noise) -> Tensor:
+        """First estimate of a validation scene, computed once where the codes stay as they are."""
+        if check in self._checked:
+            return self._checked[check]
+        found = self._first(snapshot, operator, noise)
+        if self.frozen:
+            self._checked[check] = found
+        return found
 
     def _window(self, step: int, size: Sequence[int]) -> tuple[int, int, int, int]:
         rng = np.random.default_rng((self.seed, _WINDOWS, step))

@@ -17,15 +17,17 @@ from tmca.codes import pattern
 from tmca.data import make_folder
 from tmca.decoders.network import build_network
 from tmca.decoders.neural import Weights, start_block
+from tmca.decoders.start import NEED_PRIOR
 from tmca.errors import DataError, SettingError
-from tmca.priors import GaussianPrior, learn_prior, load_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, learn_prior, load_prior
 from tmca.sensor import Sensor
 from tmca.training.folder import held, open_run
 from tmca.training.loop import Progress, Run
-from tmca.training.patches import CubeStore, Load, PatchSource
+from tmca.training.patches import CubeStore, Load, Patch, PatchSource
 from tmca.training.scenes import SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
 from tmca.training.spectral import SpectralSystem
+from tmca.training.starts import KeptStarts, Pool
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -92,7 +94,7 @@ def _train(
     decoder = dict(settings.decoder)
     network = build_network(decoder.pop("kind", "unrolled"), bands=camera.bands, **decoder)
     _take_decoder(settings, network)
-    prior = _prior(fabric, folder, lists, load, camera) if network.start == "lmmse" else None
+    prior = _prior(fabric, folder, lists, load, camera, network.start) if network.start in NEED_PRIOR else None
     validation = [_middle(load(name).values, settings.camera.size) for name in lists.validation]
     sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]
     system = SpectralSystem(
@@ -105,8 +107,27 @@ def _train(
     def keep(best: dict[str, Any]) -> None:
         weights_of(system, settings, lists, best, bool(prior)).save(folder / "weights.safetensors", overwrite=True)
 
-    run = Run(system, patches, settings, steps, folder, fabric, keep, progress)
-    return Trained(folder / "weights.safetensors", run.train(), steps)
+    pool = _pool(settings, system, patches, steps, folder)
+    run = Run(system, patches, settings, steps, folder, fabric, keep, progress, pool)
+    best = run.train()
+    if pool:
+        pool[1].forget()
+    return Trained(folder / "weights.safetensors", best, steps)
+
+
+def _pool(
+    settings: TrainSettings, system: SpectralSystem, patches: Callable[[int, int], Patch], steps: int, folder: Path
+) -> tuple[Pool, KeptStarts] | None:
+    """Patches whose first estimates are worth keeping."""
+    if not settings.data.pool or system.network.start not in NEED_PRIOR:
+        return None
+    pool = Pool.of(settings.data.pool, settings.data.batch, len(settings.noise), settings.seed, steps)
+
+    def compute(step: int) -> Tensor:
+        every = range(pool.size)
+        return system.start([patches(step, index) for index in every], step, every)
+
+    return pool, KeptStarts(folder / "starts", compute)
 
 
 def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:
@@ -207,17 +228,18 @@ def _engine(settings: TrainSettings, accelerator: str, processes: int) -> Fabric
     return fabric
 
 
-def _prior(fabric: Fabric, folder: Path, lists: SceneLists, load: Load, camera: SpectralCamera) -> GaussianPrior:
-    """The run's own prior of its training scenes, learned once."""
+def _prior(
+    fabric: Fabric, folder: Path, lists: SceneLists, load: Load, camera: SpectralCamera, start: str
+) -> GaussianPrior | GaussianMixturePrior:
+    """The run's own prior, learned once."""
     file = folder / "prior.nc"
     if fabric.is_global_zero and not file.exists():
         spread = camera.dispersion.spread
-        cubes = [load(name) for name in lists.train]
-        learn_prior(cubes, spread=spread, block=start_block(camera.bands, spread)).save(file)
+        cubes = [load(name) for name in lists.prior or lists.train]
+        mixture = start == "mixture"
+        learn_prior(cubes, spread=spread, mixture=mixture, block=start_block(camera.bands, spread)).save(file)
     fabric.barrier()
-    found = load_prior(file)
-    assert isinstance(found, GaussianPrior)
-    return found
+    return load_prior(file)
 
 
 def _patches(settings: TrainSettings, store: CubeStore) -> Callable[[int, int], Any]:

@@ -13,8 +13,20 @@ from tmca.training.patches import Patch
 class System(Protocol):
     """A camera and a decoder that learn together: an ``nn.Module`` with these methods."""
 
-    def __call__(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
-        """Loss of a batch, mean over its patches. All randomness follows from step and indexes."""
+    frozen: bool
+    """Whether the codes stay as they are for the rest of the run."""
+
+    def __call__(
+        self, patches: Sequence[Patch], step: int, indexes: Sequence[int], start: Tensor | None = None
+    ) -> Tensor:
+        """Loss of a batch, mean over its patches. All randomness follows from step and indexes.
+
+        ``start`` holds their first estimates where they are known.
+        """
+        ...
+
+    def start(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
+        """First estimates of a batch, as the same step makes them."""
         ...
 
     def groups(self) -> dict[str, list[nn.Parameter]]:

@@ -1,0 +1,75 @@
+"""Patches whose first estimates are kept: the same numbers, computed once."""
+
+import numpy as np
+import pytest
+import torch
+
+from tests.training import tiny
+from tmca.decoders import Weights
+from tmca.errors import SettingError
+from tmca.training.starts import KeptStarts, Pool
+
+FIXED = {"camera.learn": "none", "codes.frozen": 0.0}
+
+
+@pytest.mark.parametrize(("patches", "sensors", "groups"), [(1, 1, 1), (16, 1, 1), (17, 1, 2), (100, 3, 9)])
+def test_a_pool_holds_at_least_what_is_asked_for_each_sensor_alike(patches, sensors, groups):
+    pool = Pool.of(patches, 4, sensors, seed=0, steps=50)
+    assert (pool.groups, pool.size) == (groups, 16)
+    assert pool.first >= 50
+    assert pool.first % sensors == 0
+
+
+def test_batches_are_drawn_without_repetition_and_reach_every_patch():
+    pool = Pool.of(32, 4, 1, seed=3, steps=10)
+    drawn = [pool.draw(step, range(4)) for step in range(200)]
+    assert all(len(set(places)) == 4 for _, places in drawn)
+    assert {(group, place) for group, places in drawn for place in places} == {
+        (group, place) for group in (10, 11) for place in range(16)
+    }
+    halves = [pool.draw(7, range(2)), pool.draw(7, range(2, 4))]
+    assert halves[0][0] == halves[1][0] == drawn[7][0]
+    assert halves[0][1] + halves[1][1] == drawn[7][1]
+
+
+def test_a_group_is_computed_once(tmp_path):
+    asked = []
+
+    def compute(step):
+        asked.append(step)
+        return torch.arange(24.0).reshape(6, 1, 2, 2) + step
+
+    starts = KeptStarts(tmp_path / "starts", compute)
+    again = KeptStarts(tmp_path / "starts", compute)
+    for one in (starts, again):
+        torch.testing.assert_close(one(5, [4, 0])[:, 0, 0, 0], torch.tensor([21.0, 5.0]))
+    assert asked == [5]
+    assert np.load(tmp_path / "starts" / "0000005.npy").shape == (6, 1, 2, 2)
+    starts.forget()
+    assert not (tmp_path / "starts").exists()
+
+
+def test_a_pool_changes_speed_but_no_first_estimate(tmp_path, monkeypatch):
+    """Without the files every batch of the pool is estimated anew: the run ends the same, to half precision."""
+    kept = tiny.train(tmp_path / "kept", **FIXED)
+    monkeypatch.setattr(KeptStarts, "__call__", lambda self, step, places: None)
+    fresh = tiny.train(tmp_path / "fresh", **FIXED)
+    assert kept.best["psnr"] == pytest.approx(fresh.best["psnr"], abs=0.02)
+    assert not (tmp_path / "kept" / "starts").exists()
+
+
+def test_a_network_starts_from_the_mixture_where_codes_are_fixed(tmp_path):
+    mixture = {**tiny.DESCRIBED["decoder"], "start": "mixture"}
+    found = Weights.load(tiny.train(tmp_path / "run", **FIXED, decoder=mixture).weights)
+    assert type(found.load_prior()).__name__ == "GaussianMixturePrior"
+    with pytest.raises(SettingError, match="through_start"):
+        tiny.train(tmp_path / "learned", decoder=mixture)
+
+
+def test_the_prior_has_scenes_of_its_own(tmp_path):
+    tiny.train(tmp_path / "one", **FIXED, **{"data.prior": ["second"]})
+    tiny.train(tmp_path / "two", **FIXED)
+    priors = [(tmp_path / name / "prior.nc").read_bytes() for name in ("one", "two")]
+    assert priors[0] != priors[1]
+    with pytest.raises(SettingError, match="third, a training scene"):
+        tiny.train(tmp_path / "three", **{"data.prior": ["third"]})
