@@ -42,8 +42,9 @@ def spectral(
         out: folder of the two result files.
         work: folder of priors and finished cells.
         bands: bands, nearest to even spacing from 400 to 700 nm.
-        decoders: which of lmmse, mixture, admm-tv, admm-tv-joint, and of the trained unet-thesis (from Φᵀy), unet (from
-            the LMMSE), unrolled, unrolled-mixture; separated by commas. unet-thesis and unrolled learn codes too.
+        decoders: which of lmmse, lmmse-adapted, mixture, admm-tv, admm-tv-joint, and of the trained unet-thesis (from
+            Φᵀy), unet (from the LMMSE), unrolled, unrolled-mixture; separated by commas. unet-thesis and unrolled learn
+            codes too.
         validation: split file of the scenes that choose a network's best step.
         seed: of codes, noise and trainings.
         seeds: how many codes and trainings, from --seed on (ADMM-TV: one).

@@ -33,12 +33,13 @@ def reconstruct(
 
     Args:
         snapshot: snapshot file; it carries codes, dispersion, wavelengths, exposure and noise.
-        decoder: lmmse (default), mixture, admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means, dagger, or network.
+        decoder: lmmse (default), lmmse-adapted (prior refitted to the snapshot: most accurate, minutes), mixture,
+            admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means, dagger, or network.
         weights: of a network, written by `tmca train`; the decoder is then network.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it (learned once, then kept).
         truth: the scene, for errors and metrics: a file or the name of a rendered scene.
         tv_weight: weight of the total variation; chosen from the noise level without it.
-        uncertainty: also estimate every pixel's standard deviation (lmmse, mixture).
+        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
     """
     from tmca.cameras import Snapshot
     from tmca.experiments.spectral import (

@@ -45,8 +45,8 @@ def spectral(
         work: folder of finished cells.
         test: split file of scenes to add.
         train: split file of the scenes that teach priors and networks; the rendered scenes' prior without it.
-        decoder: lmmse, mixture, admm-tv, admm-tv-joint, or a network trained at every combination: unet-thesis, unet,
-            unrolled.
+        decoder: lmmse, lmmse-adapted, mixture, admm-tv, admm-tv-joint, or a network trained at every combination:
+            unet-thesis, unet, unrolled.
         set_: NAME=VALUE of the same names for all cells.
         steps: of each training.
         bands: bands, nearest to even spacing from 400 to 700 nm.

@@ -1,5 +1,6 @@
 """From a snapshot and its codes back to the scene."""
 
+from tmca.decoders.adapted import AdaptedLMMSE
 from tmca.decoders.admm import ADMMTV, admm_tv, default_weight
 from tmca.decoders.blending import Estimate
 from tmca.decoders.data_step import Result
@@ -22,6 +23,7 @@ from tmca.decoders.tv import total_variation, tv_prox
 __all__ = [
     "ADMMTV",
     "METHODS",
+    "AdaptedLMMSE",
     "Decoded",
     "Estimate",
     "MixtureLMMSE",

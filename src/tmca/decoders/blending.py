@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from hashlib import blake2b
+from math import prod
 from typing import NamedTuple, Protocol
 
 import torch
@@ -19,10 +20,18 @@ MEMORY = 2**27
 
 
 class Estimate(NamedTuple):
-    """Scenes (B, L, H, W) and, where asked for, the standard deviation (B, L, H, W) of every entry."""
+    """Scenes (B, L, H, W) and, where asked for, more of the same shape.
+
+    Args:
+        estimate: the scenes.
+        deviation: standard deviation of every entry.
+        scatter: variance of what the blocks over a pixel say: the mean square error of single blocks less that of
+            their blend, whatever the errors are.
+    """
 
     estimate: Tensor
     deviation: Tensor | None = None
+    scatter: Tensor | None = None
 
 
 class Posterior(Protocol):
@@ -84,8 +93,9 @@ def decode_blocks(
     uncertainty: bool = False,
     progress: Callable[[float], None] | None = None,
     differentiable: bool = False,
+    scatter: bool = False,
 ) -> Estimate:
-    """The scenes behind snapshots (B, 1, H, W'), and the standard deviation of every entry if asked for.
+    """The scenes behind snapshots (B, 1, H, W'), and the standard deviation and scatter of every entry if asked for.
 
     Blocks under equal code windows share their matrices. Estimates are weighted by the inverse square of the
     variance that is typical of their place in the block. The variance reported is the same mean of the variances in
@@ -96,17 +106,26 @@ def decode_blocks(
     grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
     code = grid.pad_code(taps.code if differentiable else taps.code.detach())
     groups = equal_windows(grid, code)
-    typical = solver.typical_variance(grid.code_windows(code.detach(), _spread_out(grid.positions)))
-    window = (typical + 1e-3 * typical.mean()).pow(-2).unflatten(0, model.block)
-    window = window / window.mean()
+    typical = solver.typical_variance(grid.code_windows(code.detach(), spread_out(grid.positions)))
+    window = blend_weights(typical).unflatten(0, model.block)
     first, last = model.judged
-    canvases = [Canvas.blank(grid, len(snapshot), part) for part in (window, window[..., first:last].contiguous())]
+    parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
+    canvases = [None if part is None else Canvas.blank(grid, len(snapshot), part) for part in parts]
     values = grid.pad_snapshot(snapshot[:, 0].to(solver.dtype))
     with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
-        for done in _lay(solver, grid, groups, values, code, canvases[: 1 + uncertainty]):
+        for done in _lay(solver, grid, groups, values, code, canvases):
             if progress:
                 progress(done / len(groups))
-    return Estimate(canvases[0].mean(grid), canvases[1].mean(grid).sqrt() if uncertainty else None)
+    mean, variance, square = (None if canvas is None else canvas.mean(grid) for canvas in canvases)
+    assert mean is not None
+    between = None if square is None else (square - mean.square()).clamp_min(0)
+    return Estimate(mean, None if variance is None else variance.sqrt(), between)
+
+
+def blend_weights(variance: Tensor) -> Tensor:
+    """Weights, one on average, of the places in a block whose typical variances are given."""
+    weights = (variance + 1e-3 * variance.mean()).pow(-2)
+    return weights / weights.mean()
 
 
 def _lay(
@@ -115,20 +134,21 @@ def _lay(
     groups: list[list[tuple[int, int]]],
     snapshot: Tensor,
     code: Tensor,
-    canvases: list[Canvas],
+    canvases: list[Canvas | None],
 ) -> Iterator[int]:
     """Solve the groups batch by batch, lay estimates (and variances) on their canvases; yields the groups done."""
-    model, window = grid.model, canvases[0].window
-    batch = max(1, MEMORY // (model.measurements * window.numel() * window.element_size()))
-    shifts = (0, model.judged[0])
+    model, n = grid.model, prod(grid.model.block)
+    batch = max(1, MEMORY // (model.measurements * n * solver.dtype.itemsize))
+    shifts = (0, model.judged[0], 0)
     for start in range(0, len(groups), batch):
         part = groups[start : start + batch]
         posterior = solver.posterior(grid.code_windows(code, [places[0] for places in part]))
         for block, places in enumerate(part):
             measured = grid.snapshot_windows(snapshot, places)
-            found = posterior.moments(block, measured.flatten(0, 1), len(canvases) > 1)
-            for canvas, values, shift in zip(canvases, found, shifts, strict=False):
-                if values is not None:
+            estimate, variance = posterior.moments(block, measured.flatten(0, 1), canvases[1] is not None)
+            found = (estimate, variance, estimate.square())
+            for canvas, values, shift in zip(canvases, found, shifts, strict=True):
+                if canvas is not None and values is not None:
                     for (y, x), own in zip(places, values.unflatten(0, measured.shape[:2]), strict=True):
                         canvas.add(y, x + grid.padding[0] + shift, own)
         yield start + len(part)
@@ -151,6 +171,6 @@ def check_snapshot(snapshot: Tensor, taps: Taps) -> None:
         raise SettingError("snapshot", "values that are not finite", "numbers", "fill dead pixels first")
 
 
-def _spread_out(places: list[tuple[int, int]], count: int = 8) -> list[tuple[int, int]]:
+def spread_out(places: list[tuple[int, int]], count: int = 8) -> list[tuple[int, int]]:
     """A few of the positions, evenly through the list."""
     return [places[i] for i in torch.linspace(0, len(places) - 1, min(count, len(places))).long().tolist()]

@@ -43,6 +43,7 @@ class PatchDecoder:
         *,
         uncertainty: bool = False,
         differentiable: bool = False,
+        scatter: bool = False,
         progress: Callable[[float], None] | None = None,
     ) -> Estimate:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W').
@@ -54,6 +55,7 @@ class PatchDecoder:
             shot: variance of the shot noise per snapshot unit (full scale / full well).
             uncertainty: also return the standard deviation of every entry.
             differentiable: let gradients reach the code and the snapshot.
+            scatter: also return the variance of what overlapping blocks say.
             progress: told the share that is done.
 
         Raises:
@@ -63,8 +65,9 @@ class PatchDecoder:
         self.prior = self.prior.to(taps.code.device)
         model = BlockModel.of(taps, self.prior.block)
         solver = self.solver(model, read_noise, shot)
+        stride = self._stride(model, taps.code)
         return decode_blocks(
-            solver, model, snapshot, taps, self._stride(model, taps.code), uncertainty, progress, differentiable
+            solver, model, snapshot, taps, stride, uncertainty, progress, differentiable=differentiable, scatter=scatter
         )
 
     def solver(self, model: BlockModel, read_noise: float, shot: float) -> Solver:

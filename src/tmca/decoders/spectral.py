@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import Snapshot
+from tmca.decoders.adapted import AdaptedLMMSE
 from tmca.decoders.admm import admm_tv, default_weight
 from tmca.decoders.denoisers import nl_means_denoiser, tv_denoiser
 from tmca.decoders.lmmse import PatchLMMSE
@@ -22,7 +23,17 @@ from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 
-METHODS = ("lmmse", "mixture", "admm-tv", "admm-tv-joint", "pnp-tv", "pnp-nl-means", "dagger", "network")
+METHODS = (
+    "lmmse",
+    "lmmse-adapted",
+    "mixture",
+    "admm-tv",
+    "admm-tv-joint",
+    "pnp-tv",
+    "pnp-nl-means",
+    "dagger",
+    "network",
+)
 _ITERATIONS, _PNP_ITERATIONS, _LEAST_NOISE = 300, 100, 1e-3
 Progress = Callable[[float], None]
 
@@ -46,7 +57,7 @@ class Decoded:
 
 def needs_prior(method: str) -> bool:
     """Whether a decoder needs a prior."""
-    return method in ("lmmse", "mixture")
+    return method in ("lmmse", "lmmse-adapted", "mixture")
 
 
 def decode(
@@ -63,13 +74,14 @@ def decode(
 
     Args:
         snapshot: values and camera.
-        method: ``"lmmse"`` (Gaussian prior), ``"mixture"`` (Gaussian-mixture prior), ``"admm-tv"``, ``"admm-tv-joint"``
-            (total variation band by band or over all bands), ``"pnp-tv"``, ``"pnp-nl-means"`` (plug-and-play ADMM with
-            a denoiser), ``"dagger"`` (least-norm, the plain baseline), ``"network"`` (trained).
-        prior: for the first two; for a network, in the place of its own.
+        method: ``"lmmse"`` (Gaussian prior), ``"lmmse-adapted"`` (Gaussian prior refitted to the snapshot itself),
+            ``"mixture"`` (Gaussian-mixture prior), ``"admm-tv"``, ``"admm-tv-joint"`` (total variation band by
+            band or over all bands), ``"pnp-tv"``, ``"pnp-nl-means"`` (plug-and-play ADMM with a denoiser), ``"dagger"``
+            (least-norm, the plain baseline), ``"network"`` (trained).
+        prior: for the first three; for a network, in the place of its own.
         weights: of the network.
-        tv_weight: for the next two; chosen from the noise if None.
-        uncertainty: the first two also return every entry's standard deviation.
+        tv_weight: for total variation; chosen from the noise if None.
+        uncertainty: the first three also return every entry's standard deviation.
         progress: told the share that is done.
 
     Raises:
@@ -78,7 +90,9 @@ def decode(
     if method not in METHODS:
         raise SettingError("decoder", repr(method), f"one of {', '.join(METHODS)}")
     if prior is not None and not needs_prior(method) and method != "network":
-        raise SettingError("prior", f"one for {method}", "none: only lmmse and mixture use it", "leave it out")
+        raise SettingError(
+            "prior", f"one for {method}", "none: only lmmse, lmmse-adapted and mixture use it", "leave it out"
+        )
     if (weights is None) == (method == "network"):
         there, wanted = ("none", "those of the network") if weights is None else (f"some for {method}", "none")
         raise SettingError("weights", there, wanted, "weights and the decoder network go together")
@@ -114,9 +128,11 @@ def _by_prior(
         raise SettingError("relay blur", str(snapshot.camera.relay_blur), "0 for lmmse and mixture", "use admm-tv")
     _check_bands(prior, snapshot)
     if method == "mixture" and isinstance(prior, GaussianMixturePrior):
-        decoder: PatchLMMSE | MixtureLMMSE = MixtureLMMSE(prior)
+        decoder: PatchLMMSE | AdaptedLMMSE | MixtureLMMSE = MixtureLMMSE(prior)
     elif method == "lmmse" and isinstance(prior, GaussianPrior):
         decoder = PatchLMMSE(prior)
+    elif method == "lmmse-adapted" and isinstance(prior, GaussianPrior):
+        decoder = AdaptedLMMSE(prior)
     else:
         kinds = {
             GaussianPrior: "a Gaussian prior",

@@ -119,15 +119,17 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
     from tmca.experiments.scenes import load_scene
     from tmca.priors import learn_prior
 
-    kept = {}
-    for decoder in set(decoders) & {"lmmse", "mixture"}:
-        identity: dict[str, Any] = {"decoder": decoder, "bands": bands, "source": source_digest()}
+    kept: dict[str, Path] = {}
+    for kind, users in {"lmmse": {"lmmse", "lmmse-adapted"}, "mixture": {"mixture"}}.items():
+        if not users & set(decoders):
+            continue
+        identity: dict[str, Any] = {"decoder": kind, "bands": bands, "source": source_digest()}
         identity["scenes"] = [checksum_of(s) for s in scenes]
-        file = work / f"prior-{decoder}-{cell_key(identity)}.nc"
+        file = work / f"prior-{kind}-{cell_key(identity)}.nc"
         if not file.exists():
             cubes = [load_scene(scene, bands=bands) for scene in scenes]
-            learn_prior(cubes, spread=bands - 1, mixture=decoder == "mixture").save(file)
-        kept[decoder] = file
+            learn_prior(cubes, spread=bands - 1, mixture=kind == "mixture").save(file)
+        kept |= dict.fromkeys(users, file)
     return kept
 
 
@@ -160,11 +162,14 @@ def _trainings(
     seeds: int,
     steps: int,
 ) -> list[Settings]:
-    """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera."""
+    """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera.
+
+    Scenes of the split come thrice, which makes them outnumber the rendered ones.
+    """
     from tmca.data import split_rendered
     from tmca.experiments.cells import cell_key
 
-    data: dict[str, Any] = {"bands": bands, "train": [str(train), *sorted(split_rendered()["train"])]}
+    data: dict[str, Any] = {"bands": bands, "train": [*[str(train)] * 3, *sorted(split_rendered()["train"])]}
     data["validation"] = [str(validation)] if validation else []
     data["prior"] = [str(train)]
     cells: dict[tuple[str, str, int], Settings] = {}

@@ -78,6 +78,7 @@ def coded_camera(cell: Settings, bands: Any, size: tuple[int, int]) -> SpectralC
 
 def sweep_cell(cell: Settings) -> Measured:
     """One combination of a sweep on one scene; a network is trained, and a prior learned, once for all scenes."""
+    from tmca.decoders.spectral import needs_prior
     from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
 
     size = None if cell["size"] is None else (cell["size"][0], cell["size"][1])
@@ -90,7 +91,7 @@ def sweep_cell(cell: Settings) -> Measured:
     method, prior, weights = cell["decoder"], None, None
     if method in NETWORKS:
         method, weights = "network", _network_of(cell)
-    elif method in ("lmmse", "mixture") and cell["train"]:
+    elif needs_prior(method) and cell["train"]:
         prior = _prior_of(cell, camera)
     result = reconstruct_snapshot(snapshot, method, prior=prior, weights=weights, truth=scene)
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}

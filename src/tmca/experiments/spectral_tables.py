@@ -88,9 +88,9 @@ def markdown(found: dict[str, Any]) -> str:
     ]
     if trained:
         lines += [
-            "Networks learned from the same scenes and the rendered training scenes, one for all three noises, in the "
-            "CPU minutes of the last column (one core); learned TMCA starts at the codes and the decoder of learned "
-            "CASSI, whose minutes come on top. Means over seeds.",
+            "Networks learned from patches of the same scenes (three of five) and of the rendered training scenes, one "
+            "for all three noises, in the CPU minutes of the last column (one core); learned TMCA starts at the codes "
+            "and the decoder of learned CASSI, whose minutes come on top. Means over seeds.",
             "",
         ]
     columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
