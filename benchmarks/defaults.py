@@ -1,7 +1,8 @@
-"""How defaults were chosen, on training scenes: ``python benchmarks/defaults.py --train SPLIT [--study tv|blocks]``.
+"""How defaults were chosen, on training scenes: ``python benchmarks/defaults.py --train SPLIT [--study tv|blocks|adapted]``.
 
 ``tv``: PSNR of ADMM-TV over weights, beside `tmca.decoders.default_weight`. ``blocks``: PSNR of the patch LMMSE over
-block sizes of the prior, every scene decoded under a prior of the others.
+block sizes of the prior, every scene decoded under a prior of the others. ``adapted``: PSNR of the adapted LMMSE over
+the number of times its prior is refitted, and the PSNR that its standard deviation predicts, in the same way.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import xarray as xr
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_split
-from tmca.decoders import admm_tv, decode, default_weight
+from tmca.decoders import AdaptedLMMSE, admm_tv, decode, default_weight
 from tmca.experiments.scenes import load_scene
 from tmca.metrics import psnr
 from tmca.priors import learn_prior
@@ -27,6 +28,7 @@ CODES = {
 }
 NOISES = (0.0, 0.01, 0.05)
 FACTORS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 10.0)
+REFITS = (0, 1, 2, 4, 8)
 BLOCKS = ((6, 30), (6, 36), (8, 36), (10, 36), (12, 30), (12, 36), (12, 42), (16, 36))
 
 
@@ -81,17 +83,39 @@ def study_blocks(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -
         print(f"block {block[0]:2d} × {block[1]:2d}  {text}", flush=True)
 
 
+def study_adapted(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -> None:
+    """PSNR, and in brackets the predicted one, over how often the prior is refitted; each scene left out of it."""
+    print("scene, code, sigma:  " + "  ".join(f"{count} times" for count in REFITS))
+    for cube in cubes:
+        others = [c for c in whole if c.attrs["name"] != cube.attrs["name"]]
+        prior = learn_prior(others, spread=cube.sizes["wavelength"] - 1)
+        for code in CODES:
+            for noise in NOISES[:2]:
+                taken, scene = snapshot(cube, code, noise)
+                found = []
+                for count in REFITS:
+                    result = AdaptedLMMSE(prior, count)(
+                        taken.values, taken.camera.operator().taps, noise, uncertainty=True
+                    )
+                    predicted = -10 * torch.log10(result.deviation.square().mean())
+                    found.append(f"{float(psnr(result.estimate.clamp_min(0), scene)):.2f} ({float(predicted):.2f})")
+                print(f"{cube.attrs['name']}, {code}, {noise:g}:  " + "  ".join(found), flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--train", type=Path, required=True, help="split file of training scenes")
-    parser.add_argument("--study", choices=("tv", "blocks"), default="tv")
+    parser.add_argument("--study", choices=("tv", "blocks", "adapted"), default="tv")
     parser.add_argument("--size", type=int, default=160)
     options = parser.parse_args()
     torch.set_num_threads(1)
     whole = [load_scene(path, bands=12) for path in read_split(options.train)]
     cubes = [_middle(cube, options.size) for cube in whole if min(cube.shape[1:]) >= options.size]
     print(f"{len(cubes)} scenes: {', '.join(str(cube.attrs['name']) for cube in cubes)}")
-    study_tv(cubes) if options.study == "tv" else study_blocks(cubes, whole)
+    if options.study == "tv":
+        study_tv(cubes)
+    else:
+        (study_blocks if options.study == "blocks" else study_adapted)(cubes, whole)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.cameras import SpectralCamera
+    from tmca.sensor import Sensor
 
 _CAMERA = Group("Camera", sort_key=1)
 _SENSOR = Group("Sensor", sort_key=2)
@@ -72,12 +73,16 @@ class SpectralOptions:
     "File of a static coloured aperture, bands × rows × columns, in the place of the codes."
     period: Annotated[int | None, Parameter(group=_CAMERA)] = None
     "Tile of the codes in pixels; full frame without it."
+    weights: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Learned codes: a file or run of `tmca train`, or default, which comes with tmca (static for --slots 1, or K = 8)."
     seed: Annotated[int, Parameter(group=_CAMERA)] = 0
     "Of the codes and the noise."
 
     def chosen(self) -> dict[str, Any]:
         """Camera arguments that were given, files read and numbers parsed."""
-        given = {name: value for name, value in vars(self).items() if value is not None and name != "preset"}
+        given = {
+            name: value for name, value in vars(self).items() if value is not None and name not in ("preset", "weights")
+        }
         for plane in ("aperture", "shutter"):
             if plane in given:
                 given[plane] = codes_argument(given[plane], f"--{plane}")
@@ -126,6 +131,8 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
     from tmca.cameras import SpectralCamera
     from tmca.sensor import Sensor
 
+    if camera.weights:
+        return _learned_camera(scene, camera, Sensor(**vars(sensor)))
     settings = {
         **camera.chosen(),
         "bands": scene["wavelength"].values.tolist(),
@@ -141,6 +148,26 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
     if made.throughput() == 0:
         raise SettingError("codes", "none that let light through", "some open pixels in aperture and shutter together")
     return made
+
+
+def _learned_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor) -> SpectralCamera:
+    """The camera of some weights, at the size of a scene that has their bands."""
+    from tmca.decoders import find_weights
+    from tmca.decoders.neural import same_bands
+
+    others = sorted(set(camera.chosen()) - {"slots", "seed"} | ({"preset"} if camera.preset else set()))
+    if others:
+        raise SettingError("--weights", f"--{others[0].replace('_', '-')} beside it", "learned codes, or chosen ones")
+    weights = find_weights(camera.weights or "", camera.slots or 8)
+    if camera.slots not in (None, len(weights.aperture)):
+        raise SettingError(
+            "--slots", f"{camera.slots}", f"{len(weights.aperture)}, as these weights have", "leave it out"
+        )
+    own = scene["wavelength"].values.tolist()
+    if not same_bands(weights.wavelengths, own):
+        bands = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
+        raise SettingError("--weights", bands, f"the scene's {len(own)}, {own[0] * 1e9:.4g} nm and on")
+    return weights.spectral_camera((scene.shape[1], scene.shape[2]), sensor=sensor)
 
 
 def fitted(patterns: Any, size: tuple[int, ...], settings: dict[str, Any], plane: str) -> Any:

@@ -21,7 +21,7 @@ def reconstruct(
     /,
     *,
     decoder: Annotated[str | None, Parameter(alias="-d")] = None,
-    weights: Path | None = None,
+    weights: str | None = None,
     prior: Path | None = None,
     truth: str | None = None,
     tv_weight: float | None = None,
@@ -35,7 +35,8 @@ def reconstruct(
         snapshot: snapshot file; it carries codes, dispersion, wavelengths, exposure and noise.
         decoder: lmmse (default), lmmse-adapted (prior refitted to the snapshot: most accurate, minutes), mixture,
             admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means, dagger, or network.
-        weights: of a network, written by `tmca train`; the decoder is then network.
+        weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (12 bands); the decoder
+            is then network.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it (learned once, then kept).
         truth: the scene, for errors and metrics: a file or the name of a rendered scene.
         tv_weight: weight of the total variation; chosen from the noise level without it.

@@ -16,6 +16,7 @@ from tmca.decoders.mixture import MixtureLMMSE
 from tmca.decoders.network import Network, build_network
 from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.decoders.pnp import PnPADMM, pnp_admm
+from tmca.decoders.shipped import find_weights
 from tmca.decoders.spectral import METHODS, Decoded, decode
 from tmca.decoders.start import first_estimate
 from tmca.decoders.tv import total_variation, tv_prox
@@ -38,6 +39,7 @@ __all__ = [
     "chambolle_denoiser",
     "decode",
     "default_weight",
+    "find_weights",
     "first_estimate",
     "module_denoiser",
     "nl_means_denoiser",

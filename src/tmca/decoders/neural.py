@@ -18,7 +18,7 @@ from tmca.decoders.network import Network, build_network
 from tmca.decoders.start import first_estimate
 from tmca.errors import DataError, SettingError
 from tmca.operators import TapOperator
-from tmca.priors import GaussianMixturePrior, GaussianPrior, block_for, load_prior, rendered_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, load_prior, rendered_prior
 from tmca.sensor import Noise
 
 FORMAT = "tmca weights 1"
@@ -70,9 +70,7 @@ class Weights:
             found = load_prior(beside)
         else:
             spread = self.spectral_camera().dispersion.spread
-            found = rendered_prior(
-                self.wavelengths, spread, mixture=mixture, block=start_block(len(self.wavelengths), spread)
-            )
+            found = rendered_prior(self.wavelengths, spread, mixture=mixture)
         if isinstance(found, GaussianMixturePrior) != mixture:
             raise DataError(self.prior, f"a {type(found).__name__}", f"a prior to start from the {self.network.start}")
         return found
@@ -98,12 +96,13 @@ class Weights:
 
     @classmethod
     def load(cls, path: str | Path) -> Weights:
-        """Read what ``save`` wrote.
+        """Read what ``save`` wrote: a file, or the folder of a run.
 
         Raises:
             DataError: no such file, no weights of a camera in it, or tensors that do not fit the network.
         """
-        if not Path(path).is_file():
+        path = Path(path) / "weights.safetensors" if Path(path).is_dir() else Path(path)
+        if not path.is_file():
             raise DataError(path, "no such file", "weights from `tmca train`", "train a network and name its file")
         try:
             with safe_open(path, "pt") as file:
@@ -122,15 +121,7 @@ class Weights:
             raise DataError(path, f"tensors that do not fit its network ({error})", "whole weights") from error
         planes = (tensors["aperture"].float(), tensors["shutter"].float())
         camera = {**about["camera"], "size": tuple(about["camera"]["size"])}
-        return cls(
-            network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], Path(path)
-        )
-
-
-def start_block(bands: int, spread: int) -> tuple[int, int]:
-    """(rows, columns) of the prior's blocks for networks that start from the LMMSE: those of the mixture, which are
-    solved twice as fast and leave the network 0.2 dB more to do."""
-    return block_for(bands, spread, mixture=True)
+        return cls(network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], path)
 
 
 class NeuralDecoder:

@@ -18,6 +18,7 @@ from tmca.errors import SettingError, TmcaError
 
 Settings = dict[str, Any]
 Measured = dict[str, Any]
+_NO_NUMBERS = ("figures", "pictures", "demo", "report", "tables", "composite", "corner")
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the last)."""
 
@@ -34,10 +35,11 @@ def cell_key(settings: Settings) -> str:
 
 @lru_cache(maxsize=1)
 def source_digest() -> str:
-    """Digest of the package's source: cells that other code computed are other cells."""
-    digest = hashlib.sha256()
-    for file in sorted(Path(tmca.__file__).parent.rglob("*.py")):
-        digest.update(file.read_bytes())
+    """Digest of the source that numbers come from, all but commands and pictures: other code makes other cells."""
+    digest, package = hashlib.sha256(), Path(tmca.__file__).parent
+    for file in sorted(package.rglob("*.py")):
+        if file.relative_to(package).parts[0] != "cli" and not file.stem.endswith(_NO_NUMBERS):
+            digest.update(file.read_bytes())
     return digest.hexdigest()[:20]
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.cells import Measured, Settings, run_cells, source_digest
 from tmca.experiments.spectral_cells import measure
+from tmca.experiments.spectral_figures import comparison_pictures
 from tmca.experiments.spectral_rows import (
     CODES,
     DECODER_NAMES,
@@ -18,6 +20,8 @@ from tmca.experiments.spectral_rows import (
     NETWORKS,
     NOISES,
     OF_UNROLLED_CODES,
+    SHOWN,
+    SHOWN_NOISE,
     STATIC,
     trained_rows,
     training_of,
@@ -51,7 +55,7 @@ def compare_spectral(
     Args:
         train: split file of the prior's scenes.
         test: split file of the measured scenes.
-        out: folder of ``spectral.md`` and ``spectral.json``.
+        out: folder of ``spectral.md``, ``spectral.json`` and pictures of some rows.
         work: folder of priors and finished cells; a stopped run goes on there.
         bands: number of bands from 400 to 700 nm.
         decoders: names of ``DECODER_NAMES``.
@@ -89,7 +93,8 @@ def compare_spectral(
         cells += _expectations(examples, scenes, priors["lmmse"], bands, seed, patches)
 
     def run(part: list[Settings]) -> list[Measured]:
-        return run_cells(part, measure, work, jobs=jobs, cluster=cluster, progress=_timed(progress))
+        compute = partial(measure, folder=str(work))
+        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=_timed(progress))
 
     measured = run(cells)
     trainings = _trainings(train, validation, work, bands, decoders, seed, seeds, steps)
@@ -98,17 +103,11 @@ def compare_spectral(
         part = [cell for cell in trainings if (cell["code"] == MULTIPLEXED) == later]
         trained += run(part)
     measured += trained
-    measured += run_cells(
-        _trained_cells(scenes, trained, bands, decoders, priors),
-        measure,
-        work,
-        jobs=jobs,
-        cluster=cluster,
-        progress=_timed(progress),
-    )
+    measured += run(_trained_cells(scenes, trained, bands, decoders, priors))
     found = results(measured, train, test, command)
     write_json(found, files[0], overwrite=overwrite)
     write_text(markdown(found), files[1], overwrite=overwrite)
+    comparison_pictures([cell for cell in measured if cell.get("seed") == seed], out, overwrite=overwrite)
     return found
 
 
@@ -221,6 +220,7 @@ def _measurement(scene: Path, code: str, noise: str, decoder: str, bands: int, s
         "decoder": decoder,
         "bands": bands,
         "seed": seed,
+        "keep": (code, decoder) in SHOWN and noise == SHOWN_NOISE,
     }
 
 

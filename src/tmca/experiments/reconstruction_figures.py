@@ -49,6 +49,8 @@ def reconstruction_figure(
             image(axes[1, column], errors[name], "error (rms over bands)", colours="magma", top=top, bar=_UNIT)
         if name in spreads:
             image(axes[rows - 1, column], spreads[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
+        elif spreads:
+            axes[rows - 1, column].set_axis_off()
     known = {"truth": truth} if truth is not None else {}
     place = _tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1]
     spectra(place, {**known, **estimates}, wavelengths, points)

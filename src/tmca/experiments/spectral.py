@@ -12,6 +12,7 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralCamera, moving_scene
 from tmca.decoders.neural import Weights
+from tmca.decoders.shipped import find_weights
 from tmca.decoders.spectral import Decoded, decode, needs_prior
 from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
@@ -113,7 +114,7 @@ def reconstruct_snapshot(
         decoder: one of ``tmca.decoders.METHODS``.
         prior: a prior, its file, or None for the rendered scenes' one at the camera's bands.
         tv_weight: of the total variation.
-        weights: of a trained network, or their file.
+        weights: of a trained network, their file, the folder of their run, or ``"default"``.
         uncertainty: also estimate the standard deviation of every entry.
         truth: (wavelength, y, x) for metrics.
         progress: told the share that is done and, while a prior is learned, what is done next.
@@ -121,7 +122,7 @@ def reconstruct_snapshot(
     chosen = None
     if needs_prior(decoder) or prior is not None:
         chosen = find_prior(prior, decoder, snapshot.camera, progress)
-    trained = Weights.load(weights) if isinstance(weights, str | Path) else weights
+    trained = find_weights(weights, snapshot.camera.slots) if isinstance(weights, str | Path) else weights
     found = decode(
         snapshot, decoder, prior=chosen, tv_weight=tv_weight, weights=trained, uncertainty=uncertainty,
         progress=progress,

@@ -6,18 +6,20 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tmca.cameras import SpectralCamera
-from tmca.experiments.cells import Measured, Settings
+from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral_rows import CODES, NETWORKS, NOISES
 from tmca.sensor import Sensor
 
 
-def measure(cell: Settings) -> Measured:
-    """One cell of any kind, by what it holds."""
+def measure(cell: Settings, folder: str) -> Measured:
+    """One cell of any kind, by what it holds; ``folder`` takes estimates that are kept."""
     if "training" in cell:
         return train(cell)
-    return reconstruct(cell) if "decoder" in cell else expected(cell)
+    return reconstruct(cell, Path(folder)) if "decoder" in cell else expected(cell)
 
 
 def train(cell: Settings) -> Measured:
@@ -33,8 +35,8 @@ def train(cell: Settings) -> Measured:
     return {"weights": str(found.weights), "best": found.best, "seconds": seconds}
 
 
-def reconstruct(cell: Settings) -> Measured:
-    """Take the snapshot of a scene, reconstruct it, measure."""
+def reconstruct(cell: Settings, folder: Path) -> Measured:
+    """Take the snapshot of a scene, reconstruct it, measure; half precision is enough for pictures."""
     from tmca.decoders import Weights
     from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
 
@@ -49,7 +51,12 @@ def reconstruct(cell: Settings) -> Measured:
     method = "network" if network else cell["decoder"]
     snapshot = take_snapshot(scene, camera, seed=cell["seed"])
     result = reconstruct_snapshot(snapshot, method, prior=cell["prior"], weights=network, truth=scene)
-    return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
+    found = {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
+    if cell["keep"]:
+        file = folder / f"estimate-{cell_key(cell)}.npy"
+        np.save(file, result.cube.values.astype(np.float16))
+        found["kept"] = str(file)
+    return found
 
 
 def expected(cell: Settings) -> Measured:
@@ -120,7 +127,6 @@ def _network_of(cell: Settings) -> Path:
 
 def _prior_of(cell: Settings, camera: SpectralCamera) -> Path:
     """The prior of a sweep's training scenes, kept by what makes it."""
-    from tmca.experiments.cells import cell_key
     from tmca.priors import learn_prior
 
     spread, mixture = camera.dispersion.spread, cell["decoder"] == "mixture"

@@ -46,6 +46,21 @@ PACE = {"unet-thesis": 1.7, "unet": 1.3, "unrolled": 1.0, "unrolled-mixture": 0.
 """Steps in the minutes that one step of the unrolled network takes with fixed codes, its first estimates included."""
 LEARNING = {"unet-thesis": 0.85, "unrolled": 0.28}
 """Steps of a run that learns codes in half of them, relative to one with fixed codes, in the same minutes."""
+SHOWN_NOISE = "σ = 0.01"
+SHOWN = (
+    ("CASSI random", "admm-tv"),
+    ("CASSI random", "unet-thesis"),
+    ("TMCA random K = 8", "unet-thesis"),
+    (STATIC, "unet-thesis"),
+    (MULTIPLEXED, "unet-thesis"),
+    ("CASSI random", "lmmse"),
+    ("CASSI random", "lmmse-adapted"),
+    ("TMCA random K = 8", "lmmse-adapted"),
+    ("TMCA one-hot K = 4", "lmmse-adapted"),
+    (STATIC, "unrolled"),
+    (MULTIPLEXED, "unrolled"),
+)
+"""Rows that are pictured, the thesis' five first."""
 POOL = {"lmmse": 1536, "mixture": 768, "adjoint": 0}
 """Patches whose first estimates a run keeps: the slower they are, the fewer."""
 

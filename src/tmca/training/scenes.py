@@ -12,6 +12,9 @@ from tmca.data import read_split
 from tmca.errors import SettingError
 from tmca.training.settings import DataSettings
 
+RENDERED = ("rendered",)
+"""In the place of a prior's scenes: the prior of the rendered scenes."""
+
 
 @dataclass(frozen=True)
 class SceneLists:

@@ -86,7 +86,8 @@ class DataSettings(_Strict):
         motion: largest motion of the scene within the exposure, pixels; needs a single disperser.
         pool: while codes stay as they are, batches are drawn from this many patches, whose snapshots and first
             estimates are made once; 0 makes new ones in every step.
-        prior: scenes of the prior of the first estimate; if empty, those of ``train``.
+        prior: scenes of the prior of the first estimate; if empty, those of ``train``; ``rendered`` alone takes the
+            prior of the rendered scenes, which weights need not bring along.
     """
 
     train: tuple[str, ...] = ()

@@ -16,15 +16,15 @@ from tmca.cameras import SpectralCamera
 from tmca.codes import pattern
 from tmca.data import make_folder
 from tmca.decoders.network import build_network
-from tmca.decoders.neural import Weights, start_block
+from tmca.decoders.neural import Weights
 from tmca.decoders.start import NEED_PRIOR
 from tmca.errors import DataError, SettingError
-from tmca.priors import GaussianMixturePrior, GaussianPrior, learn_prior, load_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, learn_prior, load_prior, rendered_prior
 from tmca.sensor import Sensor
 from tmca.training.folder import held, open_run
 from tmca.training.loop import Progress, Run
 from tmca.training.patches import CubeStore, Load, Patch, PatchSource
-from tmca.training.scenes import SceneLists, scene_lists
+from tmca.training.scenes import RENDERED, SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
 from tmca.training.spectral import SpectralSystem
 from tmca.training.starts import KeptStarts, Pool
@@ -151,7 +151,7 @@ def _starting_codes(settings: TrainSettings) -> dict[str, Any]:
         return {"shutter": pattern("one-hot", camera.slots, (height, width), camera.duty, 2 * camera.seed + 1)}
     if not Path(start).exists():
         raise SettingError("codes.start", repr(start), "'random', 'one-hot', or a weights file", "check the path")
-    found = Weights.load(_weights_file(start))
+    found = Weights.load(start)
     planes = {"aperture": found.aperture, "shutter": found.shutter}
     if found.camera.get("period") != camera.period or found.camera.get("disperser") != camera.disperser:
         raise DataError(
@@ -168,15 +168,11 @@ def _shutter_size(settings: TrainSettings) -> tuple[int, int]:
     return camera.multiplexed.shutter.size
 
 
-def _weights_file(place: str) -> Path:
-    return Path(place) / "weights.safetensors" if Path(place).is_dir() else Path(place)
-
-
 def _take_decoder(settings: TrainSettings, network: torch.nn.Module) -> None:
     """Start from the decoder of an earlier run."""
     if settings.codes.decoder is None:
         return
-    found = Weights.load(_weights_file(settings.codes.decoder))
+    found = Weights.load(settings.codes.decoder)
     try:
         network.load_state_dict(found.network.state_dict())
     except RuntimeError:
@@ -200,7 +196,7 @@ def weights_of(
         "training": settings.model_dump(), "scenes": list(map(_short, lists.train)),
         "validation": list(map(_short, lists.validation)), "best": best, **system.figures(),
     }  # fmt: skip
-    prior = "prior.nc" if with_prior else ""
+    prior = ("rendered" if lists.prior == RENDERED else "prior.nc") if with_prior else ""
     return Weights(system.network, camera.wavelengths, planes[0], planes[1], kept, prior, card)
 
 
@@ -231,13 +227,15 @@ def _engine(settings: TrainSettings, accelerator: str, processes: int) -> Fabric
 def _prior(
     fabric: Fabric, folder: Path, lists: SceneLists, load: Load, camera: SpectralCamera, start: str
 ) -> GaussianPrior | GaussianMixturePrior:
-    """The run's own prior, learned once."""
+    """The run's own prior, learned once, or that of the rendered scenes."""
+    if lists.prior == RENDERED:
+        return rendered_prior(camera.wavelengths, camera.dispersion.spread, mixture=start == "mixture")
     file = folder / "prior.nc"
     if fabric.is_global_zero and not file.exists():
         spread = camera.dispersion.spread
         cubes = [load(name) for name in lists.prior or lists.train]
         mixture = start == "mixture"
-        learn_prior(cubes, spread=spread, mixture=mixture, block=start_block(camera.bands, spread)).save(file)
+        learn_prior(cubes, spread=spread, mixture=mixture).save(file)
     fabric.barrier()
     return load_prior(file)
 
