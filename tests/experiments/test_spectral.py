@@ -156,6 +156,9 @@ def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_p
     assert {"method", "exposure", "noise", "psnr", "scenes"} <= set(on_disk["rows"][0])
     assert len(on_disk["expected_error"]) == len(CODES) * len(NOISES)
     assert "TMCA one-hot K = 4" in (tmp_path / "results" / "spectral.md").read_text()
+    assert {f"spectral_c_{kind}.png" for kind in ("composites", "spectra", "bands")} <= {
+        file.name for file in (tmp_path / "results").iterdir()
+    }
     with pytest.raises(OutputError, match=r"spectral\.json"):
         compare_spectral(*splits, **where, **options)
     told.clear()
@@ -169,7 +172,7 @@ def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_p
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
     monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
     found = run_demo(tmp_path / "demo", size=(40, 48))
-    assert len(found["rows"]) == 6
+    assert len(found["rows"]) == 10
     page = (tmp_path / "demo" / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 6
     assert Snapshot.load(tmp_path / "demo" / "coffee_tmca8_snapshot.nc").camera.slots == 8

@@ -11,7 +11,7 @@ from typing import Any
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.cells import Measured, Settings, run_cells, source_digest
 from tmca.experiments.spectral_cells import measure
-from tmca.experiments.spectral_figures import comparison_pictures
+from tmca.experiments.spectral_figures import comparison_pictures, picture_files
 from tmca.experiments.spectral_rows import (
     CODES,
     DECODER_NAMES,
@@ -80,11 +80,11 @@ def compare_spectral(
     unknown = [name for name in decoders if name not in DECODER_NAMES]
     if unknown:
         raise SettingError("--decoders", ", ".join(unknown), f"some of {', '.join(DECODER_NAMES)}")
+    examples, scenes = read_split(train), read_split(test)
     files = [out / "spectral.json", out / "spectral.md"]
-    for file in files:
+    for file in (*files, *(picture for scene in scenes for picture in picture_files(scene.stem, out))):
         if file.exists() and not overwrite:
             raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
-    examples, scenes = read_split(train), read_split(test)
     make_folder(out)
     make_folder(work)
     priors = _learn(examples, work, bands, decoders)

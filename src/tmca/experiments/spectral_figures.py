@@ -36,10 +36,15 @@ def comparison_pictures(measured: Sequence[Measured], out: Path, *, overwrite: b
         names = [row for row in SHOWN if row in found]
         estimates = {f"{code}\n{DECODER_NAMES[decoder]}": found[code, decoder] for code, decoder in names}
         wavelengths = truth["wavelength"].values.tolist()
-        for kind, draw in (("composites", composites), ("spectra", signatures), ("bands", bands)):
+        for draw, file in zip((composites, signatures, bands), picture_files(scene, out), strict=True):
             figure = draw(truth.values, estimates, wavelengths)
-            files.append(save_figure(figure, out / f"spectral_{scene}_{kind}.png", overwrite=overwrite, dpi=80))
+            files.append(save_figure(figure, file, overwrite=overwrite, dpi=80))
     return files
+
+
+def picture_files(scene: str, out: Path) -> list[Path]:
+    """The pictures of a scene: composites, spectra, bands."""
+    return [out / f"spectral_{scene}_{kind}.png" for kind in ("composites", "spectra", "bands")]
 
 
 def composites(truth: np.ndarray, estimates: Mapping[str, np.ndarray], wavelengths: Sequence[float]) -> Figure:
