@@ -1,4 +1,4 @@
-"""How defaults were chosen, on training scenes: ``python benchmarks/defaults.py --train SPLIT [--study tv|blocks|adapted]``.
+"""How defaults were chosen, on training scenes: ``python benchmarks/defaults.py --train SPLIT --study NAME``.
 
 ``tv``: PSNR of ADMM-TV over weights, beside `tmca.decoders.default_weight`. ``blocks``: PSNR of the patch LMMSE over
 block sizes of the prior, every scene decoded under a prior of the others. ``adapted``: PSNR of the adapted LMMSE over

@@ -23,6 +23,7 @@ from tmca.experiments.spectral_rows import (
     SHOWN,
     SHOWN_NOISE,
     STATIC,
+    scenes_of,
     trained_rows,
     training_of,
 )
@@ -161,16 +162,10 @@ def _trainings(
     seeds: int,
     steps: int,
 ) -> list[Settings]:
-    """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera.
-
-    Scenes of the split come thrice, which makes them outnumber the rendered ones.
-    """
-    from tmca.data import split_rendered
+    """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera."""
     from tmca.experiments.cells import cell_key
 
-    data: dict[str, Any] = {"bands": bands, "train": [*[str(train)] * 3, *sorted(split_rendered()["train"])]}
-    data["validation"] = [str(validation)] if validation else []
-    data["prior"] = [str(train)]
+    data = {"bands": bands, **scenes_of([str(train)]), "validation": [str(validation)] if validation else []}
     cells: dict[tuple[str, str, int], Settings] = {}
     for code, decoder in trained_rows(decoders):
         for seed in range(first, first + seeds):

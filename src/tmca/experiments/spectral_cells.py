@@ -11,7 +11,7 @@ import numpy as np
 from tmca.cameras import SpectralCamera
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.scenes import load_scene
-from tmca.experiments.spectral_rows import CODES, NETWORKS, NOISES
+from tmca.experiments.spectral_rows import CODES, NETWORKS, NOISES, POOL, scenes_of
 from tmca.sensor import Sensor
 
 
@@ -110,12 +110,12 @@ def sweep_training(cell: Settings) -> Measured:
 
 
 def _network_of(cell: Settings) -> Path:
-    from tmca.data import split_rendered
     from tmca.training import settings_from, train_spectral
 
+    network = NETWORKS[cell["decoder"]]
     training = {
-        "camera": cell["camera"], "noise": [cell["sensor"]], "decoder": NETWORKS[cell["decoder"]],
-        "data": {"bands": cell["bands"], "train": [*cell["train"], *sorted(split_rendered()["train"])]},
+        "camera": cell["camera"], "noise": [cell["sensor"]], "decoder": network,
+        "data": {"bands": cell["bands"], "pool": POOL[network["start"]], **scenes_of(cell["train"])},
         "optimiser": {"steps": cell["steps"], "loss": "l2" if cell["decoder"] == "unet-thesis" else "log"},
     }  # fmt: skip
     bands = cell["bands"]

@@ -86,6 +86,17 @@ def training_of(code: str, decoder: str, seed: int, steps: int) -> dict[str, Any
     }
 
 
+def scenes_of(train: Sequence[str]) -> dict[str, Any]:
+    """Scenes that networks and their prior learn from: given ones and the rendered ones.
+
+    Given scenes come thrice, which makes them outnumber the rendered ones, and make the prior alone: rendered scenes
+    among them cost the first estimate 1.4 dB on scenes left out.
+    """
+    from tmca.data import split_rendered
+
+    return {"train": [*train, *train, *train, *sorted(split_rendered()["train"])], "prior": list(train) or ["rendered"]}
+
+
 def trained_rows(decoders: Sequence[str]) -> list[tuple[str, str]]:
     """(code, decoder) of the rows that are trained, those that others start from first."""
     rows = [(code, decoder) for decoder in decoders if decoder in NETWORKS for code in CODES]

@@ -1,0 +1,81 @@
+"""The figures of the model card: ``python benchmarks/weights.py [--test SPLIT]`` on rendered test scenes and a split.
+
+For every sensor and scene: random codes of the same kind with the patch LMMSE, then the shipped codes with the patch
+LMMSE and with their network, all under the prior of the rendered scenes.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+import xarray as xr
+
+from tmca.cameras import SpectralCamera
+from tmca.data import read_split, split_rendered
+from tmca.decoders import Weights, find_weights
+from tmca.experiments.scenes import load_scene
+from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
+from tmca.sensor import Sensor
+
+SENSORS = {
+    "σ = 0.001": Sensor(read_noise=1e-3),
+    "σ = 0.01": Sensor(read_noise=1e-2),
+    "10 000 e⁻, 3 e⁻": Sensor(full_well=10_000, read_noise_electrons=3),
+}
+
+
+def random_camera(weights: Weights, size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
+    """Random codes with as many slots and the same tile."""
+    slots = len(weights.aperture)
+    shutter = "random" if slots > 1 else "open"
+    return SpectralCamera(
+        bands=weights.wavelengths,
+        size=size,
+        slots=slots,
+        shutter=shutter,
+        sensor=sensor,
+        period=weights.camera["period"],
+    )
+
+
+def rows(scene: xr.DataArray, slots: int) -> list[str]:
+    """Markdown rows of one scene and one camera."""
+    weights, size = find_weights("default", slots), (scene.sizes["y"], scene.sizes["x"])
+    found = []
+    for noise, sensor in SENSORS.items():
+        learned = take_snapshot(scene, weights.spectral_camera(size, sensor=sensor))
+        plain = take_snapshot(scene, random_camera(weights, size, sensor))
+        prior = weights.load_prior()
+        values = [
+            reconstruct_snapshot(plain, "lmmse", prior=prior, truth=scene).metrics["psnr"],
+            reconstruct_snapshot(learned, "lmmse", prior=prior, truth=scene).metrics["psnr"],
+            reconstruct_snapshot(learned, "network", weights=weights, truth=scene).metrics["psnr"],
+        ]
+        numbers = " | ".join(f"{value:.2f}" for value in values)
+        found.append(f"| {scene.attrs['name']} | {len(weights.aperture)} | {noise} | {numbers} |")
+    return found
+
+
+def table(scenes: Sequence[xr.DataArray]) -> None:
+    """Print the table, scene by scene."""
+    print("| scene | K | sensor | random codes, LMMSE | learned codes, LMMSE | learned codes, network |")
+    print("|---|---|---|---|---|---|")
+    for scene in scenes:
+        for slots in (1, 8):
+            print("\n".join(rows(scene, slots)), flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--test", type=Path, help="split file of more scenes")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    names = [*sorted(split_rendered()["test"]), *(read_split(options.test) if options.test else [])]
+    table([load_scene(name, bands=12) for name in names])
+
+
+if __name__ == "__main__":
+    main()
