@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 NEEDED = ("snapshot", "aperture", "shutter", "displacement", "response", "wavelength")
+SAID = ("exposure", "disperser", "origin", "full_scale", "sensor")
+"""Attributes without which nobody knows what the values mean."""
 
 
 @dataclass
@@ -113,12 +115,22 @@ def from_dataset(dataset: xr.Dataset, where: str) -> Snapshot:
             "a snapshot with the codes that made it",
             "write it with `tmca simulate` or add the missing variables",
         )
+    unsaid = [name for name in SAID if name not in dataset.attrs]
+    if unsaid:
+        raise DataError(
+            where, f"no attribute {', '.join(unsaid)}", f"attributes {', '.join(SAID)}",
+            "write it with `tmca simulate` or add them; docs/spectral.md says what they mean",
+        )  # fmt: skip
     snapshot = torch.from_numpy(np.array(dataset["snapshot"].values, dtype=np.float32))[None, None]
     if snapshot.ndim != 4 or not bool(torch.isfinite(snapshot).all()):
         raise DataError(where, "a snapshot that is not a finite (y, x) image", "one value per sensor pixel", "mend it")
     _check_geometry(dataset, where)
     camera = _camera(dataset, where)
     _check_origin(dataset, camera, where)
+    stated = float(dataset.attrs["full_scale"])
+    if abs(stated - camera.full_scale) > 1e-3 * camera.full_scale:
+        wanted = f"{camera.full_scale:g}, the sum of the response (times K at per-slot exposure)"
+        raise DataError(where, f"full_scale {stated:g}", wanted, "correct the attribute or the response")
     if tuple(snapshot.shape[1:]) != camera.snapshot_shape:
         found, expected = tuple(snapshot.shape[2:]), camera.snapshot_shape[1:]
         raise DataError(where, f"a snapshot of {found} pixels", f"{expected} from its codes and displacement")

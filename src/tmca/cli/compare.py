@@ -9,6 +9,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.numbers import Whole
 from tmca.cli.options import cluster_parameters
 
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
@@ -21,13 +22,13 @@ def spectral(
     test: Path,
     out: Path = Path("docs/results"),
     work: Path = Path("runs/compare-spectral"),
-    bands: int = 12,
+    bands: Whole = 12,
     decoders: str = "lmmse,mixture,admm-tv",
     validation: Path | None = None,
-    seed: int = 0,
-    seeds: int = 1,
-    steps: int = 400,
-    jobs: int = 1,
+    seed: Whole = 0,
+    seeds: Whole = 1,
+    steps: Whole = 400,
+    jobs: Whole = 1,
     slurm: str | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import SceneOptions, check_figure
+from tmca.cli.options import SceneOptions, assumed, check_figure
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = SceneOptions()
@@ -37,7 +37,7 @@ def evaluate(
     from tmca.experiments.spectral import evaluate_files
 
     check_figure(figure, overwrite, estimate)
-    found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, **reading.reading())
+    found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, told=assumed, **reading.reading())
     if json:
         print(json_module.dumps(found, indent=1))
         return

@@ -7,7 +7,13 @@ from dataclasses import fields
 
 from tmca.errors import TmcaError
 
-_ALIASES = {"count": "--wavelengths", "displacement": "--dispersion", "weight": "--tv-weight", "codes": "--aperture"}
+_ALIASES = {
+    "count": "--bands",
+    "displacement": "--dispersion",
+    "weight": "--tv-weight",
+    "codes": "--aperture",
+    "relay blur": "--relay-blur",
+}
 _EXTRA = (
     "crop",
     "variable",
@@ -19,6 +25,7 @@ _EXTRA = (
     "prior",
     "tv_weight",
     "seed",
+    "motion",
     "size",
 )
 
@@ -45,4 +52,4 @@ def in_options(error: TmcaError) -> str:
         return known[name] + (f" {value}" if value else "")
 
     text = re.sub(r"\b([a-z_]+)=(?:\"([^\"]*)\"|(\d+))?(?= |, |,$|;|\.|$)", option, text)
-    return re.sub(r"(--[a-z-]+) \(\1\)", r"\1", text)
+    return re.sub(r"(--[a-z-]+) \(\1( in nm)?\)", r"\1\2", text)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from tmca.cli.numbers import whole
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ _CAMERA = Group("Camera", sort_key=1)
 _SENSOR = Group("Sensor", sort_key=2)
 _OUTPUT = Group("Output", sort_key=3)
 _SCENE = Group("Reading the scene", sort_key=0)
+_MOST_CODES = 2**33
 
 
 @Parameter(name="*")
@@ -33,6 +35,8 @@ class SceneOptions:
     "Of the file's bands where it does not say, in nm: FIRST:LAST:COUNT or one per band."
     variable: Annotated[str | None, Parameter(group=_SCENE)] = None
     "Which one, where the file holds several."
+    scale: Annotated[float | None, Parameter(group=_SCENE)] = None
+    "Stored value that is relative irradiance 1; an integer type's maximum, or that of floats above 1, without it."
     negative: Annotated[Literal["error", "clip", "keep"], Parameter(group=_SCENE)] = "error"
     "What is done with negative pixels: refused, set to 0, or kept."
 
@@ -41,7 +45,7 @@ class SceneOptions:
         from tmca.cli.wavelengths import metres
 
         given = None if self.wavelengths is None else metres(self.wavelengths)
-        return {"wavelengths": given, "variable": self.variable, "negative": self.negative}
+        return {"wavelengths": given, "variable": self.variable, "scale": self.scale, "negative": self.negative}
 
 
 @Parameter(name="*")
@@ -51,7 +55,7 @@ class SpectralOptions:
 
     preset: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Start from a named camera: thesis, cassi, one-hot. Other options replace its values."
-    slots: Annotated[int | None, Parameter(group=_CAMERA)] = None
+    slots: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
     "Time slots K within the exposure; those of the patterns where a file is given. [default: 8]"
     aperture: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns. [default: random]"
@@ -71,15 +75,21 @@ class SpectralOptions:
     "Share of open shutter pixels. [default: 0.5]"
     coloured: Annotated[Path | None, Parameter(group=_CAMERA)] = None
     "File of a static coloured aperture, bands × rows × columns, in the place of the codes."
-    period: Annotated[int | None, Parameter(group=_CAMERA)] = None
+    period: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
     "Tile of the codes in pixels; full frame without it."
     weights: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Learned codes: a file or run of `tmca train`, or default, which comes with tmca (static for --slots 1, or K = 8)."
-    seed: Annotated[int, Parameter(group=_CAMERA)] = 0
+    seed: Annotated[int, Parameter(group=_CAMERA, converter=whole)] = 0
     "Of the codes and the noise."
 
     def chosen(self) -> dict[str, Any]:
         """Camera arguments that were given, files read and numbers parsed."""
+        if not 0 <= self.seed < 2**30:
+            raise SettingError("--seed", str(self.seed), "0 or more, below 2^30")
+        for name in ("transmittance", "duty"):
+            share = getattr(self, name)
+            if share is not None and not 0 <= share <= 1:
+                raise SettingError(f"--{name}", f"{share:g}", "a share between 0 and 1")
         given = {
             name: value for name, value in vars(self).items() if value is not None and name not in ("preset", "weights")
         }
@@ -107,7 +117,7 @@ class SensorOptions:
     "Electrons at full scale; switches shot noise on."
     read_noise_electrons: Annotated[float, Parameter(group=_SENSOR)] = 0.0
     "Read noise in electrons, standard deviation; needs --full-well."
-    bits: Annotated[int | None, Parameter(group=_SENSOR)] = None
+    bits: Annotated[int | None, Parameter(group=_SENSOR, converter=whole)] = None
     "Bits of the analogue-to-digital converter."
 
 
@@ -139,6 +149,7 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
         "size": scene.shape[1:],
         "sensor": Sensor(**vars(sensor)),
     }
+    check_memory(camera.slots or 1, scene.shape[1:])
     for plane in ("aperture", "shutter"):
         if plane in settings:
             settings[plane] = fitted(settings[plane], scene.shape[1:], settings, plane)
@@ -148,6 +159,23 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
     if made.throughput() == 0:
         raise SettingError("codes", "none that let light through", "some open pixels in aperture and shutter together")
     return made
+
+
+def check_memory(slots: int, size: tuple[int, ...]) -> None:
+    """Refuse codes that no machine holds."""
+    needed = 8.0 * slots * size[0] * size[1]
+    if needed > _MOST_CODES:
+        found = f"{slots}: codes of {needed / 2**30:.0f} GiB at {size[0]}×{size[1]} pixels"
+        raise SettingError("--slots", found, f"at most {_MOST_CODES / 2**30:.0f} GiB")
+
+
+def assumed(cube: xr.DataArray) -> None:
+    """Say on standard error what was taken for granted about a file."""
+    origin, file = str(cube.attrs.get("wavelengths_from", "")), cube.attrs.get("source")
+    if origin.startswith("known set"):
+        print(f"tmca: {file}: no wavelengths in it, taken from the {origin} (--wavelengths)", file=sys.stderr)
+    if cube.attrs.get("scale_from") == "maximum":
+        print(f"tmca: {file}: divided by its maximum, {cube.attrs['scale']:g} (--scale)", file=sys.stderr)
 
 
 def _learned_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor) -> SpectralCamera:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.cli.options import SceneOptions, SensorOptions, SpectralOptions, check_figure
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
@@ -20,13 +21,13 @@ def learn(
     out: Path,
     mixture: Annotated[bool, Parameter(negative="")] = False,
     split: Path | None = None,
-    bands: int = 12,
+    bands: Whole = 12,
     all_bands: Annotated[bool, Parameter(negative="")] = False,
-    spread: int | None = None,
+    spread: MaybeWhole = None,
     reading: SceneOptions = _SCENE,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
-    seed: int = 0,
+    seed: Whole = 0,
 ) -> None:
     """Learn a prior from SCENES: cube files, or names of rendered scenes.
 

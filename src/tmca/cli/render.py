@@ -7,6 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from tmca.cli.numbers import Whole
+
 
 def render(
     scene: str,
@@ -15,7 +17,7 @@ def render(
     out: Path | None = None,
     size: str | None = None,
     illuminant: str | None = None,
-    seed: int = 0,
+    seed: Whole = 0,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:

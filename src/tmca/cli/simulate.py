@@ -8,11 +8,13 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.numbers import Whole
 from tmca.cli.options import (
     OutputOptions,
     SceneOptions,
     SensorOptions,
     SpectralOptions,
+    assumed,
     check_targets,
     pair,
     size,
@@ -27,7 +29,7 @@ _OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOp
 @app.command
 def spectral(
     *scenes: str,
-    bands: int = 12,
+    bands: Whole = 12,
     all_bands: Annotated[bool, Parameter(negative="")] = False,
     crop: str | None = None,
     motion: str | None = None,
@@ -56,6 +58,7 @@ def spectral(
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
     cubes = [load_scene(scene, bands=kept, size=size(crop, "--crop"), **reading.reading()) for scene in scenes]
     cube, moved = cubes[0], pair(motion, "--motion")
+    assumed(cube)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures), output.overwrite, scenes[0])
     taken = take_snapshot(cubes, spectral_camera(cube, camera, sensor), seed=camera.seed, motion=moved)

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.numbers import Whole
 from tmca.cli.options import cluster_parameters
 from tmca.errors import SettingError
 
@@ -25,10 +26,10 @@ def spectral(
     train: Path | None = None,
     decoder: str = "lmmse",
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
-    steps: int = 300,
-    bands: int = 12,
+    steps: Whole = 300,
+    bands: Whole = 12,
     crop: str | None = None,
-    jobs: int = 1,
+    jobs: Whole = 1,
     slurm: str | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.numbers import MaybeWhole
 from tmca.errors import SettingError
 
 app = App(name="train", help="Learn a camera's codes and its decoder together.")
@@ -23,7 +24,7 @@ def spectral(
     train: list[str] | None = None,
     validation: list[str] | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
-    steps: int | None = None,
+    steps: MaybeWhole = None,
     accelerator: str = "auto",
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:

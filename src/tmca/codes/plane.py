@@ -113,7 +113,7 @@ def _tile(period: int | tuple[int, int] | None, name: str) -> tuple[int, int] | 
         return None
     tile = (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
     if min(tile) < 1:
-        raise SettingError(f"{name} period", str(period), "at least 1 pixel", "or None for a full-frame code")
+        raise SettingError(f"{name} period", str(period), "at least 1 pixel", "leave it out for a full-frame code")
     return tile
 
 

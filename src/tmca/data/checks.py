@@ -12,6 +12,8 @@ from tmca.data.formats.stored import Stored
 from tmca.errors import DataError, SettingError
 
 Negative = Literal["error", "clip", "keep"]
+MAXIMUM = "maximum"
+"""Where the divisor of floats above 1 comes from, if nothing else is known."""
 
 
 def check_pixels(cube: NDArray[np.float32], where: object, negative: Negative = "error") -> None:
@@ -46,8 +48,8 @@ def _refuse(cube: NDArray[np.float32], bad: NDArray[np.bool_], where: object, na
         raise DataError(where, found, "finite values from 0 up", remedy)
 
 
-def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] | None) -> float:
-    """What the stored values are divided by to become relative irradiance.
+def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] | None) -> tuple[float, str]:
+    """What the stored values are divided by to become relative irradiance, and where that comes from.
 
     ``scale`` if given; what the file states; a known set's full scale (ICVL's 12 bits); an integer type's
     maximum; for floats the maximum of the whole cube if it is above 1, else 1.
@@ -64,21 +66,21 @@ def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] 
     if scale is not None:
         if not np.isfinite(scale) or scale <= 0:
             raise SettingError("scale", repr(scale), "a number above 0")
-        return float(scale)
+        return float(scale), "argument"
     if stored.full_scale is not None:
-        return stored.full_scale
+        return stored.full_scale, "file"
     known = find_known(stored.name, stored.shape[axis])
     top = None
     if known is not None and known.full_scale is not None:
         top = _maximum(stored, axis, bands)
         if 1 < top <= known.full_scale:
-            return known.full_scale
+            return known.full_scale, known.label
     if stored.dtype.kind in "iu":
-        return float(np.iinfo(stored.dtype).max)
+        return float(np.iinfo(stored.dtype).max), "integer type"
     if stored.dtype.kind == "b":
-        return 1.0
+        return 1.0, "file"
     top = _maximum(stored, axis, bands) if top is None else top
-    return top if top > 1 else 1.0
+    return (top, MAXIMUM) if top > 1 else (1.0, "file")
 
 
 def _maximum(stored: Stored, axis: int, bands: NDArray[Any] | None) -> float:

@@ -56,7 +56,7 @@ def read(
 
     Returns:
         dims ``(wavelength, y, x)``, float32; coordinates ``wavelength`` (m) and ``wavelength_nm``; attrs
-        ``source``, ``variable``, ``scale`` (the divisor), ``wavelengths_from``.
+        ``source``, ``variable``, ``scale`` (the divisor) and ``scale_from``, ``wavelengths_from``.
 
     Raises:
         DataError: the file is missing, damaged, no cube, without wavelengths, or has NaN, infinite or
@@ -73,10 +73,16 @@ def read(
         pixels = _load(stored, axis, chosen)
         complete = pixels if bands is None else None
         check_pixels(pixels, contents.path, negative)
-        by = divisor(stored, axis, scale, complete)
+        by, scaled = divisor(stored, axis, scale, complete)
         coords = _other_coords(stored, axis)
     pixels /= np.float32(by)
-    about = {"source": str(path), "variable": stored.name, "scale": by, "wavelengths_from": origin}
+    about = {
+        "source": str(path),
+        "variable": stored.name,
+        "scale": by,
+        "scale_from": scaled,
+        "wavelengths_from": origin,
+    }
     return label(pixels, metres[chosen], about, coords)
 
 
@@ -164,7 +170,7 @@ def find_wavelengths(
         path,
         f"{count} bands without wavelengths",
         f"{count} wavelengths",
-        f"pass wavelengths= in metres (--wavelengths), or list them in nm in {sidecar_paths(path)[0].name}",
+        f"pass wavelengths= (--wavelengths in nm), or list them in nm in {sidecar_paths(path)[0].name}",
     )
 
 

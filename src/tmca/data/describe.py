@@ -72,7 +72,7 @@ def _main(contents: Contents, variable: str | None) -> dict[str, Any]:
         "dims": dims,
         "spectral_axis": axis,
         "wavelengths": waves,
-        "scale": divisor(stored, axis, None, None),
+        "scale": divisor(stored, axis, None, None)[0],
     }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from tmca.cameras import SpectralCamera
@@ -91,7 +91,7 @@ class Weights:
             "camera": self.camera, "prior": self.prior, "card": self.card,
         }  # fmt: skip
         with atomic_path(path, overwrite=overwrite) as temporary:
-            save_file(tensors, temporary, {"format": FORMAT, "tmca": json.dumps(plain(about))})
+            temporary.write_bytes(save(tensors, {"format": FORMAT, "tmca": json.dumps(plain(about))}))
         return Path(path)
 
     @classmethod

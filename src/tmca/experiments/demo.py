@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import find_weights
-from tmca.errors import OutputError
+from tmca.errors import OutputError, TmcaError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
 from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure
@@ -73,7 +73,11 @@ def run_demo(
         rows = _demo(out, size, overwrite, told)
     else:
         with atomic_path(out) as folder:  # whole or not at all: an interrupted demo leaves nothing behind
-            rows = _demo(make_folder(folder), size, overwrite, told)
+            try:
+                rows = _demo(make_folder(folder), size, overwrite, told)
+            except TmcaError as error:  # the folder that the user knows
+                place = error.where.replace(str(folder), str(out))
+                raise type(error)(place, error.found, error.expected, error.remedy) from error
     return {"rows": rows, "report": str(out / "report.html"), "seconds": time.perf_counter() - start}
 
 

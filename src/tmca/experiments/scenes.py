@@ -26,6 +26,7 @@ def load_scene(
     size: tuple[int, int] | None = None,
     wavelengths: Sequence[float] | None = None,
     variable: str | None = None,
+    scale: float | None = None,
     negative: Negative = "error",
 ) -> xr.DataArray:
     """A spectral cube of ``bands`` bands.
@@ -36,6 +37,7 @@ def load_scene(
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
         variable: which one, where the file holds several.
+        scale: stored value that is relative irradiance 1; see ``tmca.data.read``.
         negative: what is done with negative pixels of a file: ``"error"``, ``"clip"`` to 0, or ``"keep"``.
 
     Returns:
@@ -55,7 +57,7 @@ def load_scene(
             name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
         )
     else:
-        cube = read(name, wavelengths=wavelengths, variable=variable, negative=negative)
+        cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
     if bands is not None:
         cube = select_bands(cube, bands)
     cube = cube if size is None else centre_crop(cube, size, name)

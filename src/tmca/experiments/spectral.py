@@ -200,28 +200,69 @@ def reconstruction_pictures(
 
 
 def evaluate_files(
-    estimate: str | Path, truth: str, *, figure: Path | None = None, overwrite: bool = False, **reading: Any
+    estimate: str | Path,
+    truth: str,
+    *,
+    figure: Path | None = None,
+    overwrite: bool = False,
+    told: Callable[[xr.DataArray], None] | None = None,
+    **reading: Any,
 ) -> dict[str, float]:
-    """Metrics of one cube file against another; bands matched by wavelength, a larger truth cropped to its middle;
-    ``reading`` goes to ``load_scene``.
+    """Metrics of one cube file against another; bands matched by wavelength, a larger truth cropped to its middle.
+
+    ``reading`` goes to ``load_scene`` for the truth, which ``told`` is then shown. The estimate is taken as it is
+    stored, floats never rescaled.
 
     Raises:
-        DataError: the truth is smaller than the estimate.
+        DataError: the truth is smaller than the estimate, or has fewer bands.
     """
-    from tmca.data import nearest_bands, read
     from tmca.metrics import all_metrics
 
     if figure is not None and Path(estimate).resolve() == figure.resolve():
         raise SettingError("--figure", str(figure), "another file than the estimate")
-    cube = read(estimate, negative="keep")
-    reference = nearest_bands(load_scene(truth, bands=None, **reading), cube["wavelength"].values)
-    reference = centre_crop(reference, (cube.shape[1], cube.shape[2]), truth)
+    cube, reference = _pair_of(estimate, truth, reading, told)
     if figure is not None:
         drawing = reconstruction_figure(
             {Path(estimate).stem: cube.values}, cube["wavelength"].values.tolist(), reference.values
         )
         save_figure(drawing, figure, overwrite=overwrite)
     return all_metrics(cube.values, reference.values)
+
+
+def _pair_of(
+    estimate: str | Path, truth: str, reading: dict[str, Any], told: Callable[[xr.DataArray], None] | None
+) -> tuple[xr.DataArray, xr.DataArray]:
+    """Estimate and truth at the estimate's bands and size."""
+    from tmca.data import nearest_bands
+
+    cube = _estimate(estimate, reading)
+    if "scale_from" in cube.attrs and cube.attrs["scale_from"] == "maximum":
+        cube = cube * cube.attrs["scale"]
+    whole = load_scene(truth, bands=None, **reading)
+    if cube.sizes["wavelength"] > whole.sizes["wavelength"]:
+        found = f"{whole.sizes['wavelength']} bands"
+        raise DataError(truth, found, f"at least the {cube.sizes['wavelength']} of {estimate}", "swap the two files?")
+    if cube.sizes["y"] > whole.sizes["y"] or cube.sizes["x"] > whole.sizes["x"]:
+        found = f"{whole.sizes['y']}×{whole.sizes['x']} pixels"
+        wanted = f"at least the {cube.sizes['y']}×{cube.sizes['x']} of {estimate}"
+        raise DataError(truth, found, wanted, "swap the two files, or crop the estimate")
+    if told:
+        told(whole)
+    reference = nearest_bands(whole, cube["wavelength"].values)
+    return cube, centre_crop(reference, (cube.shape[1], cube.shape[2]), truth)
+
+
+def _estimate(path: str | Path, reading: dict[str, Any]) -> xr.DataArray:
+    """An estimate's file; wavelengths of the command line where it has none itself."""
+    from tmca.data import Negative, read
+
+    negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
+    try:
+        return read(path, negative=negative)
+    except DataError:
+        if reading.get("wavelengths") is None:
+            raise
+        return read(path, wavelengths=reading["wavelengths"], negative=negative)
 
 
 def _labelled(found: Decoded, decoder: str, snapshot: Snapshot, truth: xr.DataArray | None) -> Reconstruction:

@@ -117,7 +117,20 @@ def _expected(rows: Sequence[dict[str, Any]]) -> list[str]:
         "thousands of patches. Overlapping blocks, blended, do better than single ones.",
         "",
         markdown_table(rows, columns),
+        "",
+        *_ranking(rows),
     ]
+
+
+def _ranking(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Whether the prediction puts the codes into the order that they have on the test scenes, noise by noise."""
+    said = ["The order of the codes, best first, as predicted and on patches of the test scenes:", ""]
+    for noise in dict.fromkeys(row["noise"] for row in rows):
+        mine = [row for row in rows if row["noise"] == noise]
+        orders = [[row["code"] for row in sorted(mine, key=lambda row: -row[key])] for key in ("predicted", "test")]
+        agree = "the same" if orders[0] == orders[1] else f"not the same: {', '.join(orders[1])} on the test scenes"
+        said.append(f"- {noise}: {', '.join(orders[0])}; {agree}.")
+    return said
 
 
 def listed(split: Path) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Protocol
 import torch
 from torch import Tensor, nn
 
-from tmca.errors import ShapeError
+from tmca.errors import SettingError, ShapeError
 
 _TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
 
@@ -88,6 +88,11 @@ class LinearOperator(nn.Module):
         return self.A_adjoint(solved)
 
     def _check(self, tensor: Tensor, shape: tuple[int, ...], name: str) -> None:
+        if not isinstance(tensor, Tensor) or not tensor.is_floating_point():
+            found = str(getattr(tensor, "dtype", type(tensor).__name__))
+            raise SettingError(
+                name, found, "a floating-point torch tensor", "convert it with torch.as_tensor(…).float()"
+            )
         if tensor.ndim != len(shape) + 1 or tuple(tensor.shape[1:]) != tuple(shape):
             raise ShapeError(
                 name,

@@ -47,7 +47,7 @@ class Sensor(nn.Module):
             if not (isfinite(value) and value >= 0):
                 raise SettingError(name, str(value), "a finite number ≥ 0")
         if full_well is not None and not (isfinite(full_well) and full_well > 0):
-            raise SettingError("full_well", str(full_well), "a number of electrons > 0", "or None for no shot noise")
+            raise SettingError("full_well", str(full_well), "electrons > 0", "leave it out for no shot noise")
         if read_noise_electrons and full_well is None:
             raise SettingError(
                 "read_noise_electrons",

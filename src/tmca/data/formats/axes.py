@@ -91,7 +91,8 @@ def _is_known(stored: Stored) -> bool:
 
 def _no_cube(contents: Contents) -> DataError:
     numeric = [s for s in contents.arrays.values() if s.numeric]
-    names = ", ".join(f"{s.name} {s.shape}" for s in numeric[:6]) or "nothing numeric"
+    others = ", ".join(f"{s.name} of type {s.dtype}" for s in list(contents.arrays.values())[:6])
+    names = ", ".join(f"{s.name} {s.shape}" for s in numeric[:6]) or others or "nothing numeric"
     return DataError(
         contents.path,
         f"no array of three axes ({names})",

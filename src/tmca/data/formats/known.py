@@ -1,6 +1,6 @@
 """Public data sets whose files carry no wavelengths, recognised by band count and variable name.
 
-CAVE: Yasuma et al. 2010. KAIST: Choi et al. 2017. ICVL: Arad & Ben-Shahar 2016. Harvard: Chakrabarti &
+CAVE: Yasuma et al. 2010. ICVL: Arad & Ben-Shahar 2016. Harvard: Chakrabarti &
     Zickler 2011.
 TSA-Net: Meng et al. 2020 (the bands of its simulated scenes). Flower-stars: Diaz et al. 2018 (band edges
 given; the centres are used). Samson: the 95 x 95 crop of the airborne scene.
@@ -51,7 +51,7 @@ class KnownSet:
 KNOWN_SETS = (
     KnownSet("ICVL", _steps(400, 700, 31), frozenset({"rad"}), full_scale=4095.0),
     KnownSet("Harvard", _steps(420, 720, 31), frozenset({"ref"})),
-    KnownSet("CAVE/KAIST", _steps(400, 700, 31)),
+    KnownSet("CAVE", _steps(400, 700, 31)),
     KnownSet("TSA-Net simulation", _TSA_NM, frozenset({"img", "img_expand", "data_slice"})),
     KnownSet("flower-stars", tuple((a + b) / 2 for a, b in _FLOWER_EDGES_NM), frozenset({"Ori"})),
     KnownSet("Samson", _steps(401, 889, 156)),

@@ -74,8 +74,10 @@ def from_file(values: Any, unit: object = None) -> NDArray[np.float64] | None:
         return None
     vector = vector.astype(np.float64).ravel()
     count = np.arange(vector.size)
-    if not np.isfinite(vector).all() or np.array_equal(vector, count) or np.array_equal(vector, count + 1):
+    if np.array_equal(vector, count) or np.array_equal(vector, count + 1):
         return None
+    if not np.isfinite(vector).all() or (vector <= 0).all():
+        return vector  # meant as wavelengths, and refused as such
     known = unit_of(unit) if unit is not None else None
     known = known or guess_unit(vector)
     return None if known is None else nm_to_metres(vector * _TO_NM[known])
