@@ -136,7 +136,7 @@ def spectra(
 ) -> None:
     """Solid: the first cube (the truth); the others with dashes and dots."""
     nanometres = np.asarray(wavelengths) * 1e9
-    styles = ("-", "--", ":", "-.")
+    styles = ("-", "--", ":", "-.", (0, (6, 2)), (0, (3, 1, 1, 1)))
     for style, (name, cube) in zip(styles, cubes.items(), strict=False):
         for index, (row, column) in enumerate(points):
             label = name if index == 0 and name else None
