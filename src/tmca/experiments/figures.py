@@ -136,11 +136,18 @@ def spectra(
 ) -> None:
     """Solid: the first cube (the truth); the others with dashes and dots."""
     nanometres = np.asarray(wavelengths) * 1e9
-    styles = ("-", "--", ":", "-.", (0, (6, 2)), (0, (3, 1, 1, 1)))
+    styles: tuple[Any, ...] = ("-", "--", ":", "-.", (0, (6, 2)), (0, (3, 1, 1, 1)))
     for style, (name, cube) in zip(styles, cubes.items(), strict=False):
         for index, (row, column) in enumerate(points):
             label = name if index == 0 and name else None
-            axis.plot(nanometres, cube[:, row, column], style, color=_POINT_COLOURS[index], label=label, linewidth=1.4)
+            axis.plot(
+                nanometres,
+                cube[:, row, column],
+                linestyle=style,
+                color=_POINT_COLOURS[index],
+                label=label,
+                linewidth=1.4,
+            )
     plain_axes(axis, "spectra at the points", "wavelength (nm)", "relative irradiance")
     if any(cubes):
         axis.legend(fontsize=_SMALL)
