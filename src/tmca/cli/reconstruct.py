@@ -33,7 +33,7 @@ def reconstruct(
 
     Args:
         snapshot: snapshot file; it carries codes, dispersion, wavelengths, exposure and noise.
-        decoder: lmmse (default), lmmse-adapted (prior refitted to the snapshot: most accurate, minutes), mixture,
+        decoder: lmmse (default), lmmse-adapted (its prior refitted to the snapshot itself), mixture,
             admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means, dagger, or network.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (12 bands); the decoder
             is then network.

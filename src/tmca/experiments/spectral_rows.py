@@ -13,9 +13,12 @@ CODES: dict[str, dict[str, Any]] = {
 LEARNED: dict[str, dict[str, Any]] = {
     "CASSI learned": {"slots": 1, "aperture": "random", "shutter": "open", "learn": "aperture", "period": 32},
     "TMCA learned K = 8": {"slots": 8, "aperture": "random", "shutter": "random", "learn": "both", "period": 32},
-}
+    "TMCA learned K = 8, from random": {
+        "slots": 8, "aperture": "random", "shutter": "random", "duty": 0.7, "learn": "both", "period": 32,
+    },
+}  # fmt: skip
 """The second starts at the codes and the decoder of the first: time multiplexing contains the static camera."""
-STATIC, MULTIPLEXED = LEARNED
+STATIC, MULTIPLEXED, FREE = LEARNED
 NOISES: dict[str, dict[str, Any]] = {
     "noise-free": {},
     "σ = 0.01": {"read_noise": 0.01},
@@ -59,6 +62,7 @@ SHOWN = (
     ("TMCA one-hot K = 4", "lmmse-adapted"),
     (STATIC, "unrolled"),
     (MULTIPLEXED, "unrolled"),
+    (FREE, "unrolled"),
 )
 """Rows that are pictured, the thesis' five first."""
 POOL = {"lmmse": 1536, "mixture": 768, "adjoint": 0}
@@ -78,9 +82,9 @@ def training_of(code: str, decoder: str, seed: int, steps: int) -> dict[str, Any
         "camera": camera,
         "noise": list(NOISES.values()),
         "decoder": NETWORKS[decoder],
-        "codes": {"frozen": 0.5},
+        "codes": {"frozen": 0.5, "slope": [2.0, 40.0]},
         "data": {"pool": POOL[NETWORKS[decoder]["start"]]},
-        "optimiser": {"steps": steps, "loss": loss},
+        "optimiser": {"steps": steps, "loss": loss, "code_rate": 0.06},
         "validate_every": max(1, steps // 6),
         "seed": seed,
     }
