@@ -85,8 +85,10 @@ def sweep_spectral(
     run_cells(named, sweep_training, work, jobs=jobs, cluster=cluster, progress=progress)  # once for all scenes
     measured = run_cells(cells, sweep_cell, make_folder(work), jobs=jobs, cluster=cluster, progress=progress)
     rows = _rows(points, measured, len(scenes))
-    found = {"command": " ".join(command), "commit": repository_commit(), "scenes": list(map(str, scenes)),
-             "vary": {name: list(values) for name, values in vary.items()}, "rows": rows}  # fmt: skip
+    found = {
+        "command": " ".join(command), "commit": repository_commit(), "scenes": [Path(scene).stem for scene in scenes],
+        "vary": {name: list(values) for name, values in vary.items()}, "rows": rows,
+    }  # fmt: skip
     write_json(found, files[0], overwrite=overwrite)
     write_text(_csv(rows, list(vary)), files[1], overwrite=overwrite)
     write_text(_markdown(found, list(vary)), files[2], overwrite=overwrite)
