@@ -102,24 +102,72 @@ def decode_blocks(
     the blocks' judged columns, which the error of the blended estimate hardly exceeds. ``differentiable`` lets
     gradients reach code and snapshot, the weights of the blend apart.
     """
-    check_snapshot(snapshot, taps)
-    grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
-    code = grid.pad_code(taps.code if differentiable else taps.code.detach())
-    groups = equal_windows(grid, code)
-    typical = solver.typical_variance(grid.code_windows(code.detach(), spread_out(grid.positions)))
-    window = blend_weights(typical).unflatten(0, model.block)
-    first, last = model.judged
-    parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
-    canvases = [None if part is None else Canvas.blank(grid, len(snapshot), part) for part in parts]
-    values = grid.pad_snapshot(snapshot[:, 0].to(solver.dtype))
+    blend = Blend.of(
+        solver, model, snapshot, taps, stride, uncertainty=uncertainty, scatter=scatter, differentiable=differentiable
+    )
     with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
-        for done in _lay(solver, grid, groups, values, code, canvases):
+        blend.lay(solver, progress=progress)
+    return blend.estimate()
+
+
+@dataclass
+class Blend:
+    """Snapshots, the code that made them, and the canvases on which their blocks are laid.
+
+    Args:
+        grid: of the blocks.
+        code: (taps, H, W) padded.
+        snapshot: (B, H, W') padded.
+        canvases: of the estimate, of its variance and of its square; None where not asked for.
+    """
+
+    grid: BlockGrid
+    code: Tensor
+    snapshot: Tensor
+    canvases: list[Canvas | None]
+
+    @classmethod
+    def of(
+        cls,
+        solver: Solver,
+        model: BlockModel,
+        snapshot: Tensor,
+        taps: Taps,
+        stride: tuple[int, int],
+        *,
+        uncertainty: bool = False,
+        scatter: bool = False,
+        differentiable: bool = False,
+    ) -> Blend:
+        """Empty canvases; ``solver`` says how the places in a block are weighted."""
+        check_snapshot(snapshot, taps)
+        grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
+        code = grid.pad_code(taps.code if differentiable else taps.code.detach())
+        typical = solver.typical_variance(grid.code_windows(code.detach(), spread_out(grid.positions)))
+        window = blend_weights(typical).unflatten(0, model.block)
+        first, last = model.judged
+        parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
+        canvases = [None if part is None else Canvas.blank(grid, len(snapshot), part) for part in parts]
+        return cls(grid, code, grid.pad_snapshot(snapshot[:, 0].to(solver.dtype)), canvases)
+
+    def lay(
+        self,
+        solver: Solver,
+        places: list[tuple[int, int]] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        """Solve the blocks at some places, all of them by default, and lay them on the canvases."""
+        groups = equal_windows(self.grid, self.code, places)
+        for done in _lay(solver, self.grid, groups, self.snapshot, self.code, self.canvases):
             if progress:
                 progress(done / len(groups))
-    mean, variance, square = (None if canvas is None else canvas.mean(grid) for canvas in canvases)
-    assert mean is not None
-    between = None if square is None else (square - mean.square()).clamp_min(0)
-    return Estimate(mean, None if variance is None else variance.sqrt(), between)
+
+    def estimate(self) -> Estimate:
+        """What the canvases say."""
+        mean, variance, square = (None if canvas is None else canvas.mean(self.grid) for canvas in self.canvases)
+        assert mean is not None
+        between = None if square is None else (square - mean.square()).clamp_min(0)
+        return Estimate(mean, None if variance is None else variance.sqrt(), between)
 
 
 def blend_weights(variance: Tensor) -> Tensor:
@@ -154,10 +202,12 @@ def _lay(
         yield start + len(part)
 
 
-def equal_windows(grid: BlockGrid, code: Tensor) -> list[list[tuple[int, int]]]:
-    """The grid's positions, grouped by equal windows of the padded code."""
+def equal_windows(
+    grid: BlockGrid, code: Tensor, places: list[tuple[int, int]] | None = None
+) -> list[list[tuple[int, int]]]:
+    """The grid's positions, or some of them, grouped by equal windows of the padded code."""
     groups: dict[bytes, list[tuple[int, int]]] = {}
-    for place in grid.positions:
+    for place in grid.positions if places is None else places:
         window = grid.code_windows(code.detach(), [place]).contiguous().cpu().numpy()
         groups.setdefault(blake2b(window.data, digest_size=16).digest(), []).append(place)
     return list(groups.values())
