@@ -7,6 +7,7 @@ import torch
 
 from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
 from tmca.decoders import AdaptedLMMSE, PatchLMMSE
+from tmca.decoders.adapted import Tiling
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.adaptation import error_moments, refitted
@@ -114,3 +115,32 @@ def test_what_it_cannot_do_is_refused():
     plain = replace(PRIOR, moments=PRIOR.covariance)
     with pytest.raises(SettingError, match="stationary"):
         AdaptedLMMSE(plain)(y, taps, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("size", "side", "counts"), [((64, 96), 32, (2, 3)), ((33, 47), 20, (2, 2)), ((9, 9), 50, (1, 1))]
+)
+def test_tiles_share_out_the_blocks_and_cover_the_frame(size, side, counts):
+    tiling = Tiling.of(size, side)
+    assert tiling.counts == counts
+    grid = BlockGrid.cover(BlockModel.of(camera("single disperser", *size), (3, 4, 12)), size, (4, 8))
+    shared = tiling.places(grid)
+    assert sorted(place for places in shared.values() for place in places) == sorted(grid.positions)
+    seen = torch.zeros(size, dtype=torch.int64)
+    for tile in tiling.tiles:
+        seen[tiling.area(tile, 0, (1, 1))] += 1
+        rows, columns = tiling.area(tile, 3, (4, 12)) if size != (9, 9) else tiling.area(tile, 3, (4, 9))
+        assert rows.stop - rows.start >= 4
+        assert columns.stop - columns.start >= min(12, size[1])
+    assert (seen == 1).all()
+
+
+def test_tiles_follow_statistics_that_change_over_the_image(monkeypatch):
+    monkeypatch.setattr("tmca.decoders.adapted._MARGIN", 0)
+    white = torch.rand(3, 48, 48, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    scene = torch.cat([0.3 + 0.01 * smooth_scene(48, 48, seed=20), white], dim=2)
+    taps = camera("single disperser", 48, 96, seed=4)
+    y = noisy(snapshot(taps, scene[None]), 0.05, 0.0)
+    found = (AdaptedLMMSE(PRIOR, tile=tile)(y, taps, 0.05).estimate[0] for tile in (48, None))
+    tiled, whole = (float((one - scene)[..., :32].square().mean()) for one in found)
+    assert tiled < 0.5 * whole

@@ -87,7 +87,9 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
     y = noisy(snapshot(taps, torch.stack([smooth_scene(9, 40, seed=s) for s in (5, 6)])), 0.02, 0.0)
     decoder = PatchLMMSE(narrower(4, 12), stride=(3, 4), dtype=torch.float64)
     shared = decoder(y, taps, 0.02, uncertainty=True)
-    monkeypatch.setattr("tmca.decoders.blending.equal_windows", lambda grid, code, places=None: [[p] for p in grid.positions])
+    monkeypatch.setattr(
+        "tmca.decoders.blending.equal_windows", lambda grid, code, places=None: [[p] for p in grid.positions]
+    )
     alone = decoder(y, taps, 0.02, uncertainty=True)
     torch.testing.assert_close(shared.estimate, alone.estimate, atol=1e-9, rtol=0)
     torch.testing.assert_close(shared.deviation, alone.deviation, atol=1e-9, rtol=0)

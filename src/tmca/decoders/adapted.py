@@ -15,10 +15,11 @@ from tmca.operators.taps import Taps
 from tmca.priors.adaptation import error_moments, refitted
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.posterior import GaussianSolver, sufficient_precision
+from tmca.priors.posterior import BlockPosterior, GaussianSolver, sufficient_precision
 
 ITERATIONS, TILE = 4, 128
 _MARGIN = 16  # pixels around a tile that its prior learns from too
+_SAMPLES = 4  # blocks of a tile whose posterior is looked into
 _LEAST_READ_NOISE = 5e-4  # snapshot units: while the prior is still unknown, single precision is enough above it
 
 
@@ -99,7 +100,7 @@ class AdaptedLMMSE(PatchDecoder):
         fine = self._stride(model, taps.code)
         dtype = sufficient_precision(self.prior, model, read_noise, shot)
         frame = Frame(snapshot, taps, model, tiling, fine, read_noise, shot, dtype)
-        return frame.estimate(priors, uncertainty, False, _share(progress, self.iterations, self.iterations + 1))
+        return frame.estimate(priors, uncertainty, _share(progress, self.iterations, self.iterations + 1))
 
 
 Tile = tuple[int, int]
@@ -159,10 +160,10 @@ class Frame:
     dtype: torch.dtype
 
     def estimate(
-        self, priors: dict[Tile, GaussianPrior], uncertainty: bool, scatter: bool, progress: Callable[[float], None]
+        self, priors: dict[Tile, GaussianPrior], uncertainty: bool, progress: Callable[[float], None]
     ) -> Estimate:
         """The whole scene, every block under the prior of its tile."""
-        blend = self._blend(priors, uncertainty, scatter)
+        blend = self._blend(priors, uncertainty=uncertainty)
         parts = self.tiling.places(blend.grid)
         for done, (tile, places) in enumerate(parts.items(), start=1):
             blend.lay(self._solver(priors[tile]), places)
@@ -173,39 +174,53 @@ class Frame:
         self, priors: dict[Tile, GaussianPrior], progress: Callable[[float], None]
     ) -> dict[Tile, GaussianPrior]:
         """The priors of the next iteration."""
-        found = self.estimate(priors, False, True, progress)
-        assert found.scatter is not None
-        grid = BlockGrid.cover(self.model, self.tiling.size, self.stride)
-        code, parts, fitted = grid.pad_code(self.taps.code.detach()), self.tiling.places(grid), dict(priors)
-        for tile in parts:
-            windows = grid.code_windows(code, spread_out(parts[tile]))
-            area = (slice(None), *self.tiling.area(tile, _MARGIN, self.model.block[1:]))
-            inside = (slice(None), *self.tiling.area(tile, 0, (1, 1)))
-            scatter = float(found.scatter[0][inside].mean())
-            unknown = self._unknown(priors[tile], windows, scatter)
-            fitted[tile] = refitted(priors[tile], found.estimate[0][area].clamp_min(0), unknown)
-        return fitted
+        blend, unknown = self._blend(priors, scatter=True), {}
+        parts = self.tiling.places(blend.grid)
+        for done, (tile, places) in enumerate(parts.items(), start=1):
+            solver = self._solver(priors[tile])
+            blend.lay(solver, places)
+            windows = blend.grid.code_windows(blend.code, spread_out(places, _SAMPLES))
+            unknown[tile] = _Unknown.of(priors[tile], solver.posterior(windows))
+            progress(done / len(parts))
+        found = blend.estimate()
+        return priors | {tile: self._fitted(tile, priors[tile], found, unknown[tile]) for tile in parts}
 
-    def _blend(self, priors: dict[Tile, GaussianPrior], uncertainty: bool, scatter: bool) -> Blend:
+    def _fitted(self, tile: Tile, prior: GaussianPrior, found: Estimate, unknown: _Unknown) -> GaussianPrior:
+        assert found.scatter is not None
+        around = (slice(None), *self.tiling.area(tile, _MARGIN, self.model.block[1:]))
+        inside = (slice(None), *self.tiling.area(tile, 0, (1, 1)))
+        moments = unknown.blended(float(found.scatter[0][inside].mean()))
+        return refitted(prior, found.estimate[0][around].clamp_min(0), moments)
+
+    def _blend(self, priors: dict[Tile, GaussianPrior], *, uncertainty: bool = False, scatter: bool = False) -> Blend:
         solver = self._solver(priors[self.tiling.tiles[len(self.tiling.tiles) // 2]])
         return Blend.of(
             solver, self.model, self.snapshot, self.taps, self.stride, uncertainty=uncertainty, scatter=scatter
         )
 
     def _solver(self, prior: GaussianPrior) -> GaussianSolver:
-        solver = GaussianSolver(prior, self.model, self.read_noise, self.shot, self.dtype)
-        prior.__dict__.pop("covariance", None)  # a hundred megabytes for each tile
-        return solver
+        return GaussianSolver(prior, self.model, self.read_noise, self.shot, self.dtype)
 
-    def _unknown(self, prior: GaussianPrior, windows: Tensor, scatter: float) -> Tensor:
-        """Moments of the blended estimate's error: those of some blocks, brought to its size.
+
+@dataclass(frozen=True)
+class _Unknown:
+    """What the measurements of single blocks leave unknown: its moments by distance, and its weighted mean variance."""
+
+    moments: Tensor
+    variance: Tensor
+
+    @classmethod
+    def of(cls, prior: GaussianPrior, posterior: BlockPosterior) -> _Unknown:
+        single = posterior.error_variance().mean(0)
+        return cls(error_moments(prior, posterior), (blend_weights(single) * single).mean())
+
+    def blended(self, scatter: float) -> Tensor:
+        """Moments of the blended estimate's error.
 
         The blend errs less than single blocks, by just the variance of what they say of the same pixel.
         """
-        posterior = self._solver(prior).posterior(windows)
-        moments, single = error_moments(prior, posterior), posterior.error_variance().mean(0)
-        blended = (blend_weights(single) * single).mean() - scatter
-        return moments * (blended / moments[:, :, 0, 0].diagonal().mean()).clamp_min(0)
+        single = self.moments[:, :, 0, 0].diagonal().mean()
+        return self.moments * ((self.variance - scatter) / single).clamp_min(0)
 
 
 def _share(progress: Callable[[float], None] | None, place: int, count: int) -> Callable[[float], None]:

@@ -55,8 +55,8 @@ def error_moments(prior: GaussianPrior, posterior: BlockPosterior) -> Tensor:
     width = last - first
     known = torch.zeros(bands, bands, h, width, dtype=torch.float64, device=prior.moments.device)
     for factor, cross in zip(posterior.factor, posterior.cross.unbind(1), strict=True):
-        part = posterior.model.in_judged(cross).double()
-        white = torch.linalg.solve_triangular(factor, part, upper=False)
+        part = posterior.model.in_judged(cross)
+        white = torch.linalg.solve_triangular(factor.to(part.dtype), part, upper=False)
         known += _correlation(white.unflatten(1, (bands, h, width))) / len(posterior.factor)
     pairs = (h - torch.arange(h)[:, None]) * (width - torch.arange(width))
     before = prior.moments[..., :width] * pairs.to(prior.moments)

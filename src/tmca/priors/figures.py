@@ -24,7 +24,7 @@ def draw_prior(prior: GaussianPrior, blocks: int = 12) -> Figure:
     values, vectors = _leading(prior, max(blocks, 60))
     figure = Figure(figsize=(11, 6), layout="constrained")
     bands, height, width = prior.block
-    total = float(prior.covariance.diagonal().sum())
+    total = float(prior.variance.sum())
     figure.suptitle(f"prior of blocks of {bands} bands × {height} × {width} pixels", fontsize=_TITLE)
     rows = -(-blocks // 3)
     grid = figure.add_gridspec(2 * rows, 5)
@@ -71,7 +71,7 @@ def _leading(prior: GaussianPrior, count: int) -> tuple[Tensor, Tensor]:
 def _draw_spectra(axis: Axes, prior: GaussianPrior) -> None:
     """Mean spectrum with one standard deviation either side."""
     mean = prior.mean.mean((1, 2)).numpy()
-    deviation = prior.covariance.diagonal().reshape(prior.block).mean((1, 2)).sqrt().numpy()
+    deviation = prior.variance.reshape(prior.block).mean((1, 2)).sqrt().numpy()
     known = prior.wavelengths is not None
     x = np.array(prior.wavelengths) * 1e9 if known else np.arange(len(mean))
     axis.plot(x, mean, color="#00798c", label="mean")

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
-from tmca.priors.statistics import autocovariance, sample_moments, scenes, toeplitz
+from tmca.priors.statistics import autocovariance, sample_moments, scenes, toeplitz, toeplitz_rows
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,6 +64,19 @@ class GaussianPrior:
     def covariance(self) -> Tensor:
         """(n, n) covariance of the flattened block, float64."""
         return toeplitz(self.moments) if self.stationary else self.moments
+
+    @property
+    def variance(self) -> Tensor:
+        """(n,) variance of the flattened block, float64."""
+        if not self.stationary:
+            return self.moments.diagonal()
+        return self.moments[:, :, 0, 0].diagonal().repeat_interleave(self.mean[0].numel())
+
+    def rows(self, pixels: Tensor, dtype: torch.dtype) -> Tensor:
+        """(..., n) rows of the covariance that belong to the flat indices ``pixels`` (...), without the whole of it."""
+        if not self.stationary:
+            return self.moments.to(dtype)[pixels]
+        return toeplitz_rows(self.moments.to(dtype), pixels)
 
     @classmethod
     def learn(

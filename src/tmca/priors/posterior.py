@@ -97,8 +97,8 @@ class GaussianSolver:
         self.model, self.read_noise, self.shot = model, read_noise, shot
         self.dtype = dtype or sufficient_precision(prior, model, read_noise, shot)
         self.mean = prior.mean.reshape(-1).to(self.dtype)
-        self.variance = prior.covariance.diagonal().to(self.dtype)
-        self.rows = prior.covariance.to(self.dtype)[model.pixels()]
+        self.variance = prior.variance.to(self.dtype)
+        self.rows = prior.rows(model.pixels(), self.dtype)
 
     def posterior(self, windows: Tensor) -> BlockPosterior:
         """The posterior of blocks under code windows (P, taps, h, w); differentiable in the windows."""
@@ -129,6 +129,6 @@ def noise_variance(expected: Tensor, read_noise: float, shot: float) -> Tensor:
 def sufficient_precision(prior: GaussianPrior, model: BlockModel, read_noise: float, shot: float) -> torch.dtype:
     """float32 where the noise stands well above its rounding errors, float64 where there is next to none."""
     pixels = model.pixels()
-    signal = prior.covariance.diagonal()[pixels].sum(1).mean()
+    signal = prior.variance[pixels].sum(1).mean()
     noise = read_noise**2 + shot * prior.mean.reshape(-1)[pixels].mean()
     return torch.float32 if noise > 1e-6 * signal else torch.float64

@@ -64,6 +64,15 @@ def toeplitz(moments: Tensor) -> Tensor:
     return full.permute(0, 2, 3, 1, 4, 5).reshape(channels * h * w, -1)
 
 
+def toeplitz_rows(moments: Tensor, pixels: Tensor) -> Tensor:
+    """Rows (..., n) of ``toeplitz`` that belong to the flat indices ``pixels`` (...)."""
+    channels, _, h, w = moments.shape
+    both = torch.cat([moments[:, :, 1:].flip(2), moments], 2)
+    both = torch.cat([both[..., 1:].flip(3), both], 3)
+    channel, row, column = torch.unravel_index(pixels, (channels, h, w))
+    return both.unfold(2, h, 1).unfold(3, w, 1)[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
+
+
 def random_blocks(examples: list[Tensor], block: tuple[int, int], count: int, seed: int, mirrored: bool) -> Tensor:
     """(count, L, h, w) blocks at uniformly random places, each axis mirrored half of the time if ``mirrored``."""
     (h, w), generator = block, torch.Generator().manual_seed(seed)
