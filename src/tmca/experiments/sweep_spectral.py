@@ -38,6 +38,7 @@ def sweep_spectral(
     fixed: Mapping[str, Any] | None = None,
     decoder: str = "lmmse",
     train: Sequence[str] = (),
+    validation: Sequence[str] = (),
     steps: int = 300,
     bands: int = 12,
     size: tuple[int, int] | None = None,
@@ -57,6 +58,7 @@ def sweep_spectral(
         fixed: settings of all cells.
         decoder: name of ``DECODER_NAMES``, unless it is varied; networks are trained at every combination.
         train: scenes of priors and networks; the rendered training scenes' prior if empty.
+        validation: scenes that choose a network's best step; some training scenes are set aside without any.
         steps: of each training.
         bands: from 400 to 700 nm.
         size: (H, W) middle of the scenes.
