@@ -115,7 +115,8 @@ def _network_of(cell: Settings) -> Path:
     network = NETWORKS[cell["decoder"]]
     training = {
         "camera": cell["camera"], "noise": [cell["sensor"]], "decoder": network,
-        "data": {"bands": cell["bands"], "pool": POOL[network["start"]], **scenes_of(cell["train"])},
+        "data": {"bands": cell["bands"], "pool": POOL[network["start"]], **scenes_of(cell["train"]),
+                 "validation": cell["validation"]},
         "optimiser": {"steps": cell["steps"], "loss": "l2" if cell["decoder"] == "unet-thesis" else "log"},
     }  # fmt: skip
     bands = cell["bands"]
@@ -130,7 +131,15 @@ def _prior_of(cell: Settings, camera: SpectralCamera) -> Path:
     from tmca.priors import learn_prior
 
     spread, mixture = camera.dispersion.spread, cell["decoder"] == "mixture"
-    key = cell_key({"train": cell["train"], "bands": cell["bands"], "spread": spread, "mixture": mixture})
+    key = cell_key(
+        {
+            "train": cell["train"],
+            "checksums": cell["checksums"],
+            "bands": cell["bands"],
+            "spread": spread,
+            "mixture": mixture,
+        }
+    )
     file = Path(cell["folder"]).parent / f"prior-{key}.nc"
     if not file.exists():
         cubes = [load_scene(name, bands=cell["bands"]) for name in cell["train"]]

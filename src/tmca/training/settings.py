@@ -10,7 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from tmca.errors import DataError, SettingError
 
-
 Share = Annotated[float, Field(ge=0)]
 Steepness = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
