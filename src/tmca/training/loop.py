@@ -102,6 +102,9 @@ class Run:
         """
         first = self.resume()
         self.log.keep_until(first)
+        self._set_rates(first)
+        if self.pool and not self.system.frozen:
+            self.pool[1].forget()  # estimates of codes that this run has still to learn
         wrapped, *_ = self.fabric.setup(self.module, *self.optimizers.values())
         with _asked_to_stop() as asked:
             for step in range(first, self.steps):
@@ -159,11 +162,14 @@ class Run:
         self.system.anneal(slope(step, self.steps, codes.slope, codes.frozen))
 
     def _check_finite(self, loss: Tensor, step: int, patches: list[Patch]) -> None:
-        broken = [n for n, p in self.module.named_parameters() if p.grad is not None and not p.grad.isfinite().all()]
+        learned = [(n, p) for n, p in self.module.named_parameters() if p.grad is not None]
+        broken = [n for n, p in learned if not (p.grad is None or p.grad.isfinite().all())]
         if bool(loss.isfinite()) and not broken:
             return
         kept = latest_checkpoint(self.folder / "checkpoints")
-        where = broken[0] if broken else "the loss"
+        lost = [n for n, p in learned if not p.isfinite().all()]
+        everywhere = "every derivative" if learned and len(broken) == len(learned) else ""
+        where = (lost or ([everywhere] if everywhere else broken) or ["the loss"])[0]
         raise TrainingError(
             f"step {step + 1}",
             f"a loss of {float(loss.detach()):g}, not finite in {where}; batch: {'; '.join(p.origin for p in patches)}",

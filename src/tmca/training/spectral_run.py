@@ -96,6 +96,8 @@ def _train(
     wavelengths = first["wavelength"].values.tolist()
     camera = starting_camera(settings, wavelengths)
     decoder = dict(settings.decoder)
+    if "bands" in decoder:
+        raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: data.bands says it", "leave it out")
     network = build_network(decoder.pop("kind", "unrolled"), bands=camera.bands, **decoder)
     _take_decoder(settings, network)
     prior = _prior(fabric, folder, lists, load, camera, network.start) if network.start in NEED_PRIOR else None
