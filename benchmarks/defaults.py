@@ -3,6 +3,7 @@
 ``tv``: PSNR of ADMM-TV over weights, beside `tmca.decoders.default_weight`. ``blocks``: PSNR of the patch LMMSE over
 block sizes of the prior, every scene decoded under a prior of the others. ``adapted``: PSNR of the adapted LMMSE over
 the number of times its prior is refitted, and the PSNR that its standard deviation predicts, in the same way.
+``tiles``: the same over the size of its tiles.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ CODES = {
 NOISES = (0.0, 0.01, 0.05)
 FACTORS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 10.0)
 REFITS = (0, 1, 2, 4, 8)
+TILES = (None, 128, 64)
 BLOCKS = ((6, 30), (6, 36), (8, 36), (10, 36), (12, 30), (12, 36), (12, 42), (16, 36))
 
 
@@ -87,25 +89,37 @@ def study_adapted(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) 
     """PSNR, and in brackets the predicted one, over how often the prior is refitted; each scene left out of it."""
     print("scene, code, sigma:  " + "  ".join(f"{count} times" for count in REFITS))
     for cube in cubes:
-        others = [c for c in whole if c.attrs["name"] != cube.attrs["name"]]
-        prior = learn_prior(others, spread=cube.sizes["wavelength"] - 1)
-        for code in CODES:
-            for noise in NOISES[:2]:
-                taken, scene = snapshot(cube, code, noise)
-                found = []
-                for count in REFITS:
-                    result = AdaptedLMMSE(prior, count)(
-                        taken.values, taken.camera.operator().taps, noise, uncertainty=True
-                    )
-                    predicted = -10 * torch.log10(result.deviation.square().mean())
-                    found.append(f"{float(psnr(result.estimate.clamp_min(0), scene)):.2f} ({float(predicted):.2f})")
-                print(f"{cube.attrs['name']}, {code}, {noise:g}:  " + "  ".join(found), flush=True)
+        _adapted(cube, whole, {f"{count} times": {"iterations": count} for count in REFITS})
+
+
+def study_tiles(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -> None:
+    """The same over the size of the tiles that have a prior of their own, on whole scenes: minutes for each."""
+    print("scene, code, sigma:  " + "  ".join(str(tile) for tile in TILES))
+    for cube in whole:
+        _adapted(cube, whole, {str(tile): {"tile": tile} for tile in TILES})
+
+
+def _adapted(cube: xr.DataArray, whole: Sequence[xr.DataArray], settings: dict[str, dict[str, int | None]]) -> None:
+    others = [c for c in whole if c.attrs["name"] != cube.attrs["name"]]
+    prior = learn_prior(others, spread=cube.sizes["wavelength"] - 1)
+    for code in CODES:
+        for noise in NOISES[:2]:
+            taken, scene = snapshot(cube, code, noise)
+            found = []
+            for own in settings.values():
+                result = AdaptedLMMSE(prior, **own)(taken.values, taken.camera.taps(), noise, uncertainty=True)
+                predicted = -10 * torch.log10(result.deviation.square().mean())
+                found.append(f"{float(psnr(result.estimate.clamp_min(0), scene)):.2f} ({float(predicted):.2f})")
+            print(f"{cube.attrs['name']}, {code}, {noise:g}:  " + "  ".join(found), flush=True)
+
+
+STUDIES = {"blocks": study_blocks, "adapted": study_adapted, "tiles": study_tiles}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--train", type=Path, required=True, help="split file of training scenes")
-    parser.add_argument("--study", choices=("tv", "blocks", "adapted"), default="tv")
+    parser.add_argument("--study", choices=("tv", *STUDIES), default="tv")
     parser.add_argument("--size", type=int, default=160)
     options = parser.parse_args()
     torch.set_num_threads(1)
@@ -115,7 +129,7 @@ def main() -> None:
     if options.study == "tv":
         study_tv(cubes)
     else:
-        (study_blocks if options.study == "blocks" else study_adapted)(cubes, whole)
+        STUDIES[options.study](cubes, whole)
 
 
 if __name__ == "__main__":
