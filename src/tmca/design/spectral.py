@@ -1,0 +1,55 @@
+"""Spectral cameras of one period, whose codes can be designed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+
+from tmca.cameras import SpectralCamera
+from tmca.errors import SettingError
+
+KINDS: dict[str, dict[str, str]] = {
+    "static": {"aperture": "random", "shutter": "open"},
+    "free": {"aperture": "random", "shutter": "random"},
+    "one-hot": {"aperture": "random", "shutter": "one-hot"},
+    "complementary": {"aperture": "complementary", "shutter": "random"},
+    "blue-noise": {"aperture": "blue-noise", "shutter": "blue-noise"},
+    "s-matrix": {"aperture": "random", "shutter": "s-matrix"},
+}
+"""Structure of codes by name: what the optimiser starts from and, for one-hot and complementary ones, keeps."""
+_SPREAD = 0.9
+
+
+def designable(
+    kind: str, slots: int, period: tuple[int, int], *, seed: int = 0, start: SpectralCamera | None = None, **camera: Any
+) -> SpectralCamera:
+    """A spectral camera as large as one period of its learnable codes.
+
+    Args:
+        kind: name in ``KINDS``.
+        slots: number of time slots K; 1 for ``"static"``.
+        period: (rows, columns) of the tile, pixels.
+        seed: of the codes.
+        start: a static camera of the same period: all slots start from its aperture, behind an open shutter.
+        camera: further arguments of ``SpectralCamera``.
+
+    Raises:
+        SettingError: unknown kind, or a static camera with slots.
+    """
+    if kind not in KINDS:
+        raise SettingError("kind", repr(kind), " or ".join(map(repr, KINDS)))
+    if kind == "static" and slots != 1:
+        raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
+    planes: dict[str, Any] = dict(KINDS[kind])
+    if start is not None:
+        planes = _from_static(start, slots)
+    return SpectralCamera(
+        size=period, period=period, slots=slots, learnable=True, spread=_SPREAD, seed=seed, **planes, **camera
+    )
+
+
+def _from_static(static: SpectralCamera, slots: int) -> dict[str, Any]:
+    aperture = static.multiplexed.aperture.tile().detach()[:1].expand(slots, -1, -1).clone()
+    wide = static.multiplexed.shutter.tile().detach()
+    return {"aperture": aperture, "shutter": torch.ones(slots, *wide.shape[1:])}
