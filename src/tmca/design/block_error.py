@@ -96,8 +96,8 @@ class Products:
     @classmethod
     def of(cls, error: BlockError, weights: Tensor) -> Products:
         """Both quadratic forms and the inverse."""
-        covariant, spread = _quadratic(error.covariance, weights)
-        reaching, reached = _quadratic(error.reach, weights)
+        covariant, spread = quadratic(error.covariance, weights)
+        reaching, reached = quadratic(error.reach, weights)
         expected = (weights * error.mean).sum(-1)
         noise = noise_variance(expected, error.read_noise, error.shot)
         factor = torch.linalg.cholesky(spread + torch.diag_embed(noise))
@@ -114,7 +114,7 @@ class Products:
         return self.inverse @ self.reached @ self.inverse
 
 
-def _quadratic(form: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
+def quadratic(form: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
     """Half applied (m, P, m, T) and wholly applied (P, m, m) quadratic form of weights (P, m, T)."""
     measurements, taps = form.shape[:2]
     half = torch.bmm(weights.transpose(0, 1), form.reshape(measurements, taps, -1))

@@ -22,7 +22,7 @@ class Descent:
         steps: of Adam.
         rate: its learning rate, in units of the latent values, which are kept within ±1.
         slope: first and last slope of the smooth stand-in, raised geometrically.
-        relaxed: let the codes be grey on the way, ever nearer to 0 and 1, instead of binary with a stand-in's derivative.
+        relaxed: let the codes be grey on the way, ever nearer to 0 and 1, instead of binary all the time.
         throughput: share of light to hold after every step; free if None.
         seed: of the blocks' shifts.
         checks: how often the binary codes are judged; the best of them are kept.
@@ -98,7 +98,7 @@ def _step(
     how: Descent,
 ) -> None:
     camera.multiplexed.relax(how.relaxed)
-    value = error(camera.operator().taps.code, (shift[0], shift[1]))
+    value = error(camera.taps().code, (shift[0], shift[1]))
     camera.multiplexed.relax(False)
     optimiser.zero_grad()
     value.log().backward()

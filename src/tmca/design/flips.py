@@ -98,7 +98,7 @@ class TileState:
 
     @classmethod
     def of(cls, camera: SpectralCamera, error: TileError) -> TileState:
-        code = camera.operator().taps.code.detach().double()
+        code = camera.taps().code.detach().double()
         state = cls(error, code, [])
         state.blocks = [BlockState.of(error.error, weights) for weights in state.weights(code[None])[0]]
         return state
@@ -165,13 +165,13 @@ def _turn(camera: SpectralCamera, state: TileState, flips: list[Flip], throughpu
             flips[index].undo(before)
             continue
         taken |= touched[index]
-        state.move(camera.operator().taps.code.detach().double(), touched[index].tolist())
+        state.move(camera.taps().code.detach().double(), touched[index].tolist())
         done += 1
     return done
 
 
 def _change(camera: SpectralCamera, state: TileState, flip: Flip) -> Tensor:
     before = flip.do()
-    change = camera.operator().taps.code.detach().double() - state.code
+    change = camera.taps().code.detach().double() - state.code
     flip.undo(before)
     return change

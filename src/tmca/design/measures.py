@@ -9,8 +9,6 @@ from torch import Tensor
 
 from tmca.cameras import SpectralCamera
 from tmca.design.tile import windows
-from tmca.errors import SettingError
-from tmca.operators import TapOperator
 from tmca.priors.blocks import BlockModel
 
 
@@ -58,10 +56,7 @@ def measures(
         SettingError: a camera with relay blur.
         ShapeError: a block no wider than the dispersion.
     """
-    operator = camera.operator()
-    if not isinstance(operator, TapOperator):
-        raise SettingError("relay blur", str(camera.relay_blur), "0 where codes are measured")
-    cube, taps = camera.code_cube().double(), operator.taps
+    cube, taps = camera.code_cube().double(), camera.taps()
     model = BlockModel.of(taps, (taps.scene_channels, *block))
     generator = torch.Generator().manual_seed(seed)
     places = torch.randint(1 << 16, (blocks, 2), generator=generator).tolist()

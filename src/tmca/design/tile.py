@@ -62,5 +62,5 @@ class TileError:
     @torch.no_grad()
     def whole(self, camera: SpectralCamera, shifts: int = 4) -> float:
         """The error of a camera of one period, mean over shifts of the blocks that share it out evenly."""
-        code = camera.operator().taps.code
+        code = camera.taps().code
         return float(torch.stack([self(code, shift) for shift in even_shifts(self.error.model, shifts)]).mean())
