@@ -126,6 +126,7 @@ def learn_examples(cubes: dict[str, Tensor], model: BlockModel, wavelengths: Seq
     """
     block = model.block[1:]
     scenes = {
-        name: GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name]) for name, cube in cubes.items()
+        name: GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name])
+        for name, cube in cubes.items()
     }
     return Examples(model, scenes, {name: cube[0].numel() for name, cube in cubes.items()})
