@@ -1,6 +1,11 @@
 """``tmca train`` as a user meets it."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import pytest
 
@@ -83,3 +88,22 @@ def test_what_cannot_be_trained_is_one_line(tmp_path, capsys, more, words):
     for word in words:
         assert word in line
     assert not (tmp_path / "run" / "weights.safetensors").exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_stopped_says_where(tmp_path, number):
+    (tmp_path / "run.yaml").write_text(TINY + "checkpoint_every: 2\n")
+    options = ["--config", "run.yaml", "--train", "chelsea", "--out", "run", "--steps", "100000"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tmca.cli", "train", "spectral", *options],
+        cwd=tmp_path, env={**os.environ, "OMP_NUM_THREADS": "1"}, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    begun = time.monotonic()
+    while not list((tmp_path / "run").glob("checkpoints/0*")):
+        assert time.monotonic() - begun < 240
+        time.sleep(0.1)
+    process.send_signal(number)
+    said = process.communicate(timeout=120)[1]
+    assert process.returncode == 130
+    assert "stopped after step" in said.splitlines()[-1]
+    assert "Traceback" not in said

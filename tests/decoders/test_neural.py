@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.decoders import decode
 from tmca.decoders.network import build_network
 from tmca.decoders.neural import NeuralDecoder, Weights, same_bands
 from tmca.errors import DataError, OutputError, SettingError
@@ -135,3 +136,38 @@ def test_bands_are_the_same_to_a_nanometre():
     assert same_bands(bands, [500.5e-9, 600e-9])
     assert not same_bands(bands, [502e-9, 600e-9])
     assert not same_bands(bands, bands[:1])
+
+
+def weights_of(own, kind="unrolled", **network):
+    torch.manual_seed(1)
+    codes = own.multiplexed
+    kept = {
+        "size": own.size, "period": 4, "exposure": own.exposure, "disperser": own.disperser,
+        "dispersion": list(own.dispersion.displacement),
+    }  # fmt: skip
+    built = build_network(kind, bands=3, **(SMALL[kind] | network)).eval()
+    planes = [plane.tile() for plane in (codes.aperture, codes.shutter)]
+    return Weights(built, own.wavelengths, *planes, kept)
+
+
+def seen_by(own):
+    return Snapshot(own.A(torch.rand(1, 3, *own.size)), own)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"dispersion": 2.0}, "dispersion"), ({"disperser": "dual"}, "disperser"), ({"exposure": "per-slot"}, "exposure")],
+)
+def test_a_network_of_other_optics_is_refused(changes, words):
+    weights = weights_of(camera((12, 16), period=4))
+    with pytest.raises(SettingError, match=words):
+        decode(seen_by(camera((12, 16), period=4, **changes)), "network", weights=weights)
+
+
+def test_a_network_that_is_not_told_the_codes_warns_of_others():
+    blind = weights_of(camera((12, 16), period=4), "unet", codes=False)
+    decode(seen_by(camera((20, 24), period=4)), "network", weights=blind)  # the same tile on a larger frame
+    with pytest.warns(UserWarning, match="trained for others"):
+        decode(seen_by(SpectralCamera(3, (12, 16), slots=4, seed=9, period=4)), "network", weights=blind)
+    told = weights_of(camera((12, 16), period=4), "unet")
+    decode(seen_by(SpectralCamera(3, (12, 16), slots=4, seed=9, period=4)), "network", weights=told)

@@ -9,14 +9,15 @@ import torch
 import xarray as xr
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.data import read_dataset, rendered_scene, select_bands, write_split
+from tmca.data import read_dataset, rendered_scene, select_bands, write_dataset, write_split
 from tmca.errors import DataError, OutputError, SettingError
+from tmca.experiments.cells import CellsFailed
 from tmca.experiments.compare_spectral import compare_spectral
 from tmca.experiments.corner import corner_conditioning
 from tmca.experiments.demo import run_demo
 from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral import evaluate_files, reconstruct_snapshot, take_snapshot, true_scene
-from tmca.experiments.spectral_rows import CODES, NOISES
+from tmca.experiments.spectral_rows import CODES, LEARNED, NOISES
 from tmca.operators import conditioning, sparse_matrix
 from tmca.priors import GaussianMixturePrior, learn_prior
 from tmca.sensor import Sensor
@@ -167,6 +168,22 @@ def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_p
     assert again["rows"] == found["rows"]
     with pytest.raises(SettingError, match="lmsse"):
         compare_spectral(*splits, **where, bands=BANDS, decoders=["lmsse"], overwrite=True)
+
+
+def test_the_comparison_trains_networks_without_validation_scenes(splits, tmp_path):
+    where = {"out": tmp_path / "results", "work": tmp_path / "work"}
+    options = {"bands": BANDS, "decoders": ["unet-thesis"], "patches": 64, "steps": 1}
+    with pytest.raises(CellsFailed, match=r"training.*do not fit|training"):
+        compare_spectral(*splits, **where, **options)
+    larger = [select_bands(rendered_scene(n, size=(72, 80))["radiance"], BANDS) for n in ("rocket", "tissue", "coffee")]
+    for name, cube in zip("abc", larger, strict=True):
+        write_dataset(cube, tmp_path / f"{name}.nc")
+    write_split([tmp_path / "a.nc", tmp_path / "b.nc"], tmp_path / "train.txt", overwrite=True)
+    write_split([tmp_path / "c.nc"], tmp_path / "test.txt", overwrite=True)
+    found = compare_spectral(*splits, **where, **options)
+    assert len(found["rows"]) == (len(CODES) + len(LEARNED)) * len(NOISES)
+    assert all(row["trained"] and row["training_cpu_minutes"] > 0 for row in found["rows"])
+    assert "not told the codes" in (tmp_path / "results" / "spectral.md").read_text()
 
 
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):

@@ -5,9 +5,10 @@ import json
 
 import pytest
 
+from tmca.data import rendered_scene, select_bands, write_dataset
 from tmca.errors import SettingError
 from tmca.experiments.cells import CellsFailed
-from tmca.experiments.sweep_spectral import combinations, sweep_spectral
+from tmca.experiments.sweep_spectral import sweep_spectral
 
 
 def sweep(folder, vary, scenes=("coffee",), **changes):
@@ -35,6 +36,7 @@ def test_every_combination_is_measured_once_and_kept(tmp_path):
 def test_a_failed_cell_is_named_and_the_others_are_kept(tmp_path):
     with pytest.raises(CellsFailed, match=r"1 of 2.*nowhere"):
         sweep(tmp_path, {"slots": [1]}, ["nowhere.mat", "coffee"])
+    assert not (tmp_path / "out.md").exists()
     told = []
     sweep(tmp_path, {"slots": [1]}, ["coffee"], progress=lambda done, total, name: told.append(name))
     assert told == []
@@ -51,15 +53,60 @@ def test_a_failed_cell_is_named_and_the_others_are_kept(tmp_path):
         ({"noise": [-1]}, "read_noise"),
         ({"decoder": ["magic"]}, "magic"),
         ({"shutter": ["onehot"]}, "onehot"),
+        ({"slots": ["2.5"]}, "whole"),
+        ({"noise": ["nan"]}, "finite"),
+        ({"dispersion": ["wide"]}, "numbers"),
+        ({"noise": [0.1], "read_noise": [0.1]}, "one of them"),
     ],
 )
-def test_impossible_grids_are_refused_before_anything_is_computed(vary, words):
+def test_impossible_grids_are_refused_before_anything_is_computed(tmp_path, vary, words):
     with pytest.raises(SettingError, match=words):
-        combinations(vary, {"decoder": "lmmse"})
+        sweep(tmp_path, vary, decoder="lmmse")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("fixed", "words"), [({"slots": 2}, "not varied"), ({"colour": 2}, "colour"), ({"seed": "a"}, "whole")]
+)
+def test_impossible_fixed_settings_are_refused(tmp_path, fixed, words):
+    with pytest.raises(SettingError, match=words):
+        sweep(tmp_path, {"slots": [1, 2]}, fixed=fixed)
+
+
+def test_values_may_be_text_as_on_the_command_line(tmp_path):
+    found = sweep(tmp_path, {"noise": ["1e-2"], "slots": ["4.0"]})
+    assert (found["rows"][0]["noise"], found["rows"][0]["slots"]) == (0.01, 4)
+    page = (tmp_path / "out.md").read_text()
+    assert "ADMM-TV" in page
+    assert "read noise σ" in page
+
+
+def test_a_scene_that_changes_is_measured_anew(tmp_path):
+    paths = [str(write_dataset(cube, tmp_path / "a.nc")) for cube in (small_cube(),)]
+    first = sweep(tmp_path, {"slots": [1]}, paths)
+    write_dataset(0.5 * small_cube(), tmp_path / "a.nc", overwrite=True)
+    second = sweep(tmp_path, {"slots": [1]}, paths, overwrite=True)
+    assert first["rows"][0]["psnr"] != second["rows"][0]["psnr"]
+
+
+def test_scenes_of_one_name_stay_apart(tmp_path):
+    paths = []
+    for folder, scale in (("a", 1.0), ("b", 0.3)):
+        (tmp_path / folder).mkdir()
+        paths.append(str(write_dataset(scale * small_cube(), tmp_path / folder / "x.nc")))
+    found = sweep(tmp_path, {"slots": [1]}, paths)
+    assert len(found["rows"][0]["scenes"]) == 2
+    with pytest.raises(SettingError, match="twice"):
+        sweep(tmp_path, {"slots": [1]}, [paths[0], paths[0]], overwrite=True)
+
+
+def small_cube():
+    return select_bands(rendered_scene("tissue", size=(40, 48))["radiance"], 4)
 
 
 def test_a_network_is_trained_once_for_all_scenes(tmp_path):
-    changes = {"decoder": "unet-thesis", "steps": 1, "bands": 2, "size": (64, 64)}
+    train = ["astronaut", "chelsea", "rocket"]
+    changes = {"decoder": "unet-thesis", "steps": 1, "bands": 2, "size": (64, 64), "train": train}
     found = sweep(tmp_path, {"slots": [1]}, ["coffee", "motorcycle"], **changes)
     assert set(found["rows"][0]["scenes"]) == {"coffee", "motorcycle"}
     assert len(list((tmp_path / "work").glob("point-*"))) == 1

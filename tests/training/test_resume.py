@@ -13,14 +13,15 @@ import torch
 from safetensors.torch import load_file
 
 from tests.training import tiny
+from tmca.errors import OutputError, SettingError
 from tmca.training.loop import Stopped
 
 TINY = Path(tiny.__file__)
 
 
-def last_state(folder):
+def last_state(folder, steps=8):
     newest = sorted((folder / "checkpoints").iterdir())[-1]
-    assert newest.name == "0000008"
+    assert int(newest.name) == steps
     return load_file(newest / "state.safetensors")
 
 
@@ -50,21 +51,54 @@ def test_a_run_that_breaks_off_after_any_step_ends_the_same(undisturbed, tmp_pat
     assert same(*weights)
 
 
-def test_sigkill_at_random_moments_changes_nothing(undisturbed, tmp_path):
-    moments = random.Random(0)
-    command = [sys.executable, str(TINY), str(tmp_path / "run")]
+def test_sigkill_at_random_moments_changes_nothing(tmp_path):
+    """Killed while it sets up, then at random moments after random steps, each time in another piece of the run."""
+    moments, steps, reached = random.Random(0), 60, [0]
+    command = [sys.executable, str(TINY), str(tmp_path / "run"), f"optimiser.steps={steps}"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    for _ in range(3):
-        process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
-        begun = time.monotonic()
-        while not (tmp_path / "run" / "checkpoints").exists() and process.poll() is None:
-            assert time.monotonic() - begun < 120
-            time.sleep(0.02)
-        time.sleep(moments.uniform(0, 0.5))
+    for phase in ("set-up", "steps", "steps", "steps"):
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        if phase == "set-up":
+            begun = time.monotonic()
+            while not (tmp_path / "run" / "run.json").exists() and time.monotonic() - begun < 120:
+                time.sleep(0.005)
+        else:
+            seen = [int(process.stdout.readline()) for _ in range(moments.randrange(3, 14))]
+            assert seen[0] > reached[-1] - 2  # from the newest of the checkpoints, which come every two steps
+            reached.append(seen[-1])
+        time.sleep(moments.uniform(0, 0.05))
         process.send_signal(signal.SIGKILL)
-        process.wait()
-    subprocess.run(command, env=environment, check=True, capture_output=True)
+        assert process.wait() == -signal.SIGKILL
+    found = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    assert reached[-1] - 2 < int(found.stdout.split()[0]) < steps
+    tiny.train(tmp_path / "undisturbed", **{"optimiser.steps": steps})
+    assert same(last_state(tmp_path / "run", steps), last_state(tmp_path / "undisturbed", steps))
+
+
+def test_what_a_killed_run_left_half_written_is_cleared_away(undisturbed, tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / ".run.0123456789ab.tmp.json").write_text("{")
+    tiny.train(folder)
+    assert same(last_state(folder), last_state(undisturbed))
+    assert not list(folder.rglob(".*.tmp*"))
+
+
+def test_a_run_goes_on_from_the_checkpoint_before_a_damaged_one(undisturbed, tmp_path):
+    tiny.train(tmp_path / "run")
+    newest = sorted((tmp_path / "run" / "checkpoints").iterdir())[-1]
+    (newest / "state.safetensors").write_bytes(b"\0" * 64)
+    with pytest.warns(UserWarning, match="going on from the one before"):
+        tiny.train(tmp_path / "run")
     assert same(last_state(tmp_path / "run"), last_state(undisturbed))
+
+
+def test_a_run_that_never_came_to_a_checkpoint_can_be_told_otherwise(tmp_path):
+    with pytest.raises(SettingError, match="nonsense"):
+        tiny.train(tmp_path / "run", **{"camera.aperture": "nonsense"})
+    tiny.train(tmp_path / "run", **{"optimiser.steps": 1})
+    with pytest.raises(OutputError, match="another run"):
+        tiny.train(tmp_path / "run", **{"optimiser.steps": 2})
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -80,10 +114,23 @@ def test_a_run_that_is_asked_to_stop_keeps_its_last_step(undisturbed, tmp_path, 
     assert same(last_state(tmp_path / "run"), last_state(undisturbed))
 
 
-def test_two_processes_learn_what_one_does_with_the_doubled_batch(tmp_path):
+def launches(nodes):
+    """Commands that start two processes: on one machine, or as if on two."""
+    base = [sys.executable, "-m", "torch.distributed.run", "--master-port", "29651"]
+    if nodes == 1:
+        return [[*base, "--nproc-per-node", "2"]]
+    base += ["--nnodes", "2", "--nproc-per-node", "1", "--master-addr", "127.0.0.1"]
+    return [[*base, "--node-rank", rank] for rank in ("0", "1")]
+
+
+@pytest.mark.parametrize("nodes", [1, 2])
+def test_two_processes_learn_what_one_does_with_the_doubled_batch(tmp_path, nodes):
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
-    launch = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "--master-port", "29651"]
-    subprocess.run([*launch, str(TINY), str(tmp_path / "two")], env=environment, check=True, capture_output=True)
+    running = [
+        subprocess.Popen([*launch, str(TINY), str(tmp_path / "two")], env=environment, stdout=subprocess.DEVNULL)
+        for launch in launches(nodes)
+    ]
+    assert [process.wait(300) for process in running] == [0] * nodes
     tiny.train(tmp_path / "one")
     one, two = last_state(tmp_path / "one"), last_state(tmp_path / "two")
     assert one.keys() == two.keys()

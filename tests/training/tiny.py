@@ -44,12 +44,14 @@ def load(name):
 
 
 def train(folder, progress=None, load=load, **changes):
-    processes = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+    local, every = (int(os.environ.get(name, "1")) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
     return train_spectral(
-        settings(**changes), Path(folder), load, accelerator="cpu", processes=processes, progress=progress
-    )
+        settings(**changes), Path(folder), load, accelerator="cpu", processes=local, nodes=every // local,
+        progress=progress,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
     torch.set_num_threads(1)
-    train(sys.argv[1], **{name: yaml.safe_load(value) for name, value in (a.split("=") for a in sys.argv[2:])})
+    told = lambda done, steps, said: print(done, flush=True)  # noqa: E731
+    train(sys.argv[1], told, **{name: yaml.safe_load(value) for name, value in (a.split("=") for a in sys.argv[2:])})

@@ -23,6 +23,7 @@ app = App(
     name="tmca",
     help="Time-multiplexed coded aperture cameras: simulate, reconstruct, compare.",
     version=__version__,
+    suppress_keyboard_interrupt=False,
     help_epilogue="Start with `tmca demo`. Every command explains itself with --help.",
 )
 for name, (target, text) in COMMANDS.items():

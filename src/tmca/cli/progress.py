@@ -35,14 +35,17 @@ class _Lines:
     """Progress as lines."""
 
     def __init__(self, label: str) -> None:
-        self.label, self.start, self.last, self.step = label, time.monotonic(), time.monotonic(), ""
+        self.label, self.last, self.step = label, time.monotonic(), ""
+        self.first: tuple[float, float] | None = None
 
     def __call__(self, share: float, step: str | None = None, detail: str = "") -> None:
         now = time.monotonic()
+        self.first = self.first or (now, share)
         fresh = step is not None and step != self.step
         if not fresh and now - self.last < _EVERY:
             return
         self.last, self.step = now, step or self.step
-        left = (now - self.start) * (1 - share) / share if share > 0 else None
+        begun, before = self.first  # a run that goes on did not do the first part now
+        left = (now - begun) * (1 - share) / (share - before) if share > before else None
         eta = "" if left is None or left < 1 else f", {left:.0f} s left" if left < 90 else f", {left / 60:.1f} min left"
         print(" ".join(f"{self.label}: {share:4.0%} {self.step} {detail}{eta}".split()), file=sys.stderr)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json as json_module
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
@@ -24,6 +25,7 @@ def spectral(
     work: Path = Path("runs/sweep-spectral"),
     test: Path | None = None,
     train: Path | None = None,
+    validation: Path | None = None,
     decoder: str = "lmmse",
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     steps: Whole = 300,
@@ -46,6 +48,7 @@ def spectral(
         work: folder of finished cells.
         test: split file of scenes to add.
         train: split file of the scenes that teach priors and networks; the rendered scenes' prior without it.
+        validation: split file of the scenes that choose a network's best step; some of --train without it.
         decoder: lmmse, lmmse-adapted, mixture, admm-tv, admm-tv-joint, or a network trained at every combination:
             unet-thesis, unet, unrolled.
         set_: NAME=VALUE of the same names for all cells.
@@ -62,25 +65,29 @@ def spectral(
     from tmca.experiments.sweep_spectral import sweep_spectral
 
     named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
-    axes = dict(_values(text, "--vary") for text in vary)
-    fixed = {name: values[0] for name, values in (_values(text, "--set") for text in set_ or ())}
-    examples = [str(path) for path in read_split(train)] if train else []
+    axes = _named(vary, "--vary")
+    fixed = {name: values[0] for name, values in _named(set_ or (), "--set").items()}
+    examples, checked = ([str(path) for path in read_split(split)] if split else [] for split in (train, validation))
 
     def told(done: int, total: int, name: str) -> None:
         print(f"[{done}/{total}] {name}", file=sys.stderr)
 
     found = sweep_spectral(
-        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, steps=steps, bands=bands,
-        size=size(crop, "--crop"), jobs=jobs, cluster=cluster_parameters(slurm), overwrite=overwrite, progress=told,
-        command=["tmca", *sys.argv[1:]],
+        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, validation=checked, steps=steps,
+        bands=bands, size=size(crop, "--crop"), jobs=jobs, cluster=cluster_parameters(slurm), overwrite=overwrite,
+        progress=told, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
 
 
-def _values(text: str, option: str) -> tuple[str, list[Any]]:
-    import yaml
-
-    name, sign, values = text.partition("=")
-    if not sign or not name.strip():
-        raise SettingError(option, repr(text), "NAME=VALUE,VALUE, such as slots=2,4,8")
-    return name.strip(), [yaml.safe_load(value) for value in values.split(",") if value.strip()]
+def _named(texts: Sequence[str], option: str) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for text in texts:
+        name, sign, values = text.partition("=")
+        parts = [value.strip() for value in values.split(",") if value.strip()]
+        if not sign or not name.strip() or not parts:
+            raise SettingError(option, repr(text), "NAME=VALUE,VALUE, such as slots=2,4,8")
+        if name.strip() in found:
+            raise SettingError(option, f"{name.strip()} twice", "all its values in one list")
+        found[name.strip()] = parts
+    return found

@@ -31,7 +31,8 @@ def spectral(
     """Train the spectral camera. The same command goes on with a run that was stopped.
 
     Writes into --out: weights.safetensors (codes and decoder with the best validation), log.csv, pictures, checkpoints.
-    For several processes start it with `torchrun --nproc-per-node N -m tmca.cli train spectral …`.
+    For several processes start it with `torchrun --nproc-per-node N -m tmca.cli train spectral …`, on several machines
+    with --nnodes too; they share the folder of the run.
 
     Args:
         out: folder of the run.
@@ -54,11 +55,11 @@ def spectral(
     from tmca.training import settings_from, train_spectral
 
     settings = settings_from(preset, config, changes)
-    bands = settings.data.bands
+    bands, local = settings.data.bands, int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
     with progress_bar(f"train {out.name}") as bar:
         found = train_spectral(
             settings, out, lambda name: load_scene(name, bands=bands), accelerator=accelerator,
-            processes=int(os.environ.get("LOCAL_WORLD_SIZE", "1")),
+            processes=local, nodes=int(os.environ.get("WORLD_SIZE", "1")) // local,
             progress=lambda done, steps, said: bar(done / steps, detail=f"step {done}/{steps}, {said}"),
         )  # fmt: skip
     if int(os.environ.get("RANK", "0")):

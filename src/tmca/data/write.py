@@ -89,10 +89,11 @@ def make_folder(path: str | Path) -> Path:
 
 def _replace(temporary: Path, path: Path) -> None:
     """Rename over the old one; an old folder is moved aside first and put back if the rename fails."""
-    if temporary.is_file():
-        _flush(temporary)
+    for file in [temporary] if temporary.is_file() else [f for f in temporary.rglob("*") if f.is_file()]:
+        _flush(file)
     if not path.is_dir():
         os.replace(temporary, path)
+        _flush_folder(path.parent)
         return
     if not temporary.is_dir():
         raise OutputError(path, "an existing folder", "a file or a new name", "choose another name")
@@ -110,6 +111,15 @@ def _flush(file: Path) -> None:
     """Bring the bytes to the disk before the rename: a power cut leaves the old file or the new one."""
     with file.open("rb+") as handle:
         os.fsync(handle.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    """Bring a rename to the disk."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _remove(temporary: Path) -> None:

@@ -93,10 +93,15 @@ def build_network(kind: str, **settings: Any) -> Network:
     from tmca.decoders.unrolled import Unrolled
 
     kinds: dict[str, type[Network]] = {"unet": UNet, "unrolled": Unrolled}
-    if kind not in kinds:
+    if not isinstance(kind, str) or kind not in kinds:
         raise SettingError("decoder", repr(kind), f"one of {', '.join(kinds)}")
     known = [name for name in inspect.signature(kinds[kind]).parameters if name != "self"]
     unknown = [name for name in settings if name not in known]
     if unknown:
         raise SettingError(f"decoder {kind}", ", ".join(unknown), f"some of {', '.join(known)}")
-    return kinds[kind](**settings)
+    try:
+        return kinds[kind](**settings)
+    except SettingError:
+        raise
+    except (TypeError, ValueError, RuntimeError, ZeroDivisionError) as error:
+        raise SettingError(f"decoder {kind}", str(settings), "numbers that make a network", str(error)) from None

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
+from warnings import warn
 
 import torch
 from torch import Tensor
 
-from tmca.cameras import Snapshot
+from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders.adapted import AdaptedLMMSE
 from tmca.decoders.admm import admm_tv, default_weight
 from tmca.decoders.denoisers import nl_means_denoiser, tv_denoiser
@@ -60,6 +61,10 @@ def needs_prior(method: str) -> bool:
     return method in ("lmmse", "lmmse-adapted", "mixture")
 
 
+class OtherCodes(UserWarning):
+    """A network that is not told the codes, behind other codes than it was trained for."""
+
+
 def decode(
     snapshot: Snapshot,
     method: str = "lmmse",
@@ -85,7 +90,7 @@ def decode(
         progress: told the share that is done.
 
     Raises:
-        SettingError: unknown method, or a prior that is missing or of the wrong kind.
+        SettingError: unknown method, a prior that is missing or of the wrong kind, or a network of another camera.
     """
     if method not in METHODS:
         raise SettingError("decoder", repr(method), f"one of {', '.join(METHODS)}")
@@ -178,9 +183,30 @@ def _by_network(
     if isinstance(prior, GaussianMixturePrior):
         raise SettingError("prior", "a mixture", "a Gaussian prior for a network")
     _check_bands(prior, snapshot)
+    _check_camera(weights, camera)
     decoder = NeuralDecoder(weights.network, weights.load_prior() if prior is None else prior)
     found = decoder(snapshot.values, operator, camera.noise, progress)
     return Decoded(found, notes={"weights": str(weights.path or "")})
+
+
+def _check_camera(weights: Weights, camera: SpectralCamera) -> None:
+    """Raise SettingError for optics that the network has never seen, warn of codes that it cannot be told."""
+    trained = weights.spectral_camera()
+    for name in ("disperser", "exposure", "dispersion"):
+        own, known = getattr(camera, name), getattr(trained, name)
+        if own != known:
+            shown = [getattr(value, "displacement", value) for value in (known, own)]
+            raise SettingError("weights", f"{name} {shown[0]}", f"the camera's {shown[1]}", "train for this camera")
+    if not getattr(weights.network, "codes", True) and not _same_codes(weights, camera):
+        text = f"{weights.path or 'weights'}: this network is not told the codes, and was trained for others"
+        warn(text, OtherCodes, stacklevel=2)
+
+
+def _same_codes(weights: Weights, camera: SpectralCamera) -> bool:
+    if camera.size != tuple(weights.camera["size"]) and not weights.camera["period"]:
+        return False
+    own, known = camera.codes(), weights.spectral_camera(camera.size).codes()
+    return all(torch.equal(one.detach().cpu(), other) for one, other in zip(own, known, strict=True))
 
 
 def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progress: Progress | None) -> Decoded:

@@ -7,6 +7,7 @@ import json
 import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
 from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
@@ -25,6 +26,32 @@ Progress = Callable[[int, int, str], None]
 
 class CellsFailed(TmcaError):
     """Some cells of a grid could not be computed; the others are kept."""
+
+
+@dataclass
+class Failures:
+    """Cells of a grid that raised.
+
+    Args:
+        folder: of the grid.
+        total: cells in all.
+        met: name of each and the file of its traceback.
+    """
+
+    folder: Path
+    total: int = 0
+    met: list[tuple[str, Path]] = field(default_factory=list)
+
+    def check(self) -> None:
+        """Raise CellsFailed if there are any."""
+        if self.met:
+            named = ", ".join(name for name, _ in self.met[:3])
+            raise CellsFailed(
+                self.folder,
+                f"{len(self.met)} of {self.total} cells failed ({named}{', …' if len(self.met) > 3 else ''})",
+                "",
+                f"see {self.met[0][1]}; a rerun computes only what is missing",
+            )
 
 
 def cell_key(settings: Settings) -> str:
@@ -51,6 +78,7 @@ def run_cells(
     jobs: int = 1,
     cluster: Settings | None = None,
     progress: Progress | None = None,
+    failures: Failures | None = None,
 ) -> list[Measured]:
     """Compute every cell that has no file in ``folder`` yet.
 
@@ -61,32 +89,31 @@ def run_cells(
         jobs: processes side by side.
         cluster: parameters of submitit (``timeout_min``, ``slurm_partition``, …) to send the cells to Slurm instead.
         progress: told after each cell.
+        failures: takes the cells that raised, for a later ``failures.check()``; they are then left out of the answer.
 
     Returns:
         Measured values of all cells, in their order.
 
     Raises:
-        CellsFailed: some cells raised; the message names the first, the folder keeps every traceback.
+        CellsFailed: some cells raised and nobody takes them; the message names the first, the folder keeps every
+            traceback.
     """
     place = make_folder(folder)
     files = [place / f"{cell_key(cell)}.json" for cell in cells]
     waiting = [i for i, file in enumerate(files) if not file.exists()]
-    done, failed = len(cells) - len(waiting), []
+    done, own = len(cells) - len(waiting), Failures(place)
     for index, error in _outcomes(cells, waiting, files, compute, jobs, cluster):
         done += 1
         if error:
-            failed.append(index)
+            own.met.append((str(cells[index].get("name", index)), files[index].with_suffix(".error.txt")))
         if progress:
             progress(done, len(cells), str(cells[index].get("name", index)))
-    if failed:
-        named = ", ".join(str(cells[i].get("name", i)) for i in failed[:3])
-        raise CellsFailed(
-            folder,
-            f"{len(failed)} of {len(cells)} cells failed ({named}{', …' if len(failed) > 3 else ''})",
-            "",
-            f"see {files[failed[0]].with_suffix('.error.txt')}; a rerun computes only what is missing",
-        )
-    return [json.loads(file.read_text()) for file in files]
+    own.total = len(cells)
+    if failures is None:
+        own.check()
+    else:
+        failures.met, failures.total = failures.met + own.met, failures.total + own.total
+    return [json.loads(file.read_text()) for file in files if file.exists()]
 
 
 def _outcomes(

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import OutputError, SettingError
-from tmca.experiments.cells import Measured, Settings, run_cells, source_digest
+from tmca.experiments.cells import Failures, Measured, Settings, run_cells, source_digest
 from tmca.experiments.spectral_cells import measure
 from tmca.experiments.spectral_figures import comparison_pictures, picture_files
 from tmca.experiments.spectral_rows import (
@@ -75,9 +75,13 @@ def compare_spectral(
         SettingError: unknown decoder.
         OutputError: the results exist.
         DataError: a scene of a split is missing or altered.
+        CellsFailed: some cells failed; the table of the others is written.
     """
     from tmca.data import make_folder, read_split, write_json, write_text
 
+    for name, value in (("--seeds", seeds), ("--steps", steps), ("--jobs", jobs)):
+        if value < 1:
+            raise SettingError(name, str(value), "at least 1")
     unknown = [name for name in decoders if name not in DECODER_NAMES]
     if unknown:
         raise SettingError("--decoders", ", ".join(unknown), f"some of {', '.join(DECODER_NAMES)}")
@@ -93,9 +97,11 @@ def compare_spectral(
     if "lmmse" in priors:
         cells += _expectations(examples, scenes, priors["lmmse"], bands, seed, patches)
 
+    failures = Failures(work)
+
     def run(part: list[Settings]) -> list[Measured]:
-        compute = partial(measure, folder=str(work))
-        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=_timed(progress))
+        compute, told = partial(measure, folder=str(work)), _timed(progress)
+        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
 
     measured = run(cells)
     trainings = _trainings(train, validation, work, bands, decoders, seed, seeds, steps)
@@ -105,10 +111,13 @@ def compare_spectral(
         trained += run(part)
     measured += trained
     measured += run(_trained_cells(scenes, trained, bands, decoders, priors))
-    found = results(measured, train, test, command)
+    if not any("metrics" in cell for cell in measured):
+        failures.check()
+    found = results(measured, train, test, command, validation)
     write_json(found, files[0], overwrite=overwrite)
     write_text(markdown(found), files[1], overwrite=overwrite)
     comparison_pictures([cell for cell in measured if cell.get("seed") == seed], out, overwrite=overwrite)
+    failures.check()
     return found
 
 
@@ -163,9 +172,11 @@ def _trainings(
     steps: int,
 ) -> list[Settings]:
     """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera."""
+    from tmca.data import checksum_of, read_split
     from tmca.experiments.cells import cell_key
 
     data = {"bands": bands, **scenes_of([str(train)]), "validation": [str(validation)] if validation else []}
+    checksums = [checksum_of(scene) for split in (train, validation) if split for scene in read_split(split)]
     cells: dict[tuple[str, str, int], Settings] = {}
     for code, decoder in trained_rows(decoders):
         for seed in range(first, first + seeds):
@@ -176,6 +187,7 @@ def _trainings(
                 training["codes"] |= {"start": start, "decoder": start}
             cell: Settings = {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}", "code": code}
             cell |= {"decoder": decoder, "seed": seed, "bands": bands, "training": training, "source": source_digest()}
+            cell["checksums"] = checksums
             cells[code, decoder, seed] = cell | {"folder": str(work / f"training-{cell_key(cell)}")}
     return list(cells.values())
 
@@ -244,11 +256,10 @@ def _timed(told: Told | None) -> Callable[[int, int, str], None] | None:
     """Turn (done, all, name) into (done, all, name, seconds left)."""
     if told is None:
         return None
-    start, first = time.monotonic(), [0]
+    start, kept = time.monotonic(), []
 
     def report(done: int, total: int, name: str) -> None:
-        first[0] = first[0] or done - 1 or 0
-        fresh = done - first[0]
-        told(done, total, name, (time.monotonic() - start) / max(fresh, 1) * (total - done))
+        kept.append(done)
+        told(done, total, name, (time.monotonic() - start) / len(kept) * (total - done))
 
     return report

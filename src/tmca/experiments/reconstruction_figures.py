@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _UNIT = "relative irradiance"
+_TOGETHER = 2
+"""Estimates whose spectra still read well in one panel."""
 
 
 def reconstruction_figure(
@@ -23,7 +25,8 @@ def reconstruction_figure(
     truth: np.ndarray | None = None,
     deviations: Mapping[str, np.ndarray] | None = None,
 ) -> Figure:
-    """Colour composites, error and uncertainty maps of one or more reconstructions, and spectral signatures at points.
+    """Colour composites, error and uncertainty maps of one or more reconstructions, and spectral signatures at points:
+    one panel for all of them, or one for each where they are more than two.
 
     Args:
         estimates: name → (L, H, W).
@@ -34,7 +37,8 @@ def reconstruction_figure(
     deviations = deviations or {}
     reference = truth if truth is not None else next(iter(estimates.values()))
     white, points = white_level(reference, wavelengths), spread_points(reference)
-    rows = 1 + (truth is not None) + bool(deviations)
+    many = len(estimates) > _TOGETHER
+    rows = 1 + (truth is not None) + bool(deviations) + many
     columns = len(estimates) + 1 + (rows == 1)
     figure, axes = grid(rows, columns, width=3.6, aspect=reference.shape[1] / reference.shape[2])
     image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
@@ -48,13 +52,24 @@ def reconstruction_figure(
         if name in errors:
             image(axes[1, column], errors[name], "error (rms over bands)", colours="magma", top=top, bar=_UNIT)
         if name in spreads:
-            image(axes[rows - 1, column], spreads[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
+            place = axes[rows - 1 - many, column]
+            image(place, spreads[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
         elif spreads:
-            axes[rows - 1, column].set_axis_off()
+            _say(axes[rows - 1 - many, column], "no error predicted")
     known = {"truth": truth} if truth is not None else {}
-    place = _tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1]
-    spectra(place, {**known, **estimates}, wavelengths, points)
+    if many:
+        for axis in axes[1:, 0]:
+            axis.set_axis_off()
+        for axis, (name, cube) in zip(axes[-1, 1:], estimates.items(), strict=False):
+            spectra(axis, {**known, name: cube}, wavelengths, points)
+    else:
+        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**known, **estimates}, wavelengths, points)
     return figure
+
+
+def _say(axis: Axes, text: str) -> None:
+    axis.set_axis_off()
+    axis.text(0.5, 0.5, text, ha="center", va="center", transform=axis.transAxes, color="#777777")
 
 
 def _tall(figure: Figure, axes: np.ndarray) -> Axes:

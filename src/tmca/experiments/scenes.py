@@ -67,6 +67,16 @@ def load_scene(
     return cube
 
 
+def identity_of(source: str) -> str | None:
+    """Checksum of a scene's file, of every file of a split; None for a rendered scene, or one that is not there."""
+    from tmca.data import checksum_of, read_split
+
+    path = Path(source)
+    if path.suffix == ".txt" and path.is_file():
+        return " ".join(checksum_of(scene) for scene in read_split(path))
+    return checksum_of(path) if path.is_file() else None
+
+
 def centre_crop(cube: xr.DataArray, size: tuple[int, int], where: str) -> xr.DataArray:
     """The middle (H, W) of a cube.
 

@@ -120,6 +120,8 @@ def reconstruct_snapshot(
         progress: told the share that is done and, while a prior is learned, what is done next.
     """
     chosen = None
+    if weights is not None and decoder != "network":
+        raise SettingError("weights", f"some for {decoder}", "none", "weights and the decoder network go together")
     if needs_prior(decoder) or prior is not None:
         chosen = find_prior(prior, decoder, snapshot.camera, progress)
     trained = find_weights(weights, snapshot.camera.slots) if isinstance(weights, str | Path) else weights

@@ -8,35 +8,45 @@ from typing import Any
 
 from tmca.experiments.cells import Measured
 from tmca.experiments.results import METRICS, markdown_table, mean_over_scenes, repository_commit
-from tmca.experiments.spectral_rows import DECODER_NAMES, NETWORKS
+from tmca.experiments.spectral_rows import DECODER_NAMES, FREE, LEARNED, MULTIPLEXED, NETWORKS, STATIC
 
 
-def results(measured: Sequence[Measured], train: Path, test: Path, command: Sequence[str]) -> dict[str, Any]:
-    """Rows of the table from measured cells; trained rows are means over their seeds."""
+def results(
+    measured: Sequence[Measured], train: Path, test: Path, command: Sequence[str], validation: Path | None = None
+) -> dict[str, Any]:
+    """Rows of the table from measured cells: means over scenes of the means over seeds."""
     rows: dict[tuple[str, ...], dict[str, Any]] = {}
     for cell in (cell for cell in measured if "metrics" in cell):
         key = (cell["code"], cell["noise"], cell["decoder"])
         row = rows.setdefault(key, _row(cell))
         row["runs"].setdefault(cell["scene"], []).append(cell["metrics"])
-        row["seconds"] += cell["seconds"]
+        row["times"].append(cell["seconds"])
+        row["lights"].append(cell["throughput"])
     training = [_training(cell) for cell in measured if "best" in cell]
     for row in rows.values():
-        runs = row.pop("runs")
+        runs, times, lights = row.pop("runs"), row.pop("times"), row.pop("lights")
+        row["seconds"], row["throughput"] = sum(times) / len(times), sum(lights) / len(lights)
         row["seeds"] = max(len(values) for values in runs.values())
         row["scenes"] = {
             scene: mean_over_scenes({str(i): m for i, m in enumerate(values)}) for scene, values in runs.items()
         }
         row |= mean_over_scenes(row["scenes"])
         row["seed_psnr"] = [sum(m["psnr"] for m in seed) / len(seed) for seed in zip(*runs.values(), strict=False)]
-        times = [t["cpu_seconds"] for t in training if (t["code"], t["decoder"]) == (row["code"], row["decoder"])]
-        row["training_cpu_minutes"] = sum(times) / len(times) / 60 if times else 0.0
+        learner = row["decoder"] if row["trained"] else DECODER_NAMES["unrolled"]  # learns the codes of the others
+        spent = [t["cpu_seconds"] for t in training if (t["code"], t["decoder"]) == (row["code"], learner)]
+        learned = row["trained"] or row["code"] in LEARNED
+        row["training_cpu_minutes"] = sum(spent) / len(spent) / 60 if spent and learned else 0.0
     return {
         "command": " ".join(command),
         "commit": repository_commit(),
-        "split": {"train": listed(train), "test": listed(test)},
+        "split": {
+            "train": listed(train),
+            "test": listed(test),
+            "validation": listed(validation) if validation else [],
+        },
         "budget": {
             "training": training or "none: priors in closed form",
-            "decoding_seconds": sum(r["seconds"] for r in rows.values()),
+            "decoding_seconds": sum(cell["seconds"] for cell in measured if "metrics" in cell),
         },
         "rows": list(rows.values()),
         "expected_error": [
@@ -55,9 +65,9 @@ def _row(cell: Measured) -> dict[str, Any]:
         "trained": cell["decoder"] in NETWORKS,
         "exposure": "equal",
         "noise": cell["noise"],
-        "throughput": cell["throughput"],
         "runs": {},
-        "seconds": 0.0,
+        "times": [],
+        "lights": [],
     }
 
 
@@ -88,14 +98,17 @@ def markdown(found: dict[str, Any]) -> str:
     ]
     if trained:
         lines += [
-            "Networks learned from patches of the same scenes (three of five) and of the rendered training scenes, one "
-            "for all three noises, in the CPU minutes of the last column (one core); learned TMCA starts at the codes "
-            "and the decoder of learned CASSI, whose minutes come on top. Means over seeds.",
+            "Networks learned from patches of the same scenes and, less often, of the rendered training scenes, one "
+            "for all three noises, in the CPU minutes of the last column (one core), half precision (bfloat16). "
+            f"{MULTIPLEXED} starts at the codes and the decoder of {STATIC}, whose minutes come on top; "
+            f"{FREE}, at random codes. Rows of learned codes without a network reconstruct from the codes that were "
+            "learned with the unrolled network, in its minutes. The U-Net from Φᵀy is not told the codes; it learned "
+            "from windows of them, and full-frame random codes of the scenes' sizes are other draws. Means over seeds.",
             "",
         ]
     columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
     columns += [(f"psnr {scene}", f"PSNR {scene}", ".2f") for scene in scenes]
-    columns += [("throughput", "light", ".1%"), ("seconds", "seconds", ".0f")]
+    columns += [("throughput", "light", ".1%"), ("seconds", "seconds a scene", ".0f")]
     columns += [("seeds", "seeds", "d"), ("training_cpu_minutes", "training (min)", ".1f")] if trained else []
     for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
         rows = [

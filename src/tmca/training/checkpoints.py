@@ -6,6 +6,7 @@ import json
 import shutil
 from pathlib import Path
 from typing import Any
+from warnings import warn
 
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
@@ -17,6 +18,14 @@ from tmca.errors import DataError
 
 _KEPT = 2
 _TENSORS, _STATE = "state.safetensors", "state.json"
+
+
+class DamagedCheckpoint(DataError):
+    """A checkpoint that cannot be read."""
+
+
+class DamagedFile(UserWarning):
+    """A file that was passed over."""
 
 
 def save_checkpoint(
@@ -53,17 +62,35 @@ def latest_checkpoint(folder: Path) -> Path | None:
     return found[-1] if found else None
 
 
+def load_latest(folder: Path, system: nn.Module, optimizers: dict[str, Optimizer]) -> dict[str, Any] | None:
+    """Bring a run to its newest checkpoint, or the one before where a power cut damaged it; None without any.
+
+    Raises:
+        DataError: none of them can be read, or they belong to a system of other sizes.
+    """
+    found = _checkpoints(folder)
+    for place, path in enumerate(reversed(found), start=1):
+        try:
+            return load_checkpoint(path, system, optimizers)
+        except DamagedCheckpoint as error:
+            if place == len(found):
+                raise
+            warn(f"{error}; going on from the one before", DamagedFile, stacklevel=2)
+    return None
+
+
 def load_checkpoint(path: Path, system: nn.Module, optimizers: dict[str, Optimizer]) -> dict[str, Any]:
     """Bring a system and its optimizers to the state of a checkpoint; returns its JSON values.
 
     Raises:
-        DataError: damaged, or of a system of other sizes; the system is then unchanged.
+        DamagedCheckpoint: it cannot be read.
+        DataError: of a system of other sizes. The system is unchanged in both cases.
     """
     try:
         tensors = load_file(path / _TENSORS)
         state: dict[str, Any] = json.loads((path / _STATE).read_text())
     except (OSError, SafetensorError, json.JSONDecodeError) as error:
-        raise DataError(path, f"an unreadable checkpoint ({error})", "one that is whole", "delete it") from error
+        raise DamagedCheckpoint(path, f"an unreadable checkpoint ({error})", "one that is whole") from error
     own = {name.removeprefix("system."): value for name, value in tensors.items() if name.startswith("system.")}
     _check_sizes(path, own, system.state_dict())
     system.load_state_dict(own)

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.errors import TmcaError
-from tmca.training.checkpoints import latest_checkpoint, load_checkpoint, save_checkpoint
+from tmca.training.checkpoints import latest_checkpoint, load_latest, save_checkpoint
 from tmca.training.log import TrainingLog
 from tmca.training.patches import Patch
 from tmca.training.schedules import code_rate, decoder_rate, slope
@@ -70,6 +70,8 @@ class Run:
     best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "step": 0})
     losses: list[float] = field(default_factory=list)
     said: str = ""
+    cpu_seconds: float = 0.0
+    begun: float = 0.0
 
     def __post_init__(self) -> None:
         groups = self.system.groups()
@@ -82,10 +84,11 @@ class Run:
 
     def resume(self) -> int:
         """Steps done at the newest checkpoint, whose state is taken over."""
-        newest = latest_checkpoint(self.folder / "checkpoints")
-        if newest is None:
+        state = load_latest(self.folder / "checkpoints", self.module, self.optimizers)
+        self.begun = time.process_time()
+        if state is None:
             return 0
-        state = load_checkpoint(newest, self.module, self.optimizers)
+        self.cpu_seconds = float(state.get("cpu_seconds", 0.0))
         self.best = state["best"] if state["best"]["psnr"] is not None else self.best  # JSON has no infinity
         self.losses = list(state["losses"])
         return int(state["step"])
@@ -99,6 +102,9 @@ class Run:
         """
         first = self.resume()
         self.log.keep_until(first)
+        self._set_rates(first)
+        if self.pool and not self.system.frozen:
+            self.pool[1].forget()  # estimates of codes that this run has still to learn
         wrapped, *_ = self.fabric.setup(self.module, *self.optimizers.values())
         with _asked_to_stop() as asked:
             for step in range(first, self.steps):
@@ -156,11 +162,14 @@ class Run:
         self.system.anneal(slope(step, self.steps, codes.slope, codes.frozen))
 
     def _check_finite(self, loss: Tensor, step: int, patches: list[Patch]) -> None:
-        broken = [n for n, p in self.module.named_parameters() if p.grad is not None and not p.grad.isfinite().all()]
+        learned = [(n, p) for n, p in self.module.named_parameters() if p.grad is not None]
+        broken = [n for n, p in learned if not (p.grad is None or p.grad.isfinite().all())]
         if bool(loss.isfinite()) and not broken:
             return
         kept = latest_checkpoint(self.folder / "checkpoints")
-        where = broken[0] if broken else "the loss"
+        lost = [n for n, p in learned if not p.isfinite().all()]
+        everywhere = "every derivative" if learned and len(broken) == len(learned) else ""
+        where = (lost or ([everywhere] if everywhere else broken) or ["the loss"])[0]
         raise TrainingError(
             f"step {step + 1}",
             f"a loss of {float(loss.detach()):g}, not finite in {where}; batch: {'; '.join(p.origin for p in patches)}",
@@ -182,13 +191,15 @@ class Run:
             self.log.add(done, figures)
 
     def _checkpoint(self, done: int) -> None:
+        now = time.process_time()
+        self.cpu_seconds, self.begun = self.cpu_seconds + now - self.begun, now
         if self.fabric.is_global_zero:
             save_checkpoint(
                 self.folder / "checkpoints",
                 done,
                 self.module,
                 self.optimizers,
-                {"best": self.best, "losses": self.losses, "time": time.time()},
+                {"best": self.best, "losses": self.losses, "time": time.time(), "cpu_seconds": self.cpu_seconds},
             )
         self.fabric.barrier()
 

@@ -29,6 +29,8 @@ class SceneLists:
 def scene_lists(data: DataSettings, seed: int) -> SceneLists:
     """The lists that the settings name; without validation scenes, shares of the training scenes drawn at random.
 
+    A scene that is named several times is learned from as often, and drawn once. The prior leaves drawn scenes out.
+
     Raises:
         SettingError: no training scenes, or a scene of training or prior that is also a validation scene.
         DataError: a split that cannot be read, or a scene of it that is missing or altered.
@@ -37,15 +39,21 @@ def scene_lists(data: DataSettings, seed: int) -> SceneLists:
     if not train:
         raise SettingError("data.train", "no scenes", "cubes, rendered scenes or a split file", "pass --train")
     _check_apart((*train, *prior), validation)
-    if validation or len(train) < 3:
+    different = list({_place(name): name for name in train})
+    if validation or len(different) < 3:
         return SceneLists(train, validation, prior=prior)
-    order = np.random.default_rng(seed).permutation(len(train))
-    counts = np.array(data.shares) / sum(data.shares) * len(train)
+    order = np.random.default_rng(seed).permutation(len(different))
+    counts = np.array(data.shares) / sum(data.shares) * len(different)
     first = max(1, round(counts[0]))
-    second = min(len(train), first + max(1, round(counts[1])))
-    learned, checked, test = (tuple(train[i] for i in sorted(part)) for part in np.split(order, [first, second]))
-    _check_apart(prior, (*checked, *test))
-    return SceneLists(learned, checked, test, prior)
+    second = min(len(different), first + max(1, round(counts[1])))
+    learned, checked, test = ({different[i] for i in part} for part in np.split(order, [first, second]))
+    checked_names, test_names = (
+        tuple(dict.fromkeys(name for name in train if _place(name) in part)) for part in (checked, test)
+    )
+    kept = tuple(name for name in prior if _place(name) not in checked | test)
+    if prior and not kept:
+        raise SettingError("data.prior", "only scenes drawn for validation", "others", "pass --validation")
+    return SceneLists(tuple(name for name in train if _place(name) in learned), checked_names, test_names, kept)
 
 
 def _check_apart(learned: Sequence[str], checked: Sequence[str]) -> None:

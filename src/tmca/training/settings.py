@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from tmca.errors import DataError, SettingError
+
+Share = Annotated[float, Field(ge=0)]
+Steepness = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class _Strict(BaseModel):
@@ -61,7 +63,7 @@ class CodeSettings(_Strict):
     """
 
     start: str = "random"
-    slope: tuple[float, float] = (4.0, 40.0)
+    slope: tuple[Steepness, Steepness] = (4.0, 40.0)
     frozen: float = Field(default=0.2, ge=0, lt=1)
     throughput: float | None = Field(default=None, gt=0, lt=1)
     hold: Literal["penalty", "hard"] = "penalty"
@@ -75,7 +77,7 @@ class DataSettings(_Strict):
 
     Args:
         train: cubes, rendered scenes, or split files (``.txt``) of them.
-        validation: the same; if empty, ``shares`` of ``train`` are set aside.
+        validation: the same; if empty, ``shares`` of ``train`` are set aside, and left out of ``prior``.
         shares: of training, validation and test scenes where no validation scenes are given.
         bands: nearest to even spacing from 400 to 700 nm.
         patch: side of the square patches, pixels.
@@ -92,7 +94,7 @@ class DataSettings(_Strict):
 
     train: tuple[str, ...] = ()
     validation: tuple[str, ...] = ()
-    shares: tuple[float, float, float] = (0.8, 0.1, 0.1)
+    shares: tuple[Share, Share, Share] = (0.8, 0.1, 0.1)
     bands: int = Field(default=12, ge=1)
     patch: int = Field(default=64, ge=4)
     batch: int = Field(default=16, ge=1)
@@ -151,10 +153,14 @@ class TrainSettings(_Strict):
     def _fits(self) -> TrainSettings:
         if self.data.motion and self.camera.disperser == "dual":
             raise ValueError("motion needs a single disperser")
+        if not sum(self.data.shares) > 0:
+            raise ValueError(f"shares of {self.data.shares}: at least one above 0")
+        if self.codes.throughput is not None and self.camera.learn == "none":
+            raise ValueError("codes.throughput needs learned codes: set camera.learn")
+        if self.codes.start == "one-hot" and self.camera.slots == 1:
+            raise ValueError("codes.start one-hot needs more than one slot")
         if self.data.patch > min(self.camera.size):
             raise ValueError(f"patches of {self.data.patch} pixels do not fit a camera of {self.camera.size}")
-        if not all(isfinite(s) and s > 0 for s in self.codes.slope):
-            raise ValueError("slope: numbers > 0")
         return self
 
 
@@ -226,7 +232,8 @@ def parsed(described: Mapping[str, Any], where: str) -> TrainSettings:
         name = ".".join(str(part) for part in first["loc"]) or where
         if first["type"] == "extra_forbidden":
             raise SettingError(name, "an unknown name", "one of the documented settings", _names(name)) from None
-        raise SettingError(name, repr(first.get("input")), first["msg"].removeprefix("Value error, ")) from None
+        expected = first["msg"].removeprefix("Value error, ").replace(" after validation", "")
+        raise SettingError(name, repr(first.get("input")), expected) from None
 
 
 def _names(dotted: str) -> str:

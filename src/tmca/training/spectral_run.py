@@ -44,11 +44,13 @@ class Trained:
         weights: file of the best validation, or of the last step where there was none.
         best: validation figures.
         steps: in all.
+        cpu_seconds: of all the pieces that a run was stopped into, loading and set-up apart.
     """
 
     weights: Path
     best: dict[str, Any]
     steps: int
+    cpu_seconds: float = 0.0
 
 
 def train_spectral(
@@ -58,6 +60,7 @@ def train_spectral(
     *,
     accelerator: str = "auto",
     processes: int = 1,
+    nodes: int = 1,
     progress: Progress | None = None,
 ) -> Trained:
     """Train a spectral camera's codes and decoder, or go on with a run that was stopped.
@@ -67,7 +70,8 @@ def train_spectral(
         folder: of the run: ``run.json``, ``log.csv``, ``prior.nc``, ``checkpoints/``, ``weights.safetensors``.
         load: from a scene's name to its cube at the camera's bands.
         accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``.
-        processes: on this machine; more than one must be started by ``torchrun``.
+        processes: on each machine; more than one in all must be started by ``torchrun``.
+        nodes: machines, which share the run's folder.
         progress: told about every step, in the first process.
 
     Raises:
@@ -75,12 +79,12 @@ def train_spectral(
         SettingError, DataError: impossible settings or scenes.
         TrainingError: a loss that is not finite.
     """
-    fabric = _engine(settings, accelerator, processes)
     lists = scene_lists(settings.data, settings.seed)
-    if fabric.is_global_zero:
-        open_run(folder, settings, lists)
-    fabric.barrier()
+    fabric = _engine(settings, accelerator, processes, nodes)
     with held(folder) if fabric.is_global_zero else nullcontext():
+        if fabric.is_global_zero:
+            open_run(folder, settings, lists)
+        fabric.barrier()
         return _train(settings, folder, load, lists, fabric, progress if fabric.is_global_zero else None)
 
 
@@ -92,6 +96,8 @@ def _train(
     wavelengths = first["wavelength"].values.tolist()
     camera = starting_camera(settings, wavelengths)
     decoder = dict(settings.decoder)
+    if "bands" in decoder:
+        raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: data.bands says it", "leave it out")
     network = build_network(decoder.pop("kind", "unrolled"), bands=camera.bands, **decoder)
     _take_decoder(settings, network)
     prior = _prior(fabric, folder, lists, load, camera, network.start) if network.start in NEED_PRIOR else None
@@ -112,7 +118,7 @@ def _train(
     best = run.train()
     if pool:
         pool[1].forget()
-    return Trained(folder / "weights.safetensors", best, steps)
+    return Trained(folder / "weights.safetensors", best, steps, run.cpu_seconds)
 
 
 def _pool(
@@ -204,7 +210,7 @@ def _short(name: str) -> str:
     return Path(name).name
 
 
-def _engine(settings: TrainSettings, accelerator: str, processes: int) -> Fabric:
+def _engine(settings: TrainSettings, accelerator: str, processes: int, nodes: int) -> Fabric:
     import logging
     import warnings
 
@@ -214,10 +220,13 @@ def _engine(settings: TrainSettings, accelerator: str, processes: int) -> Fabric
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        fabric = Fabric(
-            accelerator=accelerator, devices=processes, strategy="ddp" if processes > 1 else "auto",
-            precision=settings.precision,
-        )  # fmt: skip
+        try:
+            fabric = Fabric(
+                accelerator=accelerator, devices=processes, num_nodes=nodes, precision=settings.precision,
+                strategy="ddp" if processes * nodes > 1 else "auto",
+            )  # fmt: skip
+        except (ValueError, RuntimeError) as error:  # Fabric has no error of its own for a device that is not there
+            raise SettingError("--accelerator", repr(accelerator), "one of this machine", str(error)) from None
         fabric.launch()
     if settings.data.batch % fabric.world_size:
         raise SettingError("data.batch", str(settings.data.batch), f"a multiple of the {fabric.world_size} processes")

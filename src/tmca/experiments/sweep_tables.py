@@ -1,0 +1,75 @@
+"""Sweeps as tables and pictures."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from tmca.experiments.figures import plain_axes
+from tmca.experiments.results import METRICS, markdown_table
+from tmca.experiments.spectral_rows import DECODER_NAMES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+UNITS = {
+    "noise": "read noise σ, snapshot units",
+    "read_noise": "read noise σ, snapshot units",
+    "full_well": "full well, electrons",
+    "read_noise_electrons": "read noise, electrons",
+    "slots": "slots K",
+}
+
+
+def _columns(axes: Sequence[str]) -> list[tuple[str, str, str]]:
+    return [*((name, name, "") for name in axes), *METRICS, ("throughput", "light", ".1%")]
+
+
+def csv_text(rows: Sequence[dict[str, Any]], axes: Sequence[str]) -> str:
+    text = io.StringIO()
+    names = [name for name, _, _ in _columns(axes)]
+    writer = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def markdown(found: dict[str, Any], axes: Sequence[str]) -> str:
+    fixed = {name: value for name, value in found["fixed"].items() if name != "decoder"}
+    settings = "".join(f", {name} = {value}" for name, value in fixed.items())
+    decoder = found["fixed"].get("decoder")
+    learned = ", ".join(found["train"]) or "the rendered training scenes"
+    units = "; ".join(f"{name}: {UNITS[name]}" for name in axes if name in UNITS)
+    lines = ["# Spectral camera: sweep over " + " and ".join(axes), ""]
+    lines += [f"Command: `{found['command']}` at commit `{found['commit']}`.", ""]
+    said = f"decoder {DECODER_NAMES[decoder]}" if decoder else "decoders side by side"
+    said = f"{said[0].upper()}{said[1:]}{settings}; prior and networks learned from {learned}."
+    lines += [f"{said} Means over {', '.join(found['scenes'])}.{f' {units}.' if units else ''}", ""]
+    return "\n".join([*lines, markdown_table(found["rows"], _columns(axes))])
+
+
+def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str]) -> Figure:
+    """PSNR along the first varied setting, a line for every combination of the others."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axis = figure.add_subplot()
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault(", ".join(f"{name} = {row[name]}" for name in axes[1:]), []).append(row)
+    for label, group in groups.items():
+        places = [row[axes[0]] for row in group]
+        numeric = all(isinstance(p, int | float) for p in places)
+        axis.plot(
+            places if numeric else list(map(str, places)), [row["psnr"] for row in group], "o-", label=label or None
+        )
+        if numeric and min(places) > 0 and max(places) >= 8 * min(places):
+            axis.set_xscale("log")
+    if len(groups) > 1:
+        axis.legend(fontsize=8)
+    decoders = {DECODER_NAMES[row["decoder"]] for row in rows}
+    title = "mean over test scenes" + (f", {decoders.pop()}" if len(decoders) == 1 else "")
+    plain_axes(axis, title, UNITS.get(axes[0], axes[0]), "PSNR (dB)")
+    return figure
