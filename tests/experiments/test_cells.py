@@ -1,6 +1,12 @@
 """Grids of cells: finished ones are kept, failed ones named, a rerun does the rest."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -59,3 +65,47 @@ def test_cells_go_through_submitit_as_well(tmp_path):
     found = run_cells(CELLS, square, tmp_path, cluster={"cluster": "debug"})
     assert [cell["square"] for cell in found] == [0, 1, 4, 9, 16]
     assert len(run_cells(CELLS, never, tmp_path, cluster={"cluster": "debug"})) == 5
+
+
+def linger(cell):
+    (Path(cell["folder"]) / str(os.getpid())).touch()
+    time.sleep(300)
+    return {}
+
+
+GRID = """
+import sys
+from tests.experiments.test_cells import linger
+from tmca.experiments.cells import run_cells
+if __name__ == "__main__":
+    cells = [{"name": str(i), "folder": sys.argv[1]} for i in range(5)]
+    run_cells(cells, linger, sys.argv[1] + "/cells", jobs=2)
+"""
+
+
+def alive(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return "\nState:\tZ" not in Path(f"/proc/{process}/status").read_text()
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="looks into /proc")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_no_process_outlives_a_grid_that_is_stopped(tmp_path, number):
+    script, pids = tmp_path / "grid.py", tmp_path / "pids"
+    script.write_text(GRID)
+    pids.mkdir()
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path.cwd()), *sys.path])}
+    process = subprocess.Popen([sys.executable, str(script), str(pids)], env=environment, stderr=subprocess.DEVNULL)
+    begun = time.monotonic()
+    while len(list(pids.glob("[0-9]*"))) < 2:
+        assert time.monotonic() - begun < 120
+        time.sleep(0.1)
+    process.send_signal(number)
+    process.wait(60)
+    begun = time.monotonic()
+    while any(alive(int(file.name)) for file in pids.glob("[0-9]*")):
+        assert time.monotonic() - begun < 60
+        time.sleep(0.1)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import signal
+import threading
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -131,10 +135,17 @@ def _outcomes(
         for index in waiting:
             yield index, _one_cell(cells[index], files[index], compute)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_one_thread) as pool:
-        running = {pool.submit(_one_cell, cells[i], files[i], compute): i for i in waiting}
-        for future in as_completed(running):
-            yield running[future], future.result()
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_worker, initargs=(os.getpid(),)) as pool:
+        running = {pool.submit(_cell_of_a_worker, cells[i], files[i], compute): i for i in waiting}
+        try:
+            for future in as_completed(running):
+                yield running[future], future.result()
+        except BaseException:
+            workers = list((pool._processes or {}).values())
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.terminate()  # a training keeps a checkpoint first
+            raise
 
 
 def _submitted(
@@ -160,10 +171,26 @@ def _submitted(
         yield index, job.result()
 
 
-def _one_thread() -> None:
+def _worker(parent: int) -> None:
+    """One thread for the numbers, and another that stops the work when the process that asked for it is gone."""
     import torch
 
     torch.set_num_threads(1)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _cell_of_a_worker(cell: Settings, file: Path, compute: Callable[[Settings], Measured]) -> bool:
+    """A cell; a process that is told to stop takes no other one."""
+    try:
+        return _one_cell(cell, file, compute)
+    except KeyboardInterrupt:
+        os._exit(130)
 
 
 def _one_cell(cell: Settings, file: Path, compute: Callable[[Settings], Measured]) -> bool:
