@@ -4,7 +4,7 @@ import torch
 
 from tests.small_scenes import smooth_scene
 from tmca.cameras import SpectralCamera
-from tmca.design import BlockError, TileError, designable
+from tmca.design import BlockMse, TileMse, designable
 from tmca.priors import BlockModel, GaussianPrior
 
 PRIOR = GaussianPrior.learn([smooth_scene(40, 47, seed=s) for s in (1, 2)], (3, 9))
@@ -17,11 +17,11 @@ def designed(kind="free", slots=2, period=(4, 5), **settings):
 
 def block_error(read_noise=0.05, shot=0.0, prior=PRIOR, **settings):
     wide = SpectralCamera(bands=BANDS, size=prior.block[1:], slots=1, shutter="open", **settings)
-    return BlockError.of(prior, BlockModel.of(wide.operator().taps, prior.block), read_noise, shot)
+    return BlockMse.of(prior, BlockModel.of(wide.operator().taps, prior.block), read_noise, shot)
 
 
 def tile_error(read_noise=0.05, shot=0.0):
-    return TileError(block_error(read_noise, shot))
+    return TileMse(block_error(read_noise, shot))
 
 
 def binary(camera):

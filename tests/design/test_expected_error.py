@@ -6,7 +6,7 @@ import torch
 from tests.design.small_designs import BANDS, PRIOR, block_error, designed, tile_error
 from tests.small_scenes import CAMERAS, camera
 from tmca.cameras import SpectralCamera
-from tmca.design import BlockError, TileError
+from tmca.design import BlockMse, TileMse
 from tmca.design.low_rank import BlockState
 from tmca.design.tile import windows
 from tmca.errors import SettingError
@@ -24,7 +24,7 @@ def test_the_error_is_that_of_the_whole_posterior(name, noise, block):
     model = BlockModel.of(taps, prior.block)
     seen = torch.stack([taps.code, taps.code.flip(1)])
     expected = GaussianSolver(prior, model, *noise, torch.float64).posterior(seen).error_variance()
-    found = BlockError.of(prior, model).under(*noise)(seen)
+    found = BlockMse.of(prior, model).under(*noise)(seen)
     torch.testing.assert_close(found, model.in_judged(expected).mean(1), rtol=1e-8, atol=1e-12)
 
 
@@ -32,7 +32,7 @@ def test_the_error_is_that_of_the_whole_posterior(name, noise, block):
 def test_its_derivative_is_that_of_finite_differences(noise):
     code = camera("two taps per band", 3, 9, seed=5).code[None].requires_grad_()
     model = BlockModel.of(camera("two taps per band", 3, 9), PRIOR.block)
-    error = BlockError.of(PRIOR, model, *noise)
+    error = BlockMse.of(PRIOR, model, *noise)
     assert torch.autograd.gradcheck(error, (0.1 + code,), eps=1e-6, atol=1e-6)
 
 
@@ -67,7 +67,7 @@ def test_the_tile_error_is_the_mean_over_its_phases():
 def test_changes_of_a_few_weights_are_judged_as_if_anew(name, noise):
     taps = camera(name, 3, 9, seed=1)
     model = BlockModel.of(taps, PRIOR.block)
-    error = BlockError.of(PRIOR, model, *noise)
+    error = BlockMse.of(PRIOR, model, *noise)
     weights = model.complete(taps.code[None]).flatten(2).mT[0]
     generator, changes = torch.Generator().manual_seed(0), torch.zeros(6, *weights.shape, dtype=torch.float64)
     for count, change in enumerate(changes):
@@ -84,4 +84,4 @@ def test_negative_noise_is_refused():
     with pytest.raises(SettingError, match="numbers ≥ 0"):
         block_error(-1.0)
     with pytest.raises(SettingError, match="numbers ≥ 0"):
-        TileError(block_error()).error.under(0.0, -0.1)
+        TileMse(block_error()).error.under(0.0, -0.1)

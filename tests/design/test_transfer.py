@@ -7,7 +7,7 @@ from tests.design.small_designs import PRIOR, block_error, designed
 from tests.small_scenes import smooth_scene
 from tmca.design.measures import block_matrices
 from tmca.design.tile import windows
-from tmca.design.transfer import TransferError, learn_examples
+from tmca.design.transfer import TransferMse, learn_examples
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianPrior, cropped, pooled
 from tmca.priors.pooling import around
@@ -22,7 +22,7 @@ def seen():
 @pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])
 def test_a_scene_that_is_as_the_prior_says_errs_as_expected(noise):
     error = block_error()
-    found = TransferError.of(error, PRIOR, PRIOR)(seen(), *noise)
+    found = TransferMse.of(error, PRIOR, PRIOR)(seen(), *noise)
     torch.testing.assert_close(found, error.under(*noise)(seen()), rtol=1e-8, atol=0)
 
 
@@ -30,7 +30,7 @@ def test_a_scene_that_is_as_the_prior_says_errs_as_expected(noise):
 def test_the_error_on_another_scene_is_that_of_dense_matrices(noise):
     scene = GaussianPrior.learn([SCENES["c"]], (3, 9))
     model, moments = block_error().model, around(scene, PRIOR.mean).covariance
-    found = TransferError.of(block_error(), PRIOR, scene)(seen(), *noise)
+    found = TransferMse.of(block_error(), PRIOR, scene)(seen(), *noise)
     judged = model.in_judged(torch.arange(moments.shape[0])[None]).flatten()
     for value, matrix in zip(found, block_matrices(model, seen()), strict=True):
         expected = [matrix @ prior.mean.flatten() for prior in (PRIOR, scene)]

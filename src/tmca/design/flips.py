@@ -11,7 +11,7 @@ from torch import Tensor
 from tmca.cameras import SpectralCamera
 from tmca.codes import CodePlane
 from tmca.design.low_rank import BlockState
-from tmca.design.tile import TileError, even_shifts, phases, windows
+from tmca.design.tile import TileMse, even_shifts, phases, windows
 from tmca.errors import SettingError
 
 _SHIFTS = 2
@@ -49,7 +49,7 @@ class Flip:
 
 def flip_greedily(
     camera: SpectralCamera,
-    error: TileError,
+    error: TileMse,
     *,
     sweeps: int = 1,
     batch: int = 48,
@@ -92,12 +92,12 @@ def flip_greedily(
 class TileState:
     """The blocks that share out one period, each with its present weights."""
 
-    error: TileError
+    error: TileMse
     code: Tensor
     blocks: list[BlockState]
 
     @classmethod
-    def of(cls, camera: SpectralCamera, error: TileError) -> TileState:
+    def of(cls, camera: SpectralCamera, error: TileMse) -> TileState:
         code = camera.taps().code.detach().double()
         state = cls(error, code, [])
         state.blocks = [BlockState.of(error.error, weights) for weights in state.weights(code[None])[0]]

@@ -1,6 +1,6 @@
 """What changes of a few weights do to the expected error of a block, without a new factorisation for each.
 
-A changed pixel of a code changes the weights of r of the m measurements. Then ``G`` and ``M`` of ``block_error`` change
+A changed pixel of a code changes the weights of r of the m measurements. Then ``G`` and ``M`` of ``block_mse`` change
 in r rows and columns, and ``tr G⁻¹ M`` follows by the Woodbury identity with matrices of size 2r.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from tmca.design.block_error import BlockError, Products
+from tmca.design.block_mse import BlockMse, Products
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,12 @@ class BlockState:
         products: of these weights, a batch of one.
     """
 
-    error: BlockError
+    error: BlockMse
     weights: Tensor
     products: Products
 
     @classmethod
-    def of(cls, error: BlockError, weights: Tensor) -> BlockState:
+    def of(cls, error: BlockMse, weights: Tensor) -> BlockState:
         """The state of a block under weights (m, T)."""
         weights = weights.double()
         return cls(error, weights, Products.of(error, weights[None]))

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralCamera
-from tmca.design.block_error import BlockError
+from tmca.design.block_mse import BlockMse
 from tmca.priors.blocks import BlockModel
 
 
@@ -35,7 +35,7 @@ def windows(code: Tensor, block: tuple[int, int, int], places: list[tuple[int, i
 
 
 @dataclass(frozen=True)
-class TileError:
+class TileMse:
     """Expected mean squared error of a tiled code.
 
     Args:
@@ -43,7 +43,7 @@ class TileError:
         most: blocks whose error is computed at once.
     """
 
-    error: BlockError
+    error: BlockMse
     most: int = 16
 
     def __call__(self, code: Tensor, shift: tuple[int, int] = (0, 0)) -> Tensor:

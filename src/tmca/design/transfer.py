@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralCamera
-from tmca.design.block_error import BlockError, Products, quadratic
-from tmca.design.tile import TileError, even_shifts, phases, windows
+from tmca.design.block_mse import BlockMse, Products, quadratic
+from tmca.design.tile import TileMse, even_shifts, phases, windows
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.pooling import around, pooled
@@ -19,7 +19,7 @@ from tmca.priors.posterior import noise_variance
 
 
 @dataclass(frozen=True)
-class TransferError:
+class TransferMse:
     """Mean squared error over the judged pixels of scenes with moments of their own, estimated under a prior.
 
     With the estimator ``K = S_J· Aᵀ G⁻¹`` of the prior and the scene's second moments T around the prior's mean, it is
@@ -34,14 +34,14 @@ class TransferError:
         variance: mean of the scene's moments of a judged pixel.
     """
 
-    error: BlockError
+    error: BlockMse
     covariance: Tensor
     crossed: Tensor
     mean: Tensor
     variance: float
 
     @classmethod
-    def of(cls, error: BlockError, prior: GaussianPrior, scene: GaussianPrior) -> TransferError:
+    def of(cls, error: BlockMse, prior: GaussianPrior, scene: GaussianPrior) -> TransferMse:
         """The error on scenes of one stationary prior of an estimator built on another."""
         model = error.model
         pixels, moved = model.pixels(), around(scene, prior.mean)
@@ -91,22 +91,22 @@ class Examples:
         return pooled([self.scenes[n] for n in kept], [float(self.areas[n]) for n in kept])
 
     @cached_property
-    def error(self) -> BlockError:
+    def error(self) -> BlockMse:
         """Expected error under the prior of all, without noise."""
-        return BlockError.of(self.prior, self.model)
+        return BlockMse.of(self.prior, self.model)
 
     @cached_property
-    def transfers(self) -> dict[str, TransferError]:
+    def transfers(self) -> dict[str, TransferMse]:
         """Error on each scene under the prior of the others."""
         found = {}
         for name, scene in self.scenes.items():
             others = self.without(name)
-            found[name] = TransferError.of(BlockError.of(others, self.model), others, scene)
+            found[name] = TransferMse.of(BlockMse.of(others, self.model), others, scene)
         return found
 
-    def tile_error(self, read_noise: float, shot: float) -> TileError:
+    def tile_error(self, read_noise: float, shot: float) -> TileMse:
         """What optimisers lower."""
-        return TileError(self.error.under(read_noise, shot))
+        return TileMse(self.error.under(read_noise, shot))
 
     @torch.no_grad()
     def held_out(self, camera: SpectralCamera, read_noise: float, shot: float) -> dict[str, float]:

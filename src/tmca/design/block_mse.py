@@ -20,7 +20,7 @@ from tmca.priors.posterior import check_noise, noise_variance
 
 
 @dataclass(frozen=True)
-class BlockError:
+class BlockMse:
     """Mean squared error over the judged pixels of blocks, for m measurements of T taps each.
 
     Args:
@@ -42,7 +42,7 @@ class BlockError:
     shot: float = 0.0
 
     @classmethod
-    def of(cls, prior: GaussianPrior, model: BlockModel, read_noise: float = 0.0, shot: float = 0.0) -> BlockError:
+    def of(cls, prior: GaussianPrior, model: BlockModel, read_noise: float = 0.0, shot: float = 0.0) -> BlockMse:
         """What a prior says of blocks of this geometry.
 
         Raises:
@@ -58,7 +58,7 @@ class BlockError:
         mean = prior.mean.reshape(-1).double()[pixels]
         return cls(model, rows[:, flat].reshape(shape), reach.reshape(shape), mean, variance, read_noise, shot)
 
-    def under(self, read_noise: float, shot: float) -> BlockError:
+    def under(self, read_noise: float, shot: float) -> BlockMse:
         """The same blocks under another noise.
 
         Raises:
@@ -79,7 +79,7 @@ class BlockError:
 
 @dataclass(frozen=True)
 class Products:
-    """What the weights (P, m, T) of blocks make of a ``BlockError``.
+    """What the weights (P, m, T) of blocks make of a ``BlockMse``.
 
     Args:
         covariant: (m, P, m, T) covariance of every measurement with the pixels under the taps of every other.
@@ -94,7 +94,7 @@ class Products:
     reached: Tensor
 
     @classmethod
-    def of(cls, error: BlockError, weights: Tensor) -> Products:
+    def of(cls, error: BlockMse, weights: Tensor) -> Products:
         """Both quadratic forms and the inverse."""
         covariant, spread = quadratic(error.covariance, weights)
         reaching, reached = quadratic(error.reach, weights)
@@ -124,7 +124,7 @@ def quadratic(form: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
 
 class _Error(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, weights: Tensor, error: BlockError) -> Tensor:
+    def forward(ctx: Any, weights: Tensor, error: BlockMse) -> Tensor:
         found = Products.of(error, weights)
         if ctx.needs_input_grad[0]:
             ctx.save_for_backward(_gradient(found, error, weights))
@@ -136,7 +136,7 @@ class _Error(torch.autograd.Function):
         return grads[0][:, None, None] * gradient, None
 
 
-def _gradient(found: Products, error: BlockError, weights: Tensor) -> Tensor:
+def _gradient(found: Products, error: BlockMse, weights: Tensor) -> Tensor:
     """(P, m, T) derivative of every block's error in its weights."""
     sandwiched = found.sandwiched
     kept = torch.einsum("pij,jpit->pit", sandwiched, found.covariant)
