@@ -16,7 +16,7 @@ SCENES = {name: smooth_scene(20 + 7 * s, 33, seed=10 + s) * (1 + s) for s, name 
 
 
 def seen():
-    return windows(designed().taps().code.double(), PRIOR.block, [(0, 0), (1, 2)])
+    return windows(designed().taps().code.detach().double(), PRIOR.block, [(0, 0), (1, 2)])
 
 
 @pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])

@@ -194,20 +194,21 @@ def advise(
     Raises:
         SettingError: impossible sensor, slots that do not fit, unknown kind.
     """
+    kinds = sorted(kinds, key=lambda kind: kind == "free")  # which then starts from the others
     plan = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
     task = _Task(examples, _noise(sheet, period, camera), period, seed, camera)
     told, parts = progress or (lambda share, step: None), len(plan) + 3
-    static = task.judged("static", 1, survey, None, _part(told, 0, parts, "survey: static"))
-    surveyed = [
-        task.judged(kind, k, survey, static, _part(told, place, parts, f"survey: {kind}, K = {k}"))
-        for place, (kind, k) in enumerate(plan, start=1)
-    ]
-    final = task.judged("static", 1, effort, None, _part(told, parts - 2, parts, "static"))
+    static = task.judged("static", 1, survey, [], _part(told, 0, parts, "survey: static"))
+    surveyed: list[Candidate] = []
+    for place, (kind, k) in enumerate(plan, start=1):
+        starts = [static, *(c for c in surveyed if c.design.slots == k)]
+        surveyed.append(task.judged(kind, k, survey, starts, _part(told, place, parts, f"survey: {kind}, K = {k}")))
+    final = task.judged("static", 1, effort, [], _part(told, parts - 2, parts, "static"))
     best = _best(surveyed)
     if best is None:
         return Advice(final, surveyed, None, task.noise, sheet)
     kind, k = best.design.kind, best.design.slots
-    chosen = task.judged(kind, k, effort, final, _part(told, parts - 1, parts, f"{kind}, K = {k}"))
+    chosen = task.judged(kind, k, effort, [final, best], _part(told, parts - 1, parts, f"{kind}, K = {k}"))
     return Advice(final, surveyed, chosen, task.noise, sheet)
 
 
@@ -229,17 +230,20 @@ class _Task:
     camera: dict[str, Any]
 
     def judged(
-        self, kind: str, slots: int, effort: Effort | None, static: Candidate | None, told: Callable[[float], None]
+        self, kind: str, slots: int, effort: Effort | None, others: list[Candidate], told: Callable[[float], None]
     ) -> Candidate:
-        """The best design of a kind, from random codes and, where it contains it, from the static design."""
+        """The best design of a kind from random codes; free ones, which contain all others, also start from those.
+
+        The first of ``others`` is the static design that gains are counted from.
+        """
         error = self.examples.tile_error(*self.noise)
         common = {"effort": effort, "seed": self.seed, **self.camera}
         found = [search(kind, slots, self.period, error, progress=told, **common)]
-        if kind == "free" and static is not None:
-            found.append(search(kind, slots, self.period, error, start=static.design.camera, **common))
+        for other in others if kind == "free" else ():
+            found.append(search(kind, slots, self.period, error, start=other.design.camera, **common))
         design = min(found, key=lambda one: one.mse)
         held = {n: decibels(v) for n, v in self.examples.held_out(design.camera, *self.noise).items()}
-        before = held if static is None else static.held_out
+        before = others[0].held_out if others else held
         return Candidate(design, held, {name: psnr - before[name] for name, psnr in held.items()})
 
 

@@ -89,7 +89,7 @@ def search(
         period: (rows, columns) of the tile, pixels.
         error: expected error of a tile.
         effort: restarts, steps and sweeps.
-        start: a static camera whose code all slots start from; the answer is never worse than it.
+        start: a camera whose codes are started from, see ``designable``; the answer is never worse than it.
         throughput: share of light to hold; free if None.
         seed: of the random codes.
         progress: told the share that is done.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import torch
+from torch import Tensor
 
 from tmca.cameras import SpectralCamera
 from tmca.errors import SettingError
@@ -31,11 +31,11 @@ def designable(
         slots: number of time slots K; 1 for ``"static"``.
         period: (rows, columns) of the tile, pixels.
         seed: of the codes.
-        start: a static camera of the same period: all slots start from its aperture, behind an open shutter.
+        start: a camera of the same period whose codes are started from; those of a static one in every slot.
         camera: further arguments of ``SpectralCamera``.
 
     Raises:
-        SettingError: unknown kind, or a static camera with slots.
+        SettingError: unknown kind, a static camera with slots, or a start with other slots than these or one.
     """
     if kind not in KINDS:
         raise SettingError("kind", repr(kind), " or ".join(map(repr, KINDS)))
@@ -43,13 +43,14 @@ def designable(
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
     planes: dict[str, Any] = dict(KINDS[kind])
     if start is not None:
-        planes = _from_static(start, slots)
+        planes = _codes_of(start, slots)
     return SpectralCamera(
         size=period, period=period, slots=slots, learnable=True, spread=_SPREAD, seed=seed, **planes, **camera
     )
 
 
-def _from_static(static: SpectralCamera, slots: int) -> dict[str, Any]:
-    aperture = static.multiplexed.aperture.tile().detach()[:1].expand(slots, -1, -1).clone()
-    wide = static.multiplexed.shutter.tile().detach()
-    return {"aperture": aperture, "shutter": torch.ones(slots, *wide.shape[1:])}
+def _codes_of(start: SpectralCamera, slots: int) -> dict[str, Tensor]:
+    if start.slots not in (1, slots):
+        raise SettingError("start", f"{start.slots} slots", f"1 or {slots}")
+    planes = {"aperture": start.multiplexed.aperture, "shutter": start.multiplexed.shutter}
+    return {name: plane.tile().detach().expand(slots, -1, -1).clone() for name, plane in planes.items()}
