@@ -62,7 +62,7 @@ def test_examples_judge_each_scene_under_the_others():
     assert set(found) == set(SCENES)
     others = pooled([examples.scenes[n] for n in "bc"], [SCENES[n][0].numel() for n in "bc"])
     torch.testing.assert_close(examples.without("a").moments, others.moments)
-    own = examples.tile_error(0.05, 0.0).whole(designed(), 2)
+    own = examples.tile_mse(0.05, 0.0).whole(designed(), 2)
     assert max(found.values()) > own
 
 

@@ -236,7 +236,7 @@ class _Task:
 
         The first of ``others`` is the static design that gains are counted from.
         """
-        error = self.examples.tile_error(*self.noise)
+        error = self.examples.tile_mse(*self.noise)
         common = {"effort": effort, "seed": self.seed, **self.camera}
         found = [search(kind, slots, self.period, error, progress=told, **common)]
         for other in others if kind == "free" else ():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import torch
 from torch import Tensor
@@ -52,6 +53,7 @@ def flip_greedily(
     error: TileMse,
     *,
     sweeps: int = 1,
+    most: int | None = None,
     batch: int = 48,
     seed: int = 0,
     throughput: tuple[float, float] | None = None,
@@ -63,6 +65,7 @@ def flip_greedily(
         camera: as large as one period of its codes, with learnable planes.
         error: of its tile; blocks stay where they are, so that the error falls with every flip.
         sweeps: times that every pixel is tried; ends earlier when nothing changes any more.
+        most: pixels that are tried in a sweep, drawn at random; all if None.
         batch: flips that are judged together.
         seed: of the order.
         throughput: share of light to hold and how far it may stray from it.
@@ -77,7 +80,7 @@ def flip_greedily(
     state, flips = TileState.of(camera, error), _flips(camera)
     generator = torch.Generator().manual_seed(seed)
     for sweep in range(sweeps):
-        order = torch.randperm(len(flips), generator=generator).tolist()
+        order = torch.randperm(len(flips), generator=generator)[:most].tolist()
         turned = 0
         for start in range(0, len(order), batch):
             turned += _turn(camera, state, [flips[i] for i in order[start : start + batch]], throughput)
@@ -140,11 +143,7 @@ def _flips(camera: SpectralCamera) -> list[Flip]:
     planes = [p for p in (camera.multiplexed.aperture, camera.multiplexed.shutter) if p.learnable]
     if not planes:
         raise SettingError("camera", "fixed codes", "learnable=True, 'aperture' or 'shutter'")
-    return [
-        Flip(plane, (int(k), int(y), int(x)))
-        for plane in planes
-        for k, y, x in torch.ones(plane.latent.shape).nonzero().tolist()
-    ]
+    return [Flip(plane, (k, y, x)) for plane in planes for k, y, x in product(*map(range, plane.latent.shape))]
 
 
 @torch.no_grad()

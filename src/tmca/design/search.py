@@ -24,15 +24,17 @@ class Effort:
         restarts: random codes that are started from.
         steps: of each descent.
         sweeps: of flips over the best of them.
+        flips: pixels that are tried in each sweep, at most.
     """
 
     restarts: int = 1
     steps: int = 240
     sweeps: int = 1
+    flips: int = 6000
 
     def __post_init__(self) -> None:
-        if self.restarts < 1 or self.steps < 1 or self.sweeps < 0:
-            raise SettingError("effort", str(self), "restarts and steps ≥ 1, sweeps ≥ 0")
+        if self.restarts < 1 or self.steps < 1 or self.sweeps < 0 or self.flips < 1:
+            raise SettingError("effort", str(self), "restarts, steps and flips ≥ 1, sweeps ≥ 0")
 
 
 SURVEY = Effort(restarts=1, steps=60, sweeps=0)
@@ -109,19 +111,19 @@ def search(
         found.append((after, restart, own, before))
     best, _, chosen, _ = min(found)
     if effort.sweeps:
-        best = _polish(chosen, error, effort.sweeps, best, seed, throughput)
+        best = _polish(chosen, error, effort, best, seed, throughput)
     told(1.0)
     mean = sum(before for *_, before in found) / len(found)
     return Design(kind, chosen, best, mean, time.process_time() - begun)
 
 
 def _polish(
-    camera: SpectralCamera, error: TileMse, sweeps: int, before: float, seed: int, throughput: float | None
+    camera: SpectralCamera, error: TileMse, effort: Effort, before: float, seed: int, throughput: float | None
 ) -> float:
     """Flip, and take the flips back if blocks that the flips did not see say so; the error that is left."""
     kept = [p.detach().clone() for p in camera.multiplexed.parameters()]
     light = None if throughput is None else (camera.throughput(), 0.005)
-    flip_greedily(camera, error, sweeps=sweeps, seed=seed, throughput=light)
+    flip_greedily(camera, error, sweeps=effort.sweeps, most=effort.flips, seed=seed, throughput=light)
     after = error.whole(camera)
     if after <= before:
         return after

@@ -21,6 +21,12 @@ KINDS: dict[str, dict[str, str]] = {
 _SPREAD = 0.9
 
 
+def check_kind(kind: str) -> None:
+    """Raise SettingError unless it is one of ``KINDS``."""
+    if kind not in KINDS:
+        raise SettingError("kind", repr(kind), f"one of {', '.join(KINDS)}")
+
+
 def designable(
     kind: str, slots: int, period: tuple[int, int], *, seed: int = 0, start: SpectralCamera | None = None, **camera: Any
 ) -> SpectralCamera:
@@ -37,8 +43,7 @@ def designable(
     Raises:
         SettingError: unknown kind, a static camera with slots, or a start with other slots than these or one.
     """
-    if kind not in KINDS:
-        raise SettingError("kind", repr(kind), " or ".join(map(repr, KINDS)))
+    check_kind(kind)
     if kind == "static" and slots != 1:
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
     planes: dict[str, Any] = dict(KINDS[kind])

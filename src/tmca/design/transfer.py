@@ -104,7 +104,7 @@ class Examples:
             found[name] = TransferMse.of(BlockMse.of(others, self.model), others, scene)
         return found
 
-    def tile_error(self, read_noise: float, shot: float) -> TileMse:
+    def tile_mse(self, read_noise: float, shot: float) -> TileMse:
         """What optimisers lower."""
         return TileMse(self.error.under(read_noise, shot))
 

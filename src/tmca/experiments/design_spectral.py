@@ -22,6 +22,7 @@ from tmca.design import (
     learn_examples,
     measures,
 )
+from tmca.design.spectral import check_kind
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design_figures import gains_figure
@@ -45,7 +46,7 @@ COLUMNS = (
     ("seconds", "CPU seconds", ".0f"),
 )
 _RENDERED_SIZE = (256, 256)
-_MOST_PERIOD = 512
+_MOST_PERIOD, _MOST_PIXELS = 512, 2**20
 
 
 def design_spectral(
@@ -94,9 +95,7 @@ def design_spectral(
     for name in FILES:
         if (out / name).exists() and not overwrite:
             raise OutputError(out / name, "an existing file", "a new folder", "pass --overwrite or another --out")
-    if not 1 <= period <= _MOST_PERIOD:
-        raise SettingError("--period", str(period), f"1 to {_MOST_PERIOD} pixels")
-    sheet.allowed(slots)
+    _check(sheet, slots, kinds, period)
     told = progress or (lambda share, step: None)
     examples, wavelengths = _examples(scenes, bands, camera, told)
     camera = {"bands": wavelengths, **camera}
@@ -110,6 +109,22 @@ def design_spectral(
     write_json(found, out / "design.json", overwrite=overwrite)
     write_report(out / "design.html", "Codes for a spectral camera", _sections(advice, found), overwrite=overwrite)
     return advice, found
+
+
+def _check(sheet: SensorSheet, slots: Sequence[int] | None, kinds: Sequence[str], period: int) -> None:
+    """Refuse what cannot be searched, before scenes are read."""
+    if not 1 <= period <= _MOST_PERIOD:
+        raise SettingError("--period", str(period), f"1 to {_MOST_PERIOD} pixels")
+    for k in sheet.allowed(slots):
+        if k * period**2 > _MOST_PIXELS:
+            found = f"{k} slots of {period}×{period} pixels"
+            raise SettingError(
+                "--slots", found, f"at most {_MOST_PIXELS} code pixels", "take fewer or a smaller period"
+            )
+    for kind in kinds:
+        check_kind(kind)
+    if "static" in kinds:
+        raise SettingError("--kinds", "static", "codes of several slots", "the static code is always searched")
 
 
 def _examples(
