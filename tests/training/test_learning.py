@@ -9,6 +9,7 @@ from tmca.codes import CodePlane, hard_threshold
 from tmca.decoders.network import build_network
 from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.decoders.start import first_estimate
+from tmca.design.throughput import hold_throughput
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.operators import single_disperser
 from tmca.optics import Dispersion
@@ -16,7 +17,6 @@ from tmca.sensor import Noise
 from tmca.training import settings_from
 from tmca.training.loop import TrainingError
 from tmca.training.spectral_run import starting_camera
-from tmca.training.throughput import hold_throughput
 
 
 def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):

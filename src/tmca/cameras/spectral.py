@@ -17,6 +17,7 @@ from tmca.operators import (
     LinearOperator,
     SlotwiseDisperser,
     TapOperator,
+    Taps,
     coloured_code,
     dual_disperser,
     single_disperser,
@@ -175,6 +176,17 @@ class SpectralCamera(nn.Module):
         if self._fixed is None or self._fixed[0] != versions:
             self._fixed = (versions, self._collapsed())
         return self._fixed[1]
+
+    def taps(self) -> Taps:
+        """The collapsed code with the sensor response folded in.
+
+        Raises:
+            SettingError: relay blur, which keeps the slots apart.
+        """
+        operator = self.operator()
+        if not isinstance(operator, TapOperator):
+            raise SettingError("relay blur", str(self.relay_blur), "0 where one code stands for all slots")
+        return operator.taps
 
     @property
     def blurred(self) -> bool:

@@ -16,6 +16,7 @@ COMMANDS = {
     "train": ("train:app", "Learn a camera's codes and its decoder together."),
     "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
     "sweep": ("sweep:app", "Every combination of some settings, over test scenes."),
+    "design": ("design:app", "Find codes for a sensor, and say what they gain before anything is built."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }
 

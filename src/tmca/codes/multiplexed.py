@@ -66,6 +66,10 @@ class MultiplexedCodes(nn.Module):
         """Set the slope of the surrogate derivative of both planes."""
         self.aperture.slope = self.shutter.slope = float(slope)
 
+    def relax(self, relaxed: bool) -> None:
+        """Show the smooth stand-in of both planes, grey between 0 and 1, or their binary patterns again."""
+        self.aperture.relaxed = self.shutter.relaxed = relaxed
+
     def transmittance(self) -> float:
         """Share of open aperture pixels over all slots."""
         return float(self.aperture().mean())

@@ -53,6 +53,21 @@ def blue_noise_pattern(slots: int, size: tuple[int, int], density: float, seed: 
     return torch.from_numpy(np.stack(slices)).float()
 
 
+def s_matrix_pattern(slots: int, size: tuple[int, int], density: float, seed: int) -> Tensor:
+    """(slots, H, W) each pixel follows a random column of an S-matrix: any two columns are open together as often.
+
+    The S-matrix is that of the next order 2^p - 1 at or above the number of slots, its first rows where it has more.
+
+    Source: Harwit and Sloane 1979, "Hadamard Transform Optics".
+    """
+    from scipy.linalg import hadamard
+
+    order = 1 << slots.bit_length()
+    matrix = torch.from_numpy((1 - hadamard(order)[1:, 1:]) // 2).float()
+    generator = torch.Generator().manual_seed(seed)
+    return matrix[:slots, torch.randint(order - 1, size, generator=generator)].contiguous()
+
+
 FAMILIES: dict[str, Callable[[int, tuple[int, int], float, int], Tensor]] = {
     "random": random_pattern,
     "static": static_pattern,
@@ -60,6 +75,7 @@ FAMILIES: dict[str, Callable[[int, tuple[int, int], float, int], Tensor]] = {
     "one-hot": one_hot_pattern,
     "complementary": complementary_pattern,
     "blue-noise": blue_noise_pattern,
+    "s-matrix": s_matrix_pattern,
 }
 
 

@@ -26,7 +26,8 @@ class CodePlane(nn.Module):
         density: share of open pixels of a named family.
         seed: of a named family.
         learnable: logits become a ``Parameter``; the structure of the family (static, one-hot, complementary) is kept.
-        slope: of the surrogate derivative, see ``hard_threshold``; assign to ``plane.slope`` to anneal it.
+        slope: of the surrogate derivative, see ``hard_threshold``; assign to ``plane.slope`` to anneal it. With
+            ``plane.relaxed = True`` the patterns are the smooth stand-in itself, grey between 0 and 1.
         spread: share by which the distances of the logits from their threshold differ at random, 0 to 1, so that equal
             patterns of different slots can part ways when they are learned.
 
@@ -50,7 +51,7 @@ class CodePlane(nn.Module):
         name: str = "code",
     ) -> None:
         super().__init__()
-        self.name, self.slots, self.size, self.slope = name, slots, size, float(slope)
+        self.name, self.slots, self.size, self.slope, self.relaxed = name, slots, size, float(slope), False
         self.period = _tile(period, name)
         self.family = patterns if isinstance(patterns, str) else "own"
         tile = self.period or size
@@ -87,8 +88,11 @@ class CodePlane(nn.Module):
         if self.grey:
             return self.latent
         if self.family == "one-hot":
-            return one_hot_slots(self.latent, self.slope)
-        binary = hard_threshold(self.latent, self.slope)
+            return (
+                torch.softmax(self.slope * self.latent, 0) if self.relaxed else one_hot_slots(self.latent, self.slope)
+            )
+        smooth = torch.sigmoid(self.slope * self.latent) if self.relaxed else None
+        binary = hard_threshold(self.latent, self.slope) if smooth is None else smooth
         if self.family == "static":
             return binary.expand(self.slots, -1, -1)
         if self.family == "complementary":

@@ -10,7 +10,6 @@ from tmca.cameras import SpectralCamera
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.scenes import load_scene
-from tmca.operators import TapOperator
 from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior, load_prior
 from tmca.sensor import Sensor
 
@@ -73,9 +72,6 @@ def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: 
     size = (max(_FRAME, known.block[1]), max(_FRAME, known.block[2]))
     settings = settings | {"bands": known.wavelengths or known.block[0], "size": size, "sensor": Sensor(**sensor)}
     camera = SpectralCamera.from_preset(preset, **settings) if preset else SpectralCamera(**settings)
-    operator = camera.operator()
-    if not isinstance(operator, TapOperator):
-        raise SettingError("relay blur", str(camera.relay_blur), "0 for the expected error")
     noise = camera.noise
-    value = expected_psnr(known, operator.taps, noise.read, noise.shot)
+    value = expected_psnr(known, camera.taps(), noise.read, noise.shot)
     return {"expected_psnr": value, "throughput": camera.throughput(), "read_noise": noise.read, "shot": noise.shot}

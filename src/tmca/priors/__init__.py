@@ -6,6 +6,7 @@ from tmca.priors.figures import draw_prior
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import Prior, block_for, cache_folder, learn_prior, load_prior, rendered_prior
 from tmca.priors.mixture import GaussianMixturePrior
+from tmca.priors.pooling import cropped, pooled
 
 __all__ = [
     "BlockGrid",
@@ -15,10 +16,12 @@ __all__ = [
     "Prior",
     "block_for",
     "cache_folder",
+    "cropped",
     "draw_prior",
     "expected_mse",
     "expected_psnr",
     "learn_prior",
     "load_prior",
+    "pooled",
     "rendered_prior",
 ]

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from tmca.cameras import SpectralCamera
 from tmca.decoders.network import Network
 from tmca.decoders.start import NEED_PRIOR, first_estimate
+from tmca.design.throughput import hold_throughput, throughput_of
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator, SlotwiseDisperser, TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
@@ -18,7 +19,6 @@ from tmca.sensor import Noise, Sensor
 from tmca.training.losses import LOSSES, psnr_of
 from tmca.training.patches import Patch
 from tmca.training.settings import CodeSettings
-from tmca.training.throughput import hold_throughput, throughput_of
 
 _WINDOWS, _NOISE, _CHECK = 1, 2, 3
 """Streams of random numbers: windows of the code, the sensor's noise in training, in validation."""

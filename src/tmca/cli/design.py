@@ -1,0 +1,140 @@
+"""``tmca design``: which codes to use with a given sensor, before anything is built."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Group, Parameter
+
+from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.errors import DataError, SettingError
+
+app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
+_SHEET = Group("Sensor and modulator", sort_key=1)
+_Number = Annotated[float | None, Parameter(group=_SHEET)]
+
+
+@app.command
+def spectral(
+    *scenes: str,
+    out: Path = Path("tmca-design"),
+    sensor: Annotated[Path | None, Parameter(group=_SHEET)] = None,
+    full_well: _Number = None,
+    read_noise_electrons: _Number = None,
+    read_noise: _Number = None,
+    bits: Annotated[MaybeWhole, Parameter(group=_SHEET)] = None,
+    exposure: _Number = None,
+    pattern_rate: _Number = None,
+    slot_time: _Number = None,
+    split: Path | None = None,
+    bands: Whole = 12,
+    dispersion: str | None = None,
+    disperser: str | None = None,
+    slots: str | None = None,
+    kinds: str = "free,one-hot",
+    period: Whole = 32,
+    seed: Whole = 0,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Recommend the number of slots and the codes of a spectral camera for a sensor and SCENES like those to come.
+
+    Writes into --out: design.html (start there), design.json, the codes as aperture.tif and shutter.tif (0 and 255, a
+    page per slot, one period) and together as codes.nc.
+
+    Args:
+        scenes: cubes or rendered scenes to design for, two at least to judge the gain; the rendered ones without any.
+        out: folder of the results.
+        sensor: YAML file with the names of this group; options replace its values.
+        full_well: electrons at full scale; switches shot noise on.
+        read_noise_electrons: read noise in electrons, standard deviation.
+        read_noise: read noise in snapshot units (1 = one band of a white scene) where electrons are not known.
+        bits: of the analogue-to-digital converter.
+        exposure: time of a snapshot, seconds.
+        pattern_rate: most patterns per second of aperture and shutter, Hz.
+        slot_time: shortest time a pattern may be shown, seconds.
+        split: split file whose scenes are added.
+        bands: nearest to even spacing from 400 to 700 nm.
+        dispersion: pixels per band, or the displacement of every band separated by commas. [default: 1]
+        disperser: single or dual. [default: single]
+        slots: numbers of slots to try, separated by commas. [default: those of 2, 4, 8, 16 that fit the exposure]
+        kinds: structures of codes to try: free, one-hot, complementary, blue-noise, s-matrix.
+        period: tile of the codes, pixels.
+        seed: of random codes.
+        overwrite: replace files that exist.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.options import numbers
+    from tmca.cli.progress import progress_bar
+    from tmca.data import read_split
+    from tmca.experiments.design_spectral import COLUMNS, design_spectral
+    from tmca.experiments.results import markdown_table
+
+    given = {
+        "full_well": full_well, "read_noise_electrons": read_noise_electrons, "read_noise": read_noise, "bits": bits,
+        "exposure": exposure, "pattern_rate": pattern_rate, "slot_time": slot_time,
+    }  # fmt: skip
+    sheet = _sheet(sensor, {name: value for name, value in given.items() if value is not None})
+    camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}
+    if dispersion is not None:
+        camera["dispersion"] = numbers(dispersion, "--dispersion")
+    named = [*scenes, *(map(str, read_split(split)) if split else ())]
+    with progress_bar(f"design {out.name}") as progress:
+        advice, found = design_spectral(
+            sheet, out, scenes=named, bands=bands, slots=_whole_numbers(slots), kinds=kinds.split(","), period=period,
+            seed=seed, overwrite=overwrite, progress=progress, command=["tmca", *sys.argv[1:]], **camera,
+        )  # fmt: skip
+    if json:
+        print(json_module.dumps(found, indent=1))
+        return
+    rows = [found["static"], *([found["chosen"]] if found["chosen"] else []), *found["surveyed"]]
+    print(markdown_table(rows, COLUMNS))
+    print(f"{advice.sentence()}\nopen {out / 'design.html'}")
+
+
+def _sheet(file: Path | None, options: dict[str, Any]) -> Any:
+    """The sensor's sheet from a YAML file and options."""
+    import yaml
+
+    from tmca.design import SensorSheet
+
+    known = list(SensorSheet.__dataclass_fields__)
+    described: Any = {}
+    if file is not None:
+        try:
+            described = yaml.safe_load(file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise DataError(file, "no such file", f"YAML with some of {', '.join(known)}") from None
+        except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+            raise DataError(file, f"no readable YAML ({error})", f"some of {', '.join(known)}") from None
+        if not isinstance(described, dict):
+            raise DataError(file, f"a {type(described).__name__}", "names and values, such as full_well: 10000")
+    for name, value in described.items():
+        if name not in known:
+            raise DataError(file or "sensor", f"{name}", f"some of {', '.join(known)}")
+        described[name] = _number(file, name, value)
+    return SensorSheet(**{**described, **options})
+
+
+def _number(file: Path | None, name: str, value: Any) -> float | int | None:
+    try:
+        number = None if value is None else float(value)
+    except (TypeError, ValueError):
+        raise DataError(file or "sensor", f"{name} = {value}", "a number") from None
+    if name != "bits" or number is None:
+        return number
+    if not number.is_integer():
+        raise DataError(file or "sensor", f"bits = {value}", "a whole number")
+    return int(number)
+
+
+def _whole_numbers(text: str | None) -> list[int] | None:
+    if text is None:
+        return None
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise SettingError("--slots", repr(text), "whole numbers separated by commas") from None

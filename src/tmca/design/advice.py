@@ -1,0 +1,257 @@
+"""What codes to use with a given sensor, from the expected error of designs alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import floor, sqrt
+from typing import Any
+
+from tmca.design.search import SURVEY, Design, Effort, decibels, search
+from tmca.design.spectral import designable
+from tmca.design.transfer import Examples
+from tmca.errors import SettingError
+from tmca.sensor import Sensor
+
+SLOTS = (2, 4, 8, 16)
+"""Numbers of slots that are tried."""
+WORTH = 0.1
+"""Gain in dB below which more than one slot is not worth it."""
+
+
+@dataclass(frozen=True)
+class SensorSheet:
+    """A sensor and its modulator as their data sheets give them.
+
+    Args:
+        full_well: electrons at full scale, a white scene with everything open; None for no shot noise.
+        read_noise_electrons: standard deviation, electrons; needs ``full_well``.
+        read_noise: standard deviation in snapshot units, where electrons are not known.
+        bits: of the converter; None for none.
+        exposure: time of one snapshot, seconds; None sets no limit to the slots.
+        pattern_rate: most patterns per second of the slower of aperture and shutter, Hz.
+        slot_time: shortest time that a pattern may be shown, seconds.
+
+    Raises:
+        SettingError: a number that is impossible.
+    """
+
+    full_well: float | None = None
+    read_noise_electrons: float = 0.0
+    read_noise: float = 0.0
+    bits: int | None = None
+    exposure: float | None = None
+    pattern_rate: float | None = None
+    slot_time: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("exposure", "pattern_rate", "slot_time"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < float("inf"):
+                raise SettingError(name, f"{value}", "a number above 0")
+        if self.exposure is None and (self.pattern_rate or self.slot_time):
+            raise SettingError("exposure", "none beside a pattern rate or slot time", "the exposure time in seconds")
+        self.sensor()
+
+    def sensor(self) -> Sensor:
+        """As the camera's sensor."""
+        return Sensor(
+            read_noise=self.read_noise, full_well=self.full_well, read_noise_electrons=self.read_noise_electrons,
+            bits=self.bits,
+        )  # fmt: skip
+
+    @property
+    def most_slots(self) -> int | None:
+        """Slots that fit the exposure; None where nothing limits them."""
+        shortest = max(1 / self.pattern_rate if self.pattern_rate else 0.0, self.slot_time or 0.0)
+        return floor(self.exposure / shortest * (1 + 1e-9)) if self.exposure and shortest else None
+
+    def allowed(self, slots: Sequence[int] | None) -> list[int]:
+        """Numbers of slots above 1 to try: those asked for, or those of ``SLOTS`` that fit.
+
+        Raises:
+            SettingError: one that is asked for does not fit the exposure.
+        """
+        most = self.most_slots
+        if slots is None:
+            return [k for k in SLOTS if most is None or k <= most]
+        for k in slots:
+            if k < 1:
+                raise SettingError("slots", str(k), "1 or more")
+            if most is not None and k > most:
+                found = f"{k} slots in an exposure of {self.exposure:g} s"
+                raise SettingError("slots", found, f"at most {most}", "expose longer, or use faster patterns")
+        return sorted({k for k in slots if k > 1})
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A design with what it is expected to gain.
+
+    Args:
+        design: codes.
+        held_out: name of each example scene → PSNR (dB) with the prior of the others.
+        gains: the same → gain over the static design (dB).
+    """
+
+    design: Design
+    held_out: dict[str, float]
+    gains: dict[str, float]
+
+    @property
+    def gain(self) -> float:
+        """Mean over the example scenes, dB."""
+        return sum(self.gains.values()) / len(self.gains)
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of a scene's gain, dB; 0 with one scene."""
+        count = len(self.gains)
+        total = sum((g - self.gain) ** 2 for g in self.gains.values())
+        return sqrt(total / (count - 1)) if count > 1 else 0.0
+
+    def row(self) -> dict[str, Any]:
+        """For tables and files."""
+        own = self.design
+        return {
+            "codes": own.kind, "slots": own.slots, "expected_psnr": own.psnr, "random_psnr": decibels(own.random),
+            "held_out_psnr": sum(self.held_out.values()) / len(self.held_out), "gain": self.gain,
+            "spread": self.spread, "throughput": own.camera.throughput(), "seconds": own.seconds,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What was found for a sensor.
+
+    Args:
+        static: the static design.
+        surveyed: time-multiplexed designs of each kind and number of slots, after the survey.
+        chosen: the best of them, searched as long as the static one; None where one slot is all that fits.
+        noise: (read noise, shot) in snapshot units.
+        sheet: of the sensor.
+    """
+
+    static: Candidate
+    surveyed: list[Candidate]
+    chosen: Candidate | None
+    noise: tuple[float, float]
+    sheet: SensorSheet
+
+    @property
+    def multiplex(self) -> bool:
+        """Whether more than one slot is worth it."""
+        return self.chosen is not None and self.chosen.gain >= WORTH
+
+    @property
+    def best(self) -> Candidate:
+        """The design to use."""
+        return self.chosen if self.chosen is not None and self.multiplex else self.static
+
+    def sentence(self) -> str:
+        """The advice in words."""
+        if self.chosen is None:
+            return "One slot is all that fits the exposure: use the static code."
+        if not self.multiplex:
+            return f"Do not multiplex: no design gains {WORTH} dB over the static code."
+        best = self.best
+        sure = "" if best.gain > best.spread else ", no more than the spread"
+        return (
+            f"Use {best.design.slots} slots with {best.design.kind} codes: {best.gain:+.1f} dB over the static code, "
+            f"± {best.spread:.1f} dB from scene to scene{sure}."
+        )
+
+
+def advise(
+    examples: Examples,
+    sheet: SensorSheet,
+    *,
+    slots: Sequence[int] | None = None,
+    kinds: Sequence[str] = ("free", "one-hot"),
+    period: tuple[int, int] = (32, 32),
+    survey: Effort = SURVEY,
+    effort: Effort | None = None,
+    seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
+    **camera: Any,
+) -> Advice:
+    """Search static and time-multiplexed codes for a sensor with the same effort, at equal exposure time.
+
+    A survey tries everything; the best of it and the static code are then searched with more effort.
+
+    Args:
+        examples: scenes to design for; gains are judged on each of them under the prior of the others.
+        sheet: sensor and modulator.
+        slots: numbers of slots to try; those of ``SLOTS`` that fit the exposure without.
+        kinds: structures of codes to try; free codes also start from the static design, which they contain.
+        period: (rows, columns) of the tile, pixels.
+        survey: effort of each search of the survey.
+        effort: of the last two searches.
+        seed: of the random codes.
+        progress: told the share that is done and what is done.
+        camera: further arguments of ``SpectralCamera`` (bands, dispersion, …).
+
+    Raises:
+        SettingError: impossible sensor, slots that do not fit, unknown kind.
+    """
+    kinds = sorted(kinds, key=lambda kind: kind == "free")  # which then starts from the others
+    plan = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
+    task = _Task(examples, _noise(sheet, period, camera), period, seed, camera)
+    told, parts = progress or (lambda share, step: None), len(plan) + 3
+    static = task.judged("static", 1, survey, [], _part(told, 0, parts, "survey: static"))
+    surveyed: list[Candidate] = []
+    for place, (kind, k) in enumerate(plan, start=1):
+        starts = [static, *(c for c in surveyed if c.design.slots == k)]
+        surveyed.append(task.judged(kind, k, survey, starts, _part(told, place, parts, f"survey: {kind}, K = {k}")))
+    final = task.judged("static", 1, effort, [], _part(told, parts - 2, parts, "static"))
+    best = _best(surveyed)
+    if best is None:
+        return Advice(final, surveyed, None, task.noise, sheet)
+    kind, k = best.design.kind, best.design.slots
+    chosen = task.judged(kind, k, effort, [final, best], _part(told, parts - 1, parts, f"{kind}, K = {k}"))
+    return Advice(final, surveyed, chosen, task.noise, sheet)
+
+
+def _best(candidates: Sequence[Candidate]) -> Candidate | None:
+    """Of those within ``WORTH`` of the largest gain, the one with the fewest slots; None without candidates."""
+    top = max((c.gain for c in candidates), default=0.0)
+    near = [c for c in candidates if c.gain >= top - WORTH]
+    return min(near, key=lambda c: (c.design.slots, -c.gain)) if near else None
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What all searches of an advice share."""
+
+    examples: Examples
+    noise: tuple[float, float]
+    period: tuple[int, int]
+    seed: int
+    camera: dict[str, Any]
+
+    def judged(
+        self, kind: str, slots: int, effort: Effort | None, others: list[Candidate], told: Callable[[float], None]
+    ) -> Candidate:
+        """The best design of a kind from random codes; free ones, which contain all others, also start from those.
+
+        The first of ``others`` is the static design that gains are counted from.
+        """
+        error = self.examples.tile_mse(*self.noise)
+        common = {"effort": effort, "seed": self.seed, **self.camera}
+        found = [search(kind, slots, self.period, error, progress=told, **common)]
+        for other in others if kind == "free" else ():
+            found.append(search(kind, slots, self.period, error, start=other.design.camera, **common))
+        design = min(found, key=lambda one: one.mse)
+        held = {n: decibels(v) for n, v in self.examples.held_out(design.camera, *self.noise).items()}
+        before = others[0].held_out if others else held
+        return Candidate(design, held, {name: psnr - before[name] for name, psnr in held.items()})
+
+
+def _noise(sheet: SensorSheet, period: tuple[int, int], camera: dict[str, Any]) -> tuple[float, float]:
+    whole = designable("static", 1, period, **camera)
+    found = sheet.sensor().noise(whole.full_scale)
+    return found.read, found.shot
+
+
+def _part(told: Callable[[float, str], None], place: int, parts: int, what: str) -> Callable[[float], None]:
+    return lambda share: told((place + share) / parts, what)

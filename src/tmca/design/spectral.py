@@ -1,0 +1,61 @@
+"""Spectral cameras of one period, whose codes can be designed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from torch import Tensor
+
+from tmca.cameras import SpectralCamera
+from tmca.errors import SettingError
+
+KINDS: dict[str, dict[str, str]] = {
+    "static": {"aperture": "random", "shutter": "open"},
+    "free": {"aperture": "random", "shutter": "random"},
+    "one-hot": {"aperture": "random", "shutter": "one-hot"},
+    "complementary": {"aperture": "complementary", "shutter": "random"},
+    "blue-noise": {"aperture": "blue-noise", "shutter": "blue-noise"},
+    "s-matrix": {"aperture": "random", "shutter": "s-matrix"},
+}
+"""Structure of codes by name: what the optimiser starts from and, for one-hot and complementary ones, keeps."""
+_SPREAD = 0.9
+
+
+def check_kind(kind: str) -> None:
+    """Raise SettingError unless it is one of ``KINDS``."""
+    if kind not in KINDS:
+        raise SettingError("kind", repr(kind), f"one of {', '.join(KINDS)}")
+
+
+def designable(
+    kind: str, slots: int, period: tuple[int, int], *, seed: int = 0, start: SpectralCamera | None = None, **camera: Any
+) -> SpectralCamera:
+    """A spectral camera as large as one period of its learnable codes.
+
+    Args:
+        kind: name in ``KINDS``.
+        slots: number of time slots K; 1 for ``"static"``.
+        period: (rows, columns) of the tile, pixels.
+        seed: of the codes.
+        start: a camera of the same period whose codes are started from; those of a static one in every slot.
+        camera: further arguments of ``SpectralCamera``.
+
+    Raises:
+        SettingError: unknown kind, a static camera with slots, or a start with other slots than these or one.
+    """
+    check_kind(kind)
+    if kind == "static" and slots != 1:
+        raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
+    planes: dict[str, Any] = dict(KINDS[kind])
+    if start is not None:
+        planes = _codes_of(start, slots)
+    return SpectralCamera(
+        size=period, period=period, slots=slots, learnable=True, spread=_SPREAD, seed=seed, **planes, **camera
+    )
+
+
+def _codes_of(start: SpectralCamera, slots: int) -> dict[str, Tensor]:
+    if start.slots not in (1, slots):
+        raise SettingError("start", f"{start.slots} slots", f"1 or {slots}")
+    planes = {"aperture": start.multiplexed.aperture, "shutter": start.multiplexed.shutter}
+    return {name: plane.tile().detach().expand(slots, -1, -1).clone() for name, plane in planes.items()}

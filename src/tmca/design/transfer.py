@@ -1,0 +1,132 @@
+"""Error of the linear estimate where the scene is not what its prior says: the price of example scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralCamera
+from tmca.design.block_mse import BlockMse, Products, quadratic
+from tmca.design.tile import TileMse, even_shifts, phases, windows
+from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.pooling import around, pooled
+from tmca.priors.posterior import noise_variance
+
+
+@dataclass(frozen=True)
+class TransferMse:
+    """Mean squared error over the judged pixels of scenes with moments of their own, estimated under a prior.
+
+    With the estimator ``K = S_J· Aᵀ G⁻¹`` of the prior and the scene's second moments T around the prior's mean, it is
+    ``tr T_JJ - 2 tr K A T_·J + tr K (A T Aᵀ + noise) Kᵀ``. For a scene that is as the prior says, T = S, it is the
+    expected error.
+
+    Args:
+        error: of the prior.
+        covariance: (m, T, m, T) the scene's moments of the pixels under the taps.
+        crossed: (m, T, m, T) ``T_·J S_J·``, symmetrised.
+        mean: (m, T) the scene's mean.
+        variance: mean of the scene's moments of a judged pixel.
+    """
+
+    error: BlockMse
+    covariance: Tensor
+    crossed: Tensor
+    mean: Tensor
+    variance: float
+
+    @classmethod
+    def of(cls, error: BlockMse, prior: GaussianPrior, scene: GaussianPrior) -> TransferMse:
+        """The error on scenes of one stationary prior of an estimator built on another."""
+        model = error.model
+        pixels, moved = model.pixels(), around(scene, prior.mean)
+        flat, shape = pixels.flatten(), error.covariance.shape
+        own, known = moved.rows(flat, torch.float64), prior.rows(flat, torch.float64)
+        crossed = model.in_judged(own) @ model.in_judged(known).mT
+        count = model.in_judged(own[:1]).shape[1]
+        mean = scene.mean.reshape(-1).double()[pixels]
+        variance = float(model.in_judged(moved.variance).mean())
+        crossed = (crossed + crossed.mT) / (2 * count)
+        return cls(error, own[:, flat].reshape(shape), crossed.reshape(shape), mean, variance)
+
+    def __call__(self, seen: Tensor, read_noise: float, shot: float) -> Tensor:
+        """(P,) errors of blocks under code windows (P, taps, h, w)."""
+        model = self.error.model
+        weights = model.complete(seen.double()).flatten(2).mT
+        found = Products.of(self.error.under(read_noise, shot), weights)
+        measured = quadratic(self.covariance, weights)[1]
+        crossed = quadratic(self.crossed, weights)[1]
+        noise = noise_variance((weights * self.mean).sum(-1), read_noise, shot)
+        kept = (found.sandwiched * (measured + torch.diag_embed(noise))).sum((1, 2))
+        return self.variance - 2 * (found.inverse * crossed).sum((1, 2)) + kept
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Example scenes as stationary priors of the same block, by name: what designs are judged by.
+
+    Args:
+        model: geometry of the blocks.
+        scenes: prior of each scene alone, by name.
+        areas: pixels of each.
+    """
+
+    model: BlockModel
+    scenes: dict[str, GaussianPrior]
+    areas: dict[str, int]
+
+    @cached_property
+    def prior(self) -> GaussianPrior:
+        """Of all scenes together."""
+        return self.without(None)
+
+    def without(self, name: str | None) -> GaussianPrior:
+        """The prior of all scenes but one; of all where there is but one."""
+        kept = [n for n in self.scenes if n != name] or list(self.scenes)
+        return pooled([self.scenes[n] for n in kept], [float(self.areas[n]) for n in kept])
+
+    @cached_property
+    def error(self) -> BlockMse:
+        """Expected error under the prior of all, without noise."""
+        return BlockMse.of(self.prior, self.model)
+
+    @cached_property
+    def transfers(self) -> dict[str, TransferMse]:
+        """Error on each scene under the prior of the others."""
+        found = {}
+        for name, scene in self.scenes.items():
+            others = self.without(name)
+            found[name] = TransferMse.of(BlockMse.of(others, self.model), others, scene)
+        return found
+
+    def tile_mse(self, read_noise: float, shot: float) -> TileMse:
+        """What optimisers lower."""
+        return TileMse(self.error.under(read_noise, shot))
+
+    @torch.no_grad()
+    def held_out(self, camera: SpectralCamera, read_noise: float, shot: float) -> dict[str, float]:
+        """Mean squared error on each scene, estimated under the prior of the others, by the camera's tile of codes."""
+        code, model = camera.taps().code, self.model
+        period = (code.shape[1], code.shape[2])
+        places = [place for shift in even_shifts(model, 2) for place in phases(model, period, shift)]
+        seen = windows(code, model.block, places)
+        return {name: float(error(seen, read_noise, shot).mean()) for name, error in self.transfers.items()}
+
+
+def learn_examples(cubes: dict[str, Tensor], model: BlockModel, wavelengths: Sequence[float]) -> Examples:
+    """Examples from cubes (L, H, W) of relative irradiance.
+
+    Raises:
+        ShapeError: a scene smaller than the blocks, or of other bands.
+    """
+    block = model.block[1:]
+    scenes = {
+        name: GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name])
+        for name, cube in cubes.items()
+    }
+    return Examples(model, scenes, {name: cube[0].numel() for name, cube in cubes.items()})

@@ -1,0 +1,74 @@
+"""Advice for a sensor: slots that fit, the same effort for all, gains that are counted from the static code."""
+
+import pytest
+
+from tests.design.small_designs import designed
+from tests.small_scenes import smooth_scene
+from tmca.design import Effort, SensorSheet, advise, design_model, learn_examples, search
+from tmca.errors import SettingError
+
+SMALL = Effort(restarts=1, steps=12, sweeps=0)
+
+
+@pytest.fixture(scope="module")
+def examples():
+    cubes = {name: smooth_scene(24, 40, seed=s) for s, name in enumerate("abc")}
+    return learn_examples(cubes, design_model(designed().taps()), (4e-7, 5e-7, 6e-7))
+
+
+def test_slots_that_fit_the_exposure():
+    assert SensorSheet().most_slots is None
+    assert SensorSheet(exposure=0.02, pattern_rate=400).most_slots == 8
+    assert SensorSheet(exposure=0.02, pattern_rate=1000, slot_time=0.003).most_slots == 6
+    assert SensorSheet(exposure=0.02, pattern_rate=400).allowed(None) == [2, 4, 8]
+    assert SensorSheet(exposure=0.02, pattern_rate=400).allowed([1, 5, 3, 5]) == [3, 5]
+    with pytest.raises(SettingError, match=r"9 slots.*at most 8"):
+        SensorSheet(exposure=0.02, pattern_rate=400).allowed([9])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"exposure": 0.0}, {"pattern_rate": 100}, {"exposure": 1, "slot_time": -1}, {"bits": 0}, {"full_well": -1},
+     {"read_noise": -0.1}, {"read_noise_electrons": 3}],
+)  # fmt: skip
+def test_impossible_sensors_are_refused(changes):
+    with pytest.raises(SettingError):
+        SensorSheet(**changes)
+
+
+def test_gains_are_counted_from_the_static_code_scene_by_scene(examples):
+    sheet = SensorSheet(full_well=10_000, read_noise_electrons=3)
+    found = advise(examples, sheet, slots=[2], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    assert [(c.design.kind, c.design.slots) for c in found.surveyed] == [("one-hot", 2), ("free", 2)]
+    noise = sheet.sensor().noise(3.0)
+    assert found.noise == (noise.read, noise.shot)
+    for name in "abc":
+        gain = found.chosen.held_out[name] - found.static.held_out[name]
+        assert found.chosen.gains[name] == pytest.approx(gain)
+    assert found.static.gain == 0
+    # free codes contain the static and the one-hot ones, and start from both
+    assert found.surveyed[1].design.mse <= found.surveyed[0].design.mse * (1 + 1e-6)
+    assert found.chosen.design.mse <= found.static.design.mse * (1 + 1e-6)
+
+
+def test_no_slot_that_fits_leaves_the_static_code(examples):
+    sheet = SensorSheet(exposure=0.001, pattern_rate=1000)
+    found = advise(examples, sheet, period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    assert (found.chosen, found.multiplex) == (None, False)
+    assert "static" in found.sentence()
+
+
+def test_noise_beyond_the_signal_is_not_multiplexed(examples):
+    sheet = SensorSheet(read_noise=30.0)
+    found = advise(examples, sheet, slots=[4], kinds=["one-hot"], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    assert not found.multiplex
+    assert found.best is found.static
+    assert "Do not multiplex" in found.sentence()
+
+
+def test_more_effort_finds_no_worse_codes(examples):
+    error = examples.tile_mse(0.02, 0.0)
+    little = search("free", 2, (4, 6), error, effort=Effort(1, 3, 0), bands=3)
+    more = search("free", 2, (4, 6), error, effort=Effort(3, 40, 1), bands=3)
+    assert more.mse < little.mse < little.random
+    assert more.seconds > little.seconds

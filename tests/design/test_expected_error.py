@@ -1,0 +1,87 @@
+"""The expected error by its quadratic forms, against the whole posterior, slow loops and finite differences."""
+
+import pytest
+import torch
+
+from tests.design.small_designs import BANDS, PRIOR, block_error, designed, tile_error
+from tests.small_scenes import CAMERAS, camera
+from tmca.cameras import SpectralCamera
+from tmca.design import BlockMse, TileMse
+from tmca.design.low_rank import BlockState
+from tmca.design.tile import windows
+from tmca.errors import SettingError
+from tmca.priors import BlockModel, GaussianPrior
+from tmca.priors.posterior import GaussianSolver
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+@pytest.mark.parametrize("noise", [(0.0, 0.0), (0.05, 0.0), (0.02, 0.01)])
+@pytest.mark.parametrize("block", [(3, 9), (4, 10), (1, 12)])
+def test_the_error_is_that_of_the_whole_posterior(name, noise, block):
+    cubes = [torch.rand(3, 14, 15, generator=torch.Generator().manual_seed(s), dtype=torch.float64) for s in (1, 2)]
+    prior = GaussianPrior.learn(cubes, block)
+    taps = camera(name, *block, seed=3)
+    model = BlockModel.of(taps, prior.block)
+    seen = torch.stack([taps.code, taps.code.flip(1)])
+    expected = GaussianSolver(prior, model, *noise, torch.float64).posterior(seen).error_variance()
+    found = BlockMse.of(prior, model).under(*noise)(seen)
+    torch.testing.assert_close(found, model.in_judged(expected).mean(1), rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])
+def test_its_derivative_is_that_of_finite_differences(noise):
+    code = camera("two taps per band", 3, 9, seed=5).code[None].requires_grad_()
+    model = BlockModel.of(camera("two taps per band", 3, 9), PRIOR.block)
+    error = BlockMse.of(PRIOR, model, *noise)
+    assert torch.autograd.gradcheck(error, (0.1 + code,), eps=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("period", [(4, 5), (3, 4), (1, 7)])
+def test_a_tile_repeats_itself_for_ever(period):
+    small = designed(period=period)
+    wide = SpectralCamera(
+        bands=BANDS, size=(12, 30), slots=2, period=period,
+        aperture=small.multiplexed.aperture.tile().detach(), shutter=small.multiplexed.shutter.tile().detach(),
+    )  # fmt: skip
+    code, cut = small.operator().taps.code, wide.operator().taps.code
+    for top, left in ((0, 0), (2, 3), (5, 11)):
+        torch.testing.assert_close(windows(code, PRIOR.block, [(top, left)])[0], cut[:, top : top + 3, left : left + 9])
+
+
+def test_the_tile_error_is_the_mean_over_its_phases():
+    small, error = designed(period=(3, 5)), tile_error()
+    code = small.operator().taps.code.detach()
+    every = torch.stack([error(code, (y, x)) for y in range(3) for x in range(5)]).mean()
+    frame = small.multiplexed
+    wide = SpectralCamera(bands=BANDS, size=(12, 30), slots=2, period=(3, 5),
+                          aperture=frame.aperture.tile().detach(), shutter=frame.shutter.tile().detach())  # fmt: skip
+    cut, model = wide.operator().taps.code.double(), error.error.model
+    solver = GaussianSolver(PRIOR, model, 0.05, 0.0, torch.float64)
+    seen = torch.stack([cut[:, y : y + 3, x : x + 9] for y in range(3) for x in range(5)])
+    truth = model.in_judged(solver.posterior(seen).error_variance()).mean()
+    torch.testing.assert_close(every, truth, rtol=1e-6, atol=0)
+
+
+@pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])
+@pytest.mark.parametrize("name", ["single disperser", "dual disperser", "two taps per band"])
+def test_changes_of_a_few_weights_are_judged_as_if_anew(name, noise):
+    taps = camera(name, 3, 9, seed=1)
+    model = BlockModel.of(taps, PRIOR.block)
+    error = BlockMse.of(PRIOR, model, *noise)
+    weights = model.complete(taps.code[None]).flatten(2).mT[0]
+    generator, changes = torch.Generator().manual_seed(0), torch.zeros(6, *weights.shape, dtype=torch.float64)
+    for count, change in enumerate(changes):
+        rows = torch.randint(len(weights), (count,), generator=generator)
+        change[rows] = 0.5 - torch.rand(count, weights.shape[1], generator=generator, dtype=torch.float64)
+        change[rows] = change[rows].clamp_min(-weights[rows])
+    found = BlockState.of(error, weights).after(changes)
+    anew = torch.tensor([BlockState.of(error, weights + change).value for change in changes], dtype=torch.float64)
+    torch.testing.assert_close(found, anew, rtol=1e-9, atol=1e-13)
+    assert found[0] == pytest.approx(BlockState.of(error, weights).value)
+
+
+def test_negative_noise_is_refused():
+    with pytest.raises(SettingError, match="numbers ≥ 0"):
+        block_error(-1.0)
+    with pytest.raises(SettingError, match="numbers ≥ 0"):
+        TileMse(block_error()).error.under(0.0, -0.1)

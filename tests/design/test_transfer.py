@@ -1,0 +1,77 @@
+"""Pooled priors and the error on scenes that are not what the prior says."""
+
+import pytest
+import torch
+
+from tests.design.small_designs import PRIOR, block_error, designed
+from tests.small_scenes import smooth_scene
+from tmca.design.measures import block_matrices
+from tmca.design.tile import windows
+from tmca.design.transfer import TransferMse, learn_examples
+from tmca.errors import SettingError, ShapeError
+from tmca.priors import GaussianPrior, cropped, pooled
+from tmca.priors.pooling import around
+
+SCENES = {name: smooth_scene(20 + 7 * s, 33, seed=10 + s) * (1 + s) for s, name in enumerate("abc")}
+
+
+def seen():
+    return windows(designed().taps().code.detach().double(), PRIOR.block, [(0, 0), (1, 2)])
+
+
+@pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])
+def test_a_scene_that_is_as_the_prior_says_errs_as_expected(noise):
+    error = block_error()
+    found = TransferMse.of(error, PRIOR, PRIOR)(seen(), *noise)
+    torch.testing.assert_close(found, error.under(*noise)(seen()), rtol=1e-8, atol=0)
+
+
+@pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])
+def test_the_error_on_another_scene_is_that_of_dense_matrices(noise):
+    scene = GaussianPrior.learn([SCENES["c"]], (3, 9))
+    model, moments = block_error().model, around(scene, PRIOR.mean).covariance
+    found = TransferMse.of(block_error(), PRIOR, scene)(seen(), *noise)
+    judged = model.in_judged(torch.arange(moments.shape[0])[None]).flatten()
+    for value, matrix in zip(found, block_matrices(model, seen()), strict=True):
+        expected = [matrix @ prior.mean.flatten() for prior in (PRIOR, scene)]
+        own, true = (torch.diag(noise[0] ** 2 + 1e-9 + noise[1] * e.clamp_min(0)) for e in expected)
+        estimator = PRIOR.covariance @ matrix.mT @ torch.linalg.inv(matrix @ PRIOR.covariance @ matrix.mT + own)
+        left = torch.eye(len(moments), dtype=torch.float64) - estimator @ matrix
+        wrong = left @ moments @ left.mT + estimator @ true @ estimator.mT
+        assert float(value) == pytest.approx(float(wrong.diagonal()[judged].mean()), rel=1e-8)
+
+
+def test_scenes_pooled_by_area_are_those_learned_together():
+    alone = [GaussianPrior.learn([cube], (3, 9)) for cube in SCENES.values()]
+    together = GaussianPrior.learn(SCENES.values(), (3, 9))
+    found = pooled(alone, [cube[0].numel() for cube in SCENES.values()])
+    torch.testing.assert_close(found.mean, together.mean)
+    torch.testing.assert_close(found.moments, together.moments, rtol=1e-6, atol=1e-9)
+
+
+def test_a_cropped_prior_is_that_of_smaller_blocks():
+    small = cropped(PRIOR, 2, 5)
+    assert small.block == (3, 2, 5)
+    full = PRIOR.covariance.reshape(3, 3, 9, 3, 3, 9)[:, :2, :5, :, :2, :5].reshape(30, 30)
+    torch.testing.assert_close(small.covariance, full)
+
+
+def test_examples_judge_each_scene_under_the_others():
+    examples = learn_examples(SCENES, block_error().model, (1e-7, 2e-7, 3e-7))
+    found = examples.held_out(designed(), 0.05, 0.0)
+    assert set(found) == set(SCENES)
+    others = pooled([examples.scenes[n] for n in "bc"], [SCENES[n][0].numel() for n in "bc"])
+    torch.testing.assert_close(examples.without("a").moments, others.moments)
+    own = examples.tile_mse(0.05, 0.0).whole(designed(), 2)
+    assert max(found.values()) > own
+
+
+def test_what_cannot_be_pooled_is_refused():
+    with pytest.raises(SettingError, match="pooled"):
+        pooled([])
+    with pytest.raises(SettingError, match="weights"):
+        pooled([PRIOR], [0.0])
+    with pytest.raises(ShapeError, match="blocks"):
+        pooled([PRIOR, cropped(PRIOR, 2, 5)])
+    with pytest.raises(ShapeError, match="stationary"):
+        cropped(PRIOR, 4, 9)
