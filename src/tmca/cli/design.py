@@ -10,9 +10,11 @@ from typing import Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.options import SceneOptions
 from tmca.errors import DataError, SettingError
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
+_SCENE = SceneOptions()
 _SHEET = Group("Sensor and modulator", sort_key=1)
 _Number = Annotated[float | None, Parameter(group=_SHEET)]
 
@@ -37,6 +39,7 @@ def spectral(
     kinds: str = "free,one-hot",
     period: Whole = 32,
     seed: Whole = 0,
+    reading: SceneOptions = _SCENE,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -85,7 +88,8 @@ def spectral(
     with progress_bar(f"design {out.name}") as progress:
         advice, found = design_spectral(
             sheet, out, scenes=named, bands=bands, slots=_whole_numbers(slots), kinds=kinds.split(","), period=period,
-            seed=seed, overwrite=overwrite, progress=progress, command=["tmca", *sys.argv[1:]], **camera,
+            seed=seed, reading=reading.reading(), overwrite=overwrite, progress=progress,
+            command=["tmca", *sys.argv[1:]], **camera,
         )  # fmt: skip
     if json:
         print(json_module.dumps(found, indent=1))

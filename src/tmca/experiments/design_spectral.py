@@ -60,6 +60,7 @@ def design_spectral(
     period: int = 32,
     effort: Effort | None = None,
     seed: int = 0,
+    reading: Mapping[str, Any] | None = None,
     overwrite: bool = False,
     progress: Callable[[float, str], None] | None = None,
     command: Sequence[str] = (),
@@ -77,6 +78,7 @@ def design_spectral(
         period: side of the tile of codes, pixels.
         effort: of the last searches.
         seed: of random codes.
+        reading: further arguments of ``load_scene``.
         overwrite: replace files that exist.
         progress: told the share that is done and what is done.
         command: how it was called, kept in the files.
@@ -97,7 +99,7 @@ def design_spectral(
             raise OutputError(out / name, "an existing file", "a new folder", "pass --overwrite or another --out")
     _check(sheet, slots, kinds, period)
     told = progress or (lambda share, step: None)
-    examples, wavelengths = _examples(scenes, bands, camera, told)
+    examples, wavelengths = _examples(scenes, bands, camera, reading or {}, told)
     camera = {"bands": wavelengths, **camera}
     advice = advise(
         examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, seed=seed,
@@ -128,7 +130,11 @@ def _check(sheet: SensorSheet, slots: Sequence[int] | None, kinds: Sequence[str]
 
 
 def _examples(
-    scenes: Sequence[str], bands: int, camera: Mapping[str, Any], told: Callable[[float, str], None]
+    scenes: Sequence[str],
+    bands: int,
+    camera: Mapping[str, Any],
+    reading: Mapping[str, Any],
+    told: Callable[[float, str], None],
 ) -> tuple[Examples, list[float]]:
     """Example scenes as priors of the blocks that designs are judged on."""
     from tmca.data import split_rendered
@@ -138,7 +144,7 @@ def _examples(
     wavelengths: list[float] = []
     for place, name in enumerate(names):
         told(0.3 * place / len(names), f"reading {name}")
-        cube = load_scene(name, bands=bands, size=None if scenes else _RENDERED_SIZE)
+        cube = load_scene(name, bands=bands, size=None if scenes else _RENDERED_SIZE, **reading)
         own = cube["wavelength"].values.tolist()
         if wavelengths and (len(own) != len(wavelengths) or max(map(_apart, own, wavelengths)) > 1e-9):
             raise DataError(name, "other wavelengths", f"those of {names[0]}", "choose scenes of the same bands")

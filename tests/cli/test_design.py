@@ -1,0 +1,84 @@
+"""``tmca design`` as a user meets it."""
+
+import json
+
+import numpy as np
+import pytest
+import tifffile
+import xarray as xr
+
+from tmca.cli import main
+
+SMALL = ["coffee", "tissue", "--bands", "4", "--slots", "2", "--period", "6"]
+
+
+def refused(capsys, *arguments):
+    with pytest.raises(SystemExit) as stop:
+        main(["design", "spectral", *map(str, arguments)])
+    assert stop.value.code == 2
+    lines = [line for line in capsys.readouterr().err.strip().splitlines() if line.startswith("tmca:")]
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sensor.yaml").write_text(
+        "full_well: 10000\nread_noise_electrons: 3\nexposure: 0.01\npattern_rate: 1e3\n"
+    )
+    main(["design", "spectral", *SMALL, "--sensor", "sensor.yaml", "--bits", "12", "--out", "d", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert json.loads((tmp_path / "d" / "design.json").read_text())["advice"] == found["advice"]
+    assert found["most_slots"] == 10
+    assert found["sensor"]["bits"] == 12
+    assert set(found["best"]["held_out"]) == {"coffee", "tissue"}
+    assert found["chosen"]["expected_psnr"] >= found["static"]["expected_psnr"] - 1e-3
+    with xr.open_dataset(tmp_path / "d" / "codes.nc") as codes:
+        for name in ("aperture", "shutter"):
+            stack = tifffile.imread(tmp_path / "d" / f"{name}.tif")
+            np.testing.assert_array_equal(np.squeeze(codes[name].values) * 255, np.squeeze(stack))
+    assert (tmp_path / "d" / "design.html").read_text().count("data:image/png") == 2
+    take = ["--aperture", "d/aperture.tif", "--shutter", "d/shutter.tif", "--period", "6", "--slots"]
+    slots = str(found["best"]["slots"])
+    main(["simulate", "spectral", "coffee", "--bands", "4", "--crop", "24x30", *take, slots, "--no-figures"])
+    assert "exist" in refused(capsys, *SMALL, "--out", "d")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--sensor", "none.yaml"], "no such file"),
+        (["--full-well", "-1"], "electrons > 0"),
+        (["--bits", "0"], "1 to 32"),
+        (["--exposure", "0.01", "--pattern-rate", "300", "--slots", "8"], "at most 3"),
+        (["--pattern-rate", "300"], "exposure"),
+        (["--kinds", "pretty"], "pretty"),
+        (["--kinds", "static"], "always searched"),
+        (["--period", "5000"], "1 to 512"),
+        (["--slots", "2000"], "code pixels"),
+        (["--slots", "two"], "whole numbers"),
+        (["--bands", "3", "--dispersion", "200"], "pixels"),
+    ],
+)
+def test_what_cannot_be_designed_is_one_line(tmp_path, capsys, options, words):
+    assert words in refused(capsys, "coffee", "--out", tmp_path / "d", *options)
+    assert not (tmp_path / "d").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("full_wel: 3", "full_wel"), ("full_well: many", "a number"), ("- 3", "names and values"), ("bits: 2.5", "whole"),
+     ("{", "readable")],
+)  # fmt: skip
+def test_a_sheet_that_cannot_be_read_is_one_line(tmp_path, capsys, text, words):
+    (tmp_path / "s.yaml").write_text(text)
+    assert words in refused(capsys, "coffee", "--out", tmp_path / "d", "--sensor", tmp_path / "s.yaml")
+
+
+def test_scenes_too_small_for_the_blocks_are_named(tmp_path, capsys):
+    np.save(tmp_path / "small.npy", np.random.default_rng(0).random((4, 6, 6)).astype(np.float32))
+    line = refused(
+        capsys, tmp_path / "small.npy", "--wavelengths", "400:700:4", "--bands", "4", "--out", tmp_path / "d"
+    )
+    assert "small" in line
+    assert "6×6 pixels" in line
