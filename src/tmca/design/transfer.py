@@ -12,6 +12,7 @@ from torch import Tensor
 from tmca.cameras import SpectralCamera
 from tmca.design.block_mse import BlockMse, Products, quadratic
 from tmca.design.tile import TileMse, even_shifts, phases, windows
+from tmca.errors import ShapeError
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.pooling import around, pooled
@@ -124,9 +125,10 @@ def learn_examples(cubes: dict[str, Tensor], model: BlockModel, wavelengths: Seq
     Raises:
         ShapeError: a scene smaller than the blocks, or of other bands.
     """
-    block = model.block[1:]
-    scenes = {
-        name: GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name])
-        for name, cube in cubes.items()
-    }
+    block, scenes = model.block[1:], {}
+    for name, cube in cubes.items():
+        if cube.shape[1] < block[0] or cube.shape[2] < block[1]:
+            found = f"{cube.shape[1]}×{cube.shape[2]} pixels"
+            raise ShapeError(name, found, f"at least {block[0]}×{block[1]}, the blocks of this camera")
+        scenes[name] = GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name])
     return Examples(model, scenes, {name: cube[0].numel() for name, cube in cubes.items()})
