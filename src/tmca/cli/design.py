@@ -99,6 +99,57 @@ def spectral(
     print(f"{advice.sentence()}\nopen {out / 'design.html'}")
 
 
+@app.command
+def study(
+    *,
+    train: Path,
+    test: Path | None = None,
+    out: Path = Path("docs/results"),
+    work: Path = Path("runs/codes-study"),
+    bands: Whole = 12,
+    slots: str = "2,4,8,16",
+    period: str = "16x24",
+    test_slots: Whole = 8,
+    seeds: Whole = 1,
+    jobs: Whole = 1,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Where time multiplexing pays: designed and random codes over read noise, full well and number of slots.
+
+    Writes codes.md, codes.json and maps of the gain. Finished cells are kept in --work: a study that was stopped goes
+    on.
+
+    Args:
+        train: split file of the scenes that codes are designed for.
+        test: split file of scenes on which designs are measured; it chooses nothing.
+        out: folder of the results.
+        work: folder of finished cells.
+        bands: nearest to even spacing from 400 to 700 nm.
+        slots: numbers of slots, separated by commas.
+        period: ROWSxCOLUMNS of the tile of codes, pixels.
+        test_slots: slots of the designs on the test scenes.
+        seeds: of codes and noise on the test scenes.
+        jobs: processes side by side.
+        overwrite: replace results that exist.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.options import size
+    from tmca.data import read_split
+    from tmca.experiments.codes_study import study_codes
+
+    def told(done: int, total: int, name: str) -> None:
+        print(f"[{done}/{total}] {name}", file=sys.stderr)
+
+    tile = size(period, "--period") or (16, 24)
+    examples, scenes = (list(map(str, read_split(split))) if split else [] for split in (train, test))
+    found = study_codes(
+        examples, scenes, out, work, bands=bands, slots=_whole_numbers(slots) or [], period=tile, test_slots=test_slots,
+        seeds=seeds, jobs=jobs, overwrite=overwrite, progress=told, command=["tmca", *sys.argv[1:]],
+    )  # fmt: skip
+    print(json_module.dumps(found, indent=1) if json else (out / "codes.md").read_text())
+
+
 def _sheet(file: Path | None, options: dict[str, Any]) -> Any:
     """The sensor's sheet from a YAML file and options."""
     import yaml
