@@ -5,9 +5,12 @@ import json
 import numpy as np
 import pytest
 import tifffile
+import torch
 import xarray as xr
 
 from tmca.cli import main
+from tmca.codes import read_codes, write_codes
+from tmca.decoders import Weights
 
 SMALL = ["coffee", "tissue", "--bands", "4", "--slots", "2", "--period", "6"]
 
@@ -38,9 +41,25 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
             stack = tifffile.imread(tmp_path / "d" / f"{name}.tif")
             np.testing.assert_array_equal(np.squeeze(codes[name].values) * 255, np.squeeze(stack))
     assert (tmp_path / "d" / "design.html").read_text().count("data:image/png") == 2
-    take = ["--aperture", "d/aperture.tif", "--shutter", "d/shutter.tif", "--period", "6", "--slots"]
+    common = ["simulate", "spectral", "coffee", "--bands", "4", "--crop", "24x30", "--no-figures", "--out"]
     slots = str(found["best"]["slots"])
-    main(["simulate", "spectral", "coffee", "--bands", "4", "--crop", "24x30", *take, slots, "--no-figures"])
+    take = ["--aperture", "d/aperture.tif", "--shutter", "d/shutter.tif", "--period", "6", "--slots", slots]
+    main([*common, "one.nc", *take])
+    main([*common, "two.nc", "--codes", "d/codes.nc"])
+    with xr.open_dataset("one.nc") as one, xr.open_dataset("two.nc") as two:
+        for name in ("snapshot", "aperture", "shutter"):
+            np.testing.assert_array_equal(one[name], two[name])
+    tune = ["train", "spectral", "--train", "rocket", "--steps", "1", "--out", "run", "--set", "data.bands=4"]
+    tune += ["--set", f"camera={{size: [24, 30], period: 6, slots: {slots}}}", "--set", "data.patch=16"]
+    tune += [
+        "--set",
+        "codes.start=d/codes.nc",
+        "--set",
+        "decoder={kind: unrolled, start: dagger, widths: [4], blocks: 1}",
+    ]
+    main(tune)
+    kept = Weights.load("run")
+    np.testing.assert_array_equal(kept.aperture, tifffile.imread("d/aperture.tif").reshape(kept.aperture.shape) > 0)
     assert "exist" in refused(capsys, *SMALL, "--out", "d")
 
 
@@ -82,3 +101,19 @@ def test_scenes_too_small_for_the_blocks_are_named(tmp_path, capsys):
     )
     assert "small" in line
     assert "6×6 pixels" in line
+
+
+def test_codes_files_that_do_not_fit_are_one_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_codes("codes.nc", torch.ones(2, 6, 6), torch.ones(2, 6, 6), (6, 6))
+    found = read_codes("codes.nc")
+    assert (found.period, found.aperture.shape) == ((6, 6), (2, 6, 6))
+    for options, words in (
+        (["--codes", "none.nc"], "no such file"),
+        (["--codes", "codes.nc", "--slots", "3"], "as the codes have"),
+        (["--codes", "codes.nc", "--shutter", "open"], "--shutter beside it"),
+    ):
+        with pytest.raises(SystemExit) as stop:
+            main(["simulate", "spectral", "coffee", "--bands", "4", "--crop", "24x30", "--out", "s.nc", *options])
+        assert stop.value.code == 2
+        assert words in capsys.readouterr().err

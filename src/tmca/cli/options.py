@@ -79,6 +79,8 @@ class SpectralOptions:
     "Tile of the codes in pixels; full frame without it."
     weights: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Learned codes: a file or run of `tmca train`, or default, which comes with tmca (static for --slots 1, or K = 8)."
+    codes: Annotated[Path | None, Parameter(group=_CAMERA)] = None
+    "Both planes from a file of `tmca design` (codes.nc), with their period."
     seed: Annotated[int, Parameter(group=_CAMERA, converter=whole)] = 0
     "Of the codes and the noise."
 
@@ -91,10 +93,14 @@ class SpectralOptions:
             if share is not None and not 0 <= share <= 1:
                 raise SettingError(f"--{name}", f"{share:g}", "a share between 0 and 1")
         given = {
-            name: value for name, value in vars(self).items() if value is not None and name not in ("preset", "weights")
+            name: value
+            for name, value in vars(self).items()
+            if value is not None and name not in ("preset", "weights", "codes")
         }
+        if self.codes is not None:
+            given |= self._designed(given)
         for plane in ("aperture", "shutter"):
-            if plane in given:
+            if isinstance(given.get(plane), str):
                 given[plane] = codes_argument(given[plane], f"--{plane}")
         patterns = [value for value in given.values() if hasattr(value, "shape") and value.ndim == 3]
         if patterns and "slots" not in given:
@@ -104,6 +110,19 @@ class SpectralOptions:
         if "dispersion" in given:
             given["dispersion"] = numbers(given["dispersion"], "--dispersion")
         return given
+
+    def _designed(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Camera arguments of a file of codes, which nothing else may set."""
+        from tmca.codes import read_codes
+
+        found = read_codes(self.codes or "").settings()
+        beside = [name for name in ("aperture", "shutter", "period", "coloured") if name in given]
+        beside += ["preset"] if self.preset else ["weights"] if self.weights else []
+        if beside:
+            raise SettingError("--codes", f"--{beside[0]} beside it", "one of them")
+        if given.get("slots", found["slots"]) != found["slots"]:
+            raise SettingError("--slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
+        return found
 
 
 @Parameter(name="*")

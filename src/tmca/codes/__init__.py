@@ -2,6 +2,7 @@
 
 from tmca.codes.binary import hard_threshold, one_hot_slots
 from tmca.codes.blue_noise import blue_noise_ranks
+from tmca.codes.files import CodesFile, read_codes, write_codes
 from tmca.codes.multiplexed import MultiplexedCodes
 from tmca.codes.patterns import FAMILIES, pattern
 from tmca.codes.plane import CodePlane
@@ -9,9 +10,12 @@ from tmca.codes.plane import CodePlane
 __all__ = [
     "FAMILIES",
     "CodePlane",
+    "CodesFile",
     "MultiplexedCodes",
     "blue_noise_ranks",
     "hard_threshold",
     "one_hot_slots",
     "pattern",
+    "read_codes",
+    "write_codes",
 ]

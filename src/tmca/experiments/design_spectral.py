@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import SpectralCamera
+from tmca.codes import write_codes
 from tmca.design import (
     Advice,
     Effort,
@@ -180,18 +181,17 @@ def _described(advice: Advice, examples: Examples, period: int, command: Sequenc
 def _write_codes(camera: SpectralCamera, out: Path, found: Mapping[str, Any], overwrite: bool) -> None:
     """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels."""
     import tifffile
-    import xarray as xr
 
-    from tmca.data import atomic_path, write_dataset
+    from tmca.data import atomic_path
 
-    codes, planes = camera.multiplexed, {}
-    for name, plane in (("aperture", codes.aperture), ("shutter", codes.shutter)):
-        tile = plane.tile().detach().numpy().astype(np.uint8)
-        planes[name] = (("slot", "y", "x"), tile, {"meaning": "1 = open, one period"})
+    codes = camera.multiplexed
+    aperture, shutter = codes.aperture.tile().detach(), codes.shutter.tile().detach()
+    for name, tile in (("aperture", aperture), ("shutter", shutter)):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:
-            tifffile.imwrite(temporary, 255 * tile, imagej=True, metadata={"axes": "TYX"})
-    attrs = {"advice": found["advice"], "period": found["period"], "sensor": found["sensor"]}
-    write_dataset(xr.Dataset(planes, attrs=attrs), out / "codes.nc", overwrite=overwrite)
+            tifffile.imwrite(temporary, 255 * tile.numpy().astype(np.uint8), imagej=True, metadata={"axes": "TYX"})
+    notes = {"advice": found["advice"], "sensor": found["sensor"]}
+    period = (int(found["period"]), int(found["period"]))
+    write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)
 
 
 def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
@@ -210,8 +210,8 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
         "anything is captured. Gains are judged on each scene under the prior of the others.",
     ]
     columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
-    codes = [f"Take them along: simulate spectral SCENE --aperture aperture.tif --shutter shutter.tif --period "
-             f"{found['period']}."]  # fmt: skip
+    codes = ["Take them along: tmca simulate spectral SCENE --codes codes.nc; train a network for them: "
+             "tmca train spectral --preset quick --set codes.start=codes.nc --set camera.learn=none."]  # fmt: skip
     return [
         Section("Advice", about, final, COLUMNS),
         Section("Every number of slots", ["A survey with less effort."], found["surveyed"], COLUMNS,

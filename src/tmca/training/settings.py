@@ -51,8 +51,8 @@ class CodeSettings(_Strict):
     """How codes are learned.
 
     Args:
-        start: ``"random"`` (the camera's families), ``"one-hot"`` shutter, or a trained run or weights file whose
-            static or multiplexed code is taken over.
+        start: ``"random"`` (the camera's families), ``"one-hot"`` shutter, or a trained run, weights file or file of
+            `tmca design` whose static or multiplexed code is taken over.
         slope: of the surrogate derivative, first and last; raised geometrically.
         frozen: share of the run, at its end, in which the codes stay as they are and only the decoder learns.
         throughput: light throughput wanted, share of a white scene's light; None leaves it free.

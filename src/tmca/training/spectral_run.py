@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralCamera
-from tmca.codes import pattern
+from tmca.codes import pattern, read_codes
 from tmca.data import make_folder
 from tmca.decoders.network import build_network
 from tmca.decoders.neural import Weights
@@ -156,16 +156,24 @@ def _starting_codes(settings: TrainSettings) -> dict[str, Any]:
         height, width = (camera.period,) * 2 if camera.period else _shutter_size(settings)
         return {"shutter": pattern("one-hot", camera.slots, (height, width), camera.duty, 2 * camera.seed + 1)}
     if not Path(start).exists():
-        raise SettingError("codes.start", repr(start), "'random', 'one-hot', or a weights file", "check the path")
-    found = Weights.load(start)
-    planes = {"aperture": found.aperture, "shutter": found.shutter}
-    if found.camera.get("period") != camera.period or found.camera.get("disperser") != camera.disperser:
-        raise DataError(
-            start, f"codes of period {found.camera.get('period')}", f"period {camera.period}", "set camera.period"
-        )
-    if len(found.aperture) not in (1, camera.slots):
-        raise DataError(start, f"{len(found.aperture)} slots", f"1 or {camera.slots}", "set camera.slots")
+        raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
+    planes, period, disperser = _stored_codes(start)
+    if period != camera.period or disperser not in (None, camera.disperser):
+        raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
+    slots = len(planes["aperture"])
+    if slots not in (1, camera.slots):
+        raise DataError(start, f"{slots} slots", f"1 or {camera.slots}", "set camera.slots")
     return {name: plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()}
+
+
+def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
+    """Planes, period and disperser (None where the file does not say) of weights, or of a file of `tmca design`."""
+    if Path(start).suffix == ".nc":
+        found = read_codes(start).settings()
+        return {name: found[name] for name in ("aperture", "shutter")}, found["period"], None
+    weights = Weights.load(start)
+    planes = {"aperture": weights.aperture, "shutter": weights.shutter}
+    return planes, weights.camera.get("period"), weights.camera.get("disperser")
 
 
 def _shutter_size(settings: TrainSettings) -> tuple[int, int]:
