@@ -16,7 +16,7 @@ from tmca.optics import Dispersion
 from tmca.sensor import Noise
 from tmca.training import settings_from
 from tmca.training.loop import TrainingError
-from tmca.training.spectral_run import starting_camera
+from tmca.training.starting_camera import starting_camera
 
 
 def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Group, Parameter
 
 from tmca.cli.numbers import whole
+from tmca.cli.patterns import codes_argument, coloured_argument, fitted
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ class SpectralOptions:
         from tmca.codes import read_codes
 
         found = read_codes(self.codes or "").settings()
-        beside = [name for name in ("aperture", "shutter", "period", "coloured") if name in given]
+        beside: list[str] = [name for name in ("aperture", "shutter", "period", "coloured") if name in given]
         beside += ["preset"] if self.preset else ["weights"] if self.weights else []
         if beside:
             raise SettingError("--codes", f"--{beside[0]} beside it", "one of them")
@@ -217,23 +218,6 @@ def _learned_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
     return weights.spectral_camera((scene.shape[1], scene.shape[2]), sensor=sensor)
 
 
-def fitted(patterns: Any, size: tuple[int, ...], settings: dict[str, Any], plane: str) -> Any:
-    """Patterns larger than the plane they are for: their middle, with a line that says so."""
-    from tmca.optics import Dispersion
-
-    if not hasattr(patterns, "shape") or settings.get("period"):
-        return patterns
-    wide = plane == ("shutter" if settings.get("disperser", "single") == "single" else "aperture")
-    spread = Dispersion.of(settings.get("dispersion", 1.0), len(settings["bands"])).spread if wide else 0
-    rows, columns = size[0], size[1] + spread
-    height, width = patterns.shape[-2:]
-    if (height, width) == (rows, columns) or height < rows or width < columns:
-        return patterns
-    top, left = (height - rows) // 2, (width - columns) // 2
-    print(f"tmca: {plane}: the middle {rows}×{columns} of {height}×{width} pixels", file=sys.stderr)
-    return patterns[..., top : top + rows, left : left + columns].contiguous()
-
-
 def check_figure(figure: Path | None, overwrite: bool, source: str | Path = "") -> None:
     """Refuse a picture that could not be written, before the work is done."""
     if figure is not None:
@@ -251,40 +235,6 @@ def check_targets(files: Iterable[Path], overwrite: bool, source: str | Path = "
         if source and file.resolve() == Path(source).resolve():
             raise SettingError("--out", f"{file}, which is the input", "another file")
         check_target(file, overwrite)
-
-
-def codes_argument(value: str, option: str = "--aperture") -> Any:
-    """A family's name, or the patterns in a file: (K, H, W), or MATLAB's (H, W, K)."""
-    from tmca.codes import FAMILIES
-
-    if value in FAMILIES:
-        return value
-    if not Path(value).suffix:
-        raise SettingError(option, repr(value), f"one of {', '.join(FAMILIES)}, or a file of patterns")
-    import numpy as np
-    import torch
-
-    from tmca.data import read_array
-
-    stored = read_array(value)
-    patterns = torch.from_numpy(stored.astype("float32"))
-    if stored.dtype.kind in "ui" and patterns.max() > 1:
-        patterns = patterns / float(np.iinfo(stored.dtype).max)
-    if patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2]):
-        patterns = patterns.movedim(2, 0).contiguous()
-    return patterns
-
-
-def coloured_argument(file: Path) -> Any:
-    """The code cube (L, H, W) in a file, integers as shares of their type's maximum."""
-    import numpy as np
-    import torch
-
-    from tmca.data import read_array
-
-    stored = np.squeeze(read_array(file))
-    scale = float(np.iinfo(stored.dtype).max) if stored.dtype.kind in "ui" and stored.max() > 1 else 1.0
-    return torch.from_numpy(stored.astype("float32") / scale)
 
 
 def cluster_parameters(text: str | None) -> dict[str, Any] | None:

@@ -13,7 +13,6 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralCamera
-from tmca.codes import pattern, read_codes
 from tmca.data import make_folder
 from tmca.decoders.network import build_network
 from tmca.decoders.neural import Weights
@@ -27,13 +26,11 @@ from tmca.training.patches import CubeStore, Load, Patch, PatchSource
 from tmca.training.scenes import RENDERED, SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
 from tmca.training.spectral import SpectralSystem
+from tmca.training.starting_camera import starting_camera
 from tmca.training.starts import KeptStarts, Pool
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
-
-_SPREAD = 0.9
-"""Of the first logits' distances from the threshold: slots that start alike part ways."""
 
 
 @dataclass
@@ -134,52 +131,6 @@ def _pool(
         return system.start([patches(step, index) for index in every], step, every)
 
     return pool, KeptStarts(folder / "starts", compute)
-
-
-def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:
-    """The camera with the codes that the run starts from."""
-    described = settings.camera.model_dump(exclude={"learn"})
-    learn = settings.camera.learn
-    codes = _starting_codes(settings)
-    return SpectralCamera(
-        bands=wavelengths, **{**described, **codes}, spread=_SPREAD if learn != "none" else 0.0,
-        learnable={"both": True, "none": False}.get(learn, learn),
-    )  # fmt: skip
-
-
-def _starting_codes(settings: TrainSettings) -> dict[str, Any]:
-    """Patterns that take the place of the camera's families."""
-    start, camera = settings.codes.start, settings.camera
-    if start == "random":
-        return {}
-    if start == "one-hot":
-        height, width = (camera.period,) * 2 if camera.period else _shutter_size(settings)
-        return {"shutter": pattern("one-hot", camera.slots, (height, width), camera.duty, 2 * camera.seed + 1)}
-    if not Path(start).exists():
-        raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
-    planes, period, disperser = _stored_codes(start)
-    if period != camera.period or disperser not in (None, camera.disperser):
-        raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
-    slots = len(planes["aperture"])
-    if slots not in (1, camera.slots):
-        raise DataError(start, f"{slots} slots", f"1 or {camera.slots}", "set camera.slots")
-    return {name: plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()}
-
-
-def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
-    """Planes, period and disperser (None where the file does not say) of weights, or of a file of `tmca design`."""
-    if Path(start).suffix == ".nc":
-        found = read_codes(start).settings()
-        return {name: found[name] for name in ("aperture", "shutter")}, found["period"], None
-    weights = Weights.load(start)
-    planes = {"aperture": weights.aperture, "shutter": weights.shutter}
-    return planes, weights.camera.get("period"), weights.camera.get("disperser")
-
-
-def _shutter_size(settings: TrainSettings) -> tuple[int, int]:
-    bands = settings.data.bands
-    camera = SpectralCamera(bands=bands, **settings.camera.model_dump(exclude={"learn"}))
-    return camera.multiplexed.shutter.size
 
 
 def _take_decoder(settings: TrainSettings, network: torch.nn.Module) -> None:

@@ -1,0 +1,63 @@
+"""The camera that a training run starts from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from tmca.cameras import SpectralCamera
+from tmca.codes import pattern, read_codes
+from tmca.decoders.neural import Weights
+from tmca.errors import DataError, SettingError
+from tmca.training.settings import TrainSettings
+
+_SPREAD = 0.9
+"""Of the first logits' distances from the threshold: slots that start alike part ways."""
+
+
+def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:
+    """The camera with the codes that the run starts from."""
+    described = settings.camera.model_dump(exclude={"learn"})
+    learn = settings.camera.learn
+    codes = _starting_codes(settings)
+    return SpectralCamera(
+        bands=wavelengths, **{**described, **codes}, spread=_SPREAD if learn != "none" else 0.0,
+        learnable={"both": True, "none": False}.get(learn, learn),
+    )  # fmt: skip
+
+
+def _starting_codes(settings: TrainSettings) -> dict[str, Any]:
+    """Patterns that take the place of the camera's families."""
+    start, camera = settings.codes.start, settings.camera
+    if start == "random":
+        return {}
+    if start == "one-hot":
+        height, width = (camera.period,) * 2 if camera.period else _shutter_size(settings)
+        return {"shutter": pattern("one-hot", camera.slots, (height, width), camera.duty, 2 * camera.seed + 1)}
+    if not Path(start).exists():
+        raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
+    planes, period, disperser = _stored_codes(start)
+    if period != camera.period or disperser not in (None, camera.disperser):
+        raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
+    slots = len(planes["aperture"])
+    if slots not in (1, camera.slots):
+        raise DataError(start, f"{slots} slots", f"1 or {camera.slots}", "set camera.slots")
+    return {name: plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()}
+
+
+def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
+    """Planes, period and disperser (None where the file does not say) of weights, or of a file of `tmca design`."""
+    if Path(start).suffix == ".nc":
+        found = read_codes(start).settings()
+        return {name: found[name] for name in ("aperture", "shutter")}, found["period"], None
+    weights = Weights.load(start)
+    planes = {"aperture": weights.aperture, "shutter": weights.shutter}
+    return planes, weights.camera.get("period"), weights.camera.get("disperser")
+
+
+def _shutter_size(settings: TrainSettings) -> tuple[int, int]:
+    bands = settings.data.bands
+    camera = SpectralCamera(bands=bands, **settings.camera.model_dump(exclude={"learn"}))
+    return camera.multiplexed.shutter.size
