@@ -2,11 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 
+from tmca.decoders import Weights
 from tmca.design import Effort
 from tmca.errors import OutputError, SettingError
-from tmca.experiments.codes_study import CORNERS, sensors, study_codes
+from tmca.experiments.codes_ranking import RANKED
+from tmca.experiments.codes_study import CORNERS, _common, _prior, _ranking_cells, sensors, study_codes
 from tmca.experiments.codes_tables import test_rows as rows_of_tests
 
 SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(1, 3, 0), "test_slots": 2}
@@ -16,6 +19,13 @@ SCENES = ["tissue", "rocket"]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("study")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_scenes():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tmca.experiments.codes_study._RANKED_SIZE", (48, 48))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +60,16 @@ def test_designs_are_measured_on_test_scenes(found):
     assert all(10 < row["psnr"] < 60 for row in rows)
 
 
+def test_the_order_of_codes_is_checked(found):
+    assert len(RANKED) >= 20
+    assert {row["codes"] for row in found["ranking"]} == set(RANKED)
+    for entry in found["rank_correlation"]:
+        own = [row for row in found["ranking"] if row["noise"] == entry["noise"]]
+        means = [np.mean(list(row["lmmse"].values())) for row in own]
+        first, second = (np.argsort(np.argsort(v)) for v in ([row["expected"] for row in own], means))
+        assert entry["rank_correlation"] == pytest.approx(np.corrcoef(first, second)[0, 1])
+
+
 def test_the_study_is_written_and_kept(found, folder):
     assert json.loads((folder / "out" / "codes.json").read_text())["grid"] == found["grid"]
     assert "scenes left out" in (folder / "out" / "codes.md").read_text()
@@ -71,3 +91,17 @@ def test_impossible_studies_are_refused(tmp_path):
             study_codes(SCENES, [], tmp_path, tmp_path / "work", **{**SMALL, **changes})
     with pytest.raises(SettingError, match="design study"):
         study_codes(SCENES[:1], [], tmp_path, tmp_path / "work", **SMALL)
+
+
+def test_networks_of_ranked_codes_learn_behind_them(tmp_path):
+    """A network for one code: its camera shows that code, and its estimate is measured."""
+    from tmca.experiments import codes_ranking
+
+    common = _common(SCENES, tmp_path, 3, (4, 6), Effort(1, 2, 0))
+    cells = _ranking_cells(common, SCENES, ["coffee"], ["chelsea"], _prior(common, SCENES, tmp_path), tmp_path, 1)
+    cell = next(c for c in cells if c["codes"] == "one-hot K = 2")
+    found = codes_ranking.ranking(cell)
+    assert set(found["unrolled"]) == {"coffee"}
+    kept = Weights.load(f"{cell['folder']}/run")
+    assert bool((kept.shutter.sum(0) == 1).all())
+    assert kept.aperture.shape == (2, 4, 6)

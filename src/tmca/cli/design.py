@@ -110,6 +110,8 @@ def study(
     slots: str = "2,4,8,16",
     period: str = "16x24",
     test_slots: Whole = 8,
+    validation: Path | None = None,
+    steps: Whole = 0,
     seeds: Whole = 1,
     jobs: Whole = 1,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -129,6 +131,8 @@ def study(
         slots: numbers of slots, separated by commas.
         period: ROWSxCOLUMNS of the tile of codes, pixels.
         test_slots: slots of the designs on the test scenes.
+        validation: split file of the scenes that choose a network's best step.
+        steps: of an unrolled network for each of the codes whose order is checked; none are trained with 0.
         seeds: of codes and noise on the test scenes.
         jobs: processes side by side.
         overwrite: replace results that exist.
@@ -142,10 +146,13 @@ def study(
         print(f"[{done}/{total}] {name}", file=sys.stderr)
 
     tile = size(period, "--period") or (16, 24)
-    examples, scenes = (list(map(str, read_split(split))) if split else [] for split in (train, test))
+    examples, scenes, checked = (
+        list(map(str, read_split(split))) if split else [] for split in (train, test, validation)
+    )
     found = study_codes(
         examples, scenes, out, work, bands=bands, slots=_whole_numbers(slots) or [], period=tile, test_slots=test_slots,
-        seeds=seeds, jobs=jobs, overwrite=overwrite, progress=told, command=["tmca", *sys.argv[1:]],
+        validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite, progress=told,
+        command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(found, indent=1) if json else (out / "codes.md").read_text())
 

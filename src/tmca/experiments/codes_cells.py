@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,9 @@ SLOTS = (2, 4, 8, 16)
 
 def compute(cell: Settings) -> Measured:
     """One cell of any kind."""
-    return {"grid": grid, "test": on_test_scenes}[cell["kind"]](cell)
+    from tmca.experiments.codes_ranking import ranking
+
+    return {"grid": grid, "test": on_test_scenes, "ranking": ranking}[cell["kind"]](cell)
 
 
 def grid(cell: Settings) -> Measured:
@@ -31,8 +34,7 @@ def grid(cell: Settings) -> Measured:
     rows = [task.row("static", static, static)]
     for slots in cell["slots"]:
         one_hot = task.search("one-hot", slots)
-        starts = [None, static.camera, one_hot.camera]
-        free = min((task.search("free", slots, start) for start in starts), key=lambda design: design.mse)
+        free = task.best_free(slots, [static.camera, one_hot.camera])
         rows += [task.row("one-hot", one_hot, static), task.row("free", free, static)]
     return {"rows": rows}
 
@@ -44,25 +46,35 @@ def on_test_scenes(cell: Settings) -> Measured:
     task = Task.of(cell)
     static = task.search("static", 1)
     designs = {"static": static}
-    if cell["slots"]:
-        one_hot = task.search("one-hot", cell["slots"][0])
-        designs["one-hot"] = one_hot
-        starts = [None, static.camera, one_hot.camera]
-        designs["free"] = min((task.search("free", cell["slots"][0], s) for s in starts), key=lambda d: d.mse)
+    for slots in cell["slots"]:
+        designs["one-hot"] = task.search("one-hot", slots)
+        starts = [static.camera, designs["one-hot"].camera]
+        designs["free"] = task.best_free(slots, starts)
     scene, found = load_scene(cell["path"], bands=cell["bands"]), {}
     size, prior = (scene.sizes["y"], scene.sizes["x"]), GaussianPrior.load(cell["prior"])
     for kind, design in designs.items():
         for name, camera in (("designed", design.camera), ("random", task.random(kind, design.slots))):
-            codes = camera.multiplexed
-            whole = SpectralCamera(
-                bands=task.bands, size=size, slots=camera.slots, period=camera.size, sensor=Sensor(**cell["sensor"]),
-                aperture=codes.aperture.tile().detach(), shutter=codes.shutter.tile().detach(),
-            )  # fmt: skip
+            whole = on_frame(camera, task.bands, size, Sensor(**cell["sensor"]))
             taken = take_snapshot(scene, whole, seed=cell["seed"])
             metrics = reconstruct_snapshot(taken, "lmmse", prior=prior, truth=scene).metrics
             expected = decibels(task.error.whole(camera))
             found[f"{kind}, {name}"] = {**metrics, "expected_psnr": expected, "throughput": whole.throughput()}
     return {"metrics": found}
+
+
+def on_frame(camera: SpectralCamera, bands: list[float], size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
+    """A camera of one period at the size of a scene, with fixed codes."""
+    codes = camera.multiplexed
+    aperture, shutter = codes.aperture.tile().detach(), codes.shutter.tile().detach()
+    return SpectralCamera(
+        bands=bands,
+        size=size,
+        slots=camera.slots,
+        period=camera.size,
+        sensor=sensor,
+        aperture=aperture,
+        shutter=shutter,
+    )
 
 
 class Task:
@@ -92,6 +104,10 @@ class Task:
         effort = Effort(**self.cell["effort"])
         seed = self.cell["seed"]
         return search(kind, slots, self.period, self.error, effort=effort, seed=seed, start=start, bands=self.bands)
+
+    def best_free(self, slots: int, starts: Sequence[SpectralCamera]) -> Design:
+        """The best free codes from random ones and from other designs, which they contain."""
+        return min((self.search("free", slots, start) for start in (None, *starts)), key=lambda design: design.mse)
 
     def random(self, kind: str, slots: int) -> SpectralCamera:
         """Random codes of a kind."""

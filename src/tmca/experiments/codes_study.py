@@ -10,6 +10,7 @@ from tmca.design import Effort, design_model, designable, learn_examples
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.cells import Failures, Progress, Settings, cell_key, run_cells, source_digest
 from tmca.experiments.codes_cells import SLOTS, compute, save_examples
+from tmca.experiments.codes_ranking import RANKED, correlations
 from tmca.experiments.codes_tables import files_of, study_figures, study_markdown
 from tmca.experiments.results import repository_commit
 from tmca.experiments.scenes import identity_of, load_scene
@@ -22,6 +23,11 @@ CORNERS: dict[str, dict[str, float]] = {
     "σ = 0.01": {"read_noise": 0.01},
     "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 1e4, "read_noise_electrons": 3.0},
 }
+
+
+_RANKED_NOISES, _RANKED_SIZE = ("σ = 0.001", "σ = 0.01"), (256, 256)
+
+_RANKED_KEYS = ("noise", "codes", "expected", "lmmse", "unrolled", "throughput")
 
 
 def sensors() -> dict[str, dict[str, float]]:
@@ -44,6 +50,8 @@ def study_codes(
     period: tuple[int, int] = (16, 24),
     effort: Effort | None = None,
     test_slots: int = 8,
+    validation: Sequence[str] = (),
+    steps: int = 0,
     seeds: int = 1,
     jobs: int = 1,
     overwrite: bool = False,
@@ -62,6 +70,8 @@ def study_codes(
         period: (rows, columns) of the tile, pixels.
         effort: of every search, static or not.
         test_slots: K of the designs on the test scenes.
+        validation: scenes that choose a network's best step.
+        steps: of an unrolled network for each code that is ranked; none are trained with 0.
         seeds: random codes, noise and searches of the test scenes.
         jobs: processes side by side.
         overwrite: replace results.
@@ -85,7 +95,9 @@ def study_codes(
     make_folder(out)
     common = _common(train, make_folder(work), bands, period, effort or Effort(sweeps=0))
     failures = Failures(work)
-    cells = [*_grid_cells(common, slots), *_test_cells(common, train, test, work, test_slots, seeds)]
+    prior = _prior(common, train, work) if test else None
+    cells = [*_grid_cells(common, slots), *_test_cells(common, test, prior, test_slots, seeds)]
+    cells += _ranking_cells(common, train, test, validation, prior, work, steps)
     measured = run_cells(cells, compute, work, jobs=jobs, progress=progress, failures=failures)
     failures.check()
     found = {
@@ -95,6 +107,9 @@ def study_codes(
                  for cell in measured if cell["kind"] == "grid" for row in cell["rows"]],
         "test": [{key: cell[key] for key in ("noise", "scene", "seed", "metrics")}
                  for cell in measured if cell["kind"] == "test"],
+        "ranking": [{key: cell[key] for key in _RANKED_KEYS if key in cell}
+                    for cell in measured if cell["kind"] == "ranking"],
+        "rank_correlation": correlations([cell for cell in measured if cell["kind"] == "ranking"]),
     }  # fmt: skip
     write_json(found, files[0], overwrite=overwrite)
     write_text(study_markdown(found), files[1], overwrite=overwrite)
@@ -142,21 +157,44 @@ def _grid_cells(common: Settings, slots: Sequence[int]) -> list[Settings]:
     return [*equal, *per_slot]
 
 
-def _test_cells(
-    common: Settings, train: Sequence[str], test: Sequence[str], work: Path, slots: int, seeds: int
-) -> list[Settings]:
+def _prior(common: Settings, train: Sequence[str], work: Path) -> Path:
+    """The prior of the decoder, learned once and kept."""
     from tmca.priors import learn_prior
 
-    if not test:
-        return []
-    identity = {"examples": common["examples"], "source": common["source"]}
-    prior = work / f"prior-{cell_key(identity)}.nc"
-    if not prior.exists():
+    file = work / f"prior-{cell_key({'examples': common['examples'], 'source': common['source']})}.nc"
+    if not file.exists():
         cubes = [load_scene(name, bands=common["bands"]) for name in train]
-        learn_prior(cubes, spread=common["bands"] - 1).save(prior)
+        learn_prior(cubes, spread=common["bands"] - 1).save(file)
+    return file
+
+
+def _test_cells(common: Settings, test: Sequence[str], prior: Path | None, slots: int, seeds: int) -> list[Settings]:
     return [
         {**common, "kind": "test", "name": f"{Path(scene).stem} · {name} · seed {seed}", "noise": name,
          "sensor": sensor, "scene": Path(scene).stem, "path": scene, "checksum": identity_of(scene),
          "slots": [slots], "prior": str(prior), "seed": seed}
         for name, sensor in CORNERS.items() for seed in range(seeds) for scene in test
     ]  # fmt: skip
+
+
+def _ranking_cells(
+    common: Settings,
+    train: Sequence[str],
+    test: Sequence[str],
+    validation: Sequence[str],
+    prior: Path | None,
+    work: Path,
+    steps: int,
+) -> list[Settings]:
+    """Every ranked code under read noise: the middle of the test scenes by the LMMSE, and by a network of its own."""
+    shared = {**common, "kind": "ranking", "test": list(test), "checksums": [identity_of(name) for name in test]}
+    shared |= {"prior": str(prior), "steps": steps, "size": list(_RANKED_SIZE)}
+    shared |= {"train": list(train), "validation": list(validation)} if steps else {}
+    cells = []
+    for noise in _RANKED_NOISES if test else ():
+        for name, code in RANKED.items():
+            own = {**shared, "noise": noise, "sensor": CORNERS[noise], "codes": name, "code": code}
+            cells.append(
+                {**own, "name": f"ranking · {noise} · {name}", "folder": str(work / f"ranked-{cell_key(own)}")}
+            )
+    return cells

@@ -53,6 +53,13 @@ def study_markdown(found: dict[str, Any]) -> str:
     if found["test"]:
         lines += ["## On test scenes", "", "Whole images by the patch LMMSE, means over scenes and seeds.", ""]
         lines += [markdown_table(test_rows(found["test"]), _TEST_COLUMNS)]
+    if found["ranking"]:
+        lines += ["## The order of codes", "", "Spearman's rank correlation of the expected PSNR with the mean PSNR on "
+                  "the middle of the test scenes, and the codes themselves.", ""]  # fmt: skip
+        lines += [
+            markdown_table(found["rank_correlation"], _RANK_COLUMNS),
+            markdown_table(_ranked(found), _CODE_COLUMNS),
+        ]
     return "\n".join(lines)
 
 
@@ -65,6 +72,31 @@ _TEST_COLUMNS = (
     ("scenes", "scene by scene", ""),
     ("throughput", "light", ".1%"),
 )
+
+
+_RANK_COLUMNS = (
+    ("noise", "noise", ""),
+    ("decoder", "decoder", ""),
+    ("codes", "codes", "d"),
+    ("rank_correlation", "rank correlation", ".2f"),
+)
+_CODE_COLUMNS = (
+    ("noise", "noise", ""),
+    ("codes", "codes", ""),
+    ("throughput", "light", ".1%"),
+    ("expected", "expected (dB)", ".2f"),
+    ("lmmse", "LMMSE (dB)", ".2f"),
+    ("unrolled", "unrolled (dB)", ".2f"),
+)
+
+
+def _ranked(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Ranked codes with means over the test scenes, best expected first."""
+    means = [
+        {**row, **{d: float(np.mean(list(row[d].values()))) for d in ("lmmse", "unrolled") if d in row}}
+        for row in found["ranking"]
+    ]
+    return sorted(means, key=lambda row: (row["noise"], -row["expected"]))
 
 
 def test_rows(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from tmca.errors import DataError, SettingError
 
 Share = Annotated[float, Field(ge=0)]
+Pixels = Annotated[int, Field(ge=1)]
 Steepness = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -33,7 +34,7 @@ class CameraSettings(_Strict):
     disperser: Literal["single", "dual"] = "single"
     transmittance: float = Field(default=0.5, gt=0, lt=1)
     duty: float = Field(default=0.5, gt=0, lt=1)
-    period: int | None = Field(default=None, ge=1)
+    period: Pixels | tuple[Pixels, Pixels] | None = None
     seed: int = 0
     learn: Literal["both", "aperture", "shutter", "none"] = "none"
 

@@ -34,17 +34,24 @@ def _starting_codes(settings: TrainSettings) -> dict[str, Any]:
     if start == "random":
         return {}
     if start == "one-hot":
-        height, width = (camera.period,) * 2 if camera.period else _shutter_size(settings)
+        height, width = _pair(camera.period) or _shutter_size(settings)
         return {"shutter": pattern("one-hot", camera.slots, (height, width), camera.duty, 2 * camera.seed + 1)}
     if not Path(start).exists():
         raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
     planes, period, disperser = _stored_codes(start)
-    if period != camera.period or disperser not in (None, camera.disperser):
+    if _pair(period) != _pair(camera.period) or disperser not in (None, camera.disperser):
         raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
     slots = len(planes["aperture"])
     if slots not in (1, camera.slots):
         raise DataError(start, f"{slots} slots", f"1 or {camera.slots}", "set camera.slots")
     return {name: plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()}
+
+
+def _pair(period: Any) -> tuple[int, int] | None:
+    """(rows, columns) of a period."""
+    if period is None:
+        return None
+    return (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
 
 
 def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
