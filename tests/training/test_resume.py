@@ -93,6 +93,18 @@ def test_a_run_goes_on_from_the_checkpoint_before_a_damaged_one(undisturbed, tmp
     assert same(last_state(tmp_path / "run"), last_state(undisturbed))
 
 
+def test_a_run_is_never_worse_than_the_decoder_it_starts_from(undisturbed, tmp_path):
+    """On its validation scenes, whatever the learning rate does: the start is validated before the first step."""
+    start = str(undisturbed)
+    changes = {"codes.start": start, "codes.decoder": start, "optimiser.decoder_rate": 3.0, "optimiser.code_rate": 1.0}
+    found = tiny.train(tmp_path / "run", **changes)
+    assert found.best["step"] == 0
+    log = (tmp_path / "run" / "log.csv").read_text().splitlines()
+    assert log[1].startswith("0,")
+    kept, before = (load_file(folder / "weights.safetensors") for folder in (tmp_path / "run", undisturbed))
+    assert same(kept, before)
+
+
 def test_a_run_that_never_came_to_a_checkpoint_can_be_told_otherwise(tmp_path):
     with pytest.raises(SettingError, match="nonsense"):
         tiny.train(tmp_path / "run", **{"camera.aperture": "nonsense"})

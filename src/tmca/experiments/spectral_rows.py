@@ -47,8 +47,10 @@ OF_UNROLLED_CODES = ("lmmse", "lmmse-adapted", "mixture")
 """Decoders without training that reconstruct from the codes learned with the unrolled network."""
 PACE = {"unet-thesis": 1.7, "unet": 1.3, "unrolled": 1.0, "unrolled-mixture": 0.6}
 """Steps in the minutes that one step of the unrolled network takes with fixed codes, its first estimates included."""
-LEARNING = {"unet-thesis": 0.85, "unrolled": 0.28}
-"""Steps of a run that learns codes in half of them, relative to one with fixed codes, in the same minutes."""
+LEARNING = {"unet-thesis": 0.85, "unrolled": 0.67}
+"""Steps of a run that learns codes, relative to one with fixed codes, in the same minutes."""
+FROZEN = {"unet-thesis": 0.5, "unrolled": 0.9}
+"""Share of the steps after which codes stay: behind the LMMSE a step that learns codes costs six others."""
 SHOWN_NOISE = "σ = 0.01"
 SHOWN = (
     ("CASSI random", "admm-tv"),
@@ -82,9 +84,9 @@ def training_of(code: str, decoder: str, seed: int, steps: int) -> dict[str, Any
         "camera": camera,
         "noise": list(NOISES.values()),
         "decoder": NETWORKS[decoder],
-        "codes": {"frozen": 0.5, "slope": [2.0, 40.0]},
+        "codes": {"frozen": FROZEN.get(decoder, 0.5), "slope": [2.0, 40.0]},
         "data": {"pool": POOL[NETWORKS[decoder]["start"]]},
-        "optimiser": {"steps": steps, "loss": loss, "code_rate": 0.06},
+        "optimiser": {"steps": steps, "loss": loss, "code_rate": 0.1 if decoder == "unrolled" else 0.06},
         "validate_every": max(1, steps // 6),
         "seed": seed,
     }

@@ -105,6 +105,8 @@ class Run:
         self._set_rates(first)
         if self.pool and not self.system.frozen:
             self.pool[1].forget()  # estimates of codes that this run has still to learn
+        if first == 0 and self.settings.codes.decoder is not None:
+            self._validate(0)  # a decoder that learned before may be better than all that comes
         wrapped, *_ = self.fabric.setup(self.module, *self.optimizers.values())
         with _asked_to_stop() as asked:
             for step in range(first, self.steps):
@@ -179,7 +181,8 @@ class Run:
 
     def _validate(self, done: int) -> None:
         found = self.system.validate()
-        figures = {"loss": math.fsum(self.losses) / len(self.losses), **self.system.figures(), **found}
+        loss = math.fsum(self.losses) / max(len(self.losses), 1)
+        figures = {"loss": loss, **self.system.figures(), **found}
         self.said = "".join(f", validation {value:.2f} dB" for name, value in found.items() if name == "psnr")
         value = found.get("psnr", -math.inf)
         if value > self.best["psnr"] or (done == self.steps and not found):
