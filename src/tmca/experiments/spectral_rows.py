@@ -51,6 +51,8 @@ LEARNING = {"unet-thesis": 0.85, "unrolled": 0.67}
 """Steps of a run that learns codes, relative to one with fixed codes, in the same minutes."""
 FROZEN = {"unet-thesis": 0.5, "unrolled": 0.9}
 """Share of the steps after which codes stay: behind the LMMSE a step that learns codes costs six others."""
+RATE = {"unet-thesis": 0.06, "unrolled": 0.1}
+"""Learning rate of the codes."""
 SHOWN_NOISE = "σ = 0.01"
 SHOWN = (
     ("CASSI random", "admm-tv"),
@@ -84,9 +86,9 @@ def training_of(code: str, decoder: str, seed: int, steps: int) -> dict[str, Any
         "camera": camera,
         "noise": list(NOISES.values()),
         "decoder": NETWORKS[decoder],
-        "codes": {"frozen": FROZEN.get(decoder, 0.5), "slope": [2.0, 40.0]},
+        "codes": {"frozen": FROZEN[decoder] if learned else 0.5, "slope": [2.0, 40.0]},
         "data": {"pool": POOL[NETWORKS[decoder]["start"]]},
-        "optimiser": {"steps": steps, "loss": loss, "code_rate": 0.1 if decoder == "unrolled" else 0.06},
+        "optimiser": {"steps": steps, "loss": loss, "code_rate": RATE[decoder] if learned else 0.06},
         "validate_every": max(1, steps // 6),
         "seed": seed,
     }
