@@ -9,6 +9,7 @@ import scipy.io
 import torch
 import xarray as xr
 
+from tests.cli.refusals import refused
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.cli import main
 
@@ -20,17 +21,6 @@ def elsewhere(tmp_path, monkeypatch):
 
 def cube(name, values, **variables):
     scipy.io.savemat(name, {"cube": np.asarray(values), **variables})
-
-
-def refused(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    assert stop.value.code == 2, captured
-    lines = captured.err.strip().splitlines()
-    assert len(lines) == 1, captured.err
-    assert "Traceback" not in captured.err
-    return lines[0]
 
 
 def small_snapshot(name="s_snapshot.nc"):

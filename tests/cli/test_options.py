@@ -3,21 +3,13 @@
 import numpy as np
 import pytest
 
+from tests.cli.refusals import refused
 from tmca.cli import main
 
 
 def run(capsys, *arguments):
     main(["simulate", "spectral", *map(str, arguments), "--no-figures"])
     return capsys.readouterr()
-
-
-def refused(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    assert stop.value.code == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1, lines
-    return lines[0]
 
 
 @pytest.fixture

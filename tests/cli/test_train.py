@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from tests.cli.refusals import refused
 from tmca.cli import main
 from tmca.decoders import Weights
 
@@ -35,15 +36,6 @@ def train(folder, *more):
             *more,
         ]
     )
-
-
-def refused(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    assert stop.value.code == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1, lines
-    return lines[0]
 
 
 def test_a_run_leaves_weights_that_reconstruct(tmp_path, capsys, monkeypatch):

@@ -2,20 +2,12 @@
 
 import pytest
 
+from tests.cli.refusals import refused
 from tmca.cameras import Snapshot
 from tmca.cli import main
 from tmca.decoders import find_weights
 
 SCENE = ["coffee", "--crop", "40x48", "--no-figures", "--out", "s.nc"]
-
-
-def refused(capsys, *arguments):
-    with pytest.raises(SystemExit) as stop:
-        main([str(a) for a in arguments])
-    assert stop.value.code == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1, lines
-    return lines[0]
 
 
 @pytest.mark.parametrize(("options", "slots"), [([], 8), (["--slots", "1"], 1), (["--slots", "8"], 8)])

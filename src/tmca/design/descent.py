@@ -64,7 +64,7 @@ def descend(
     """
     how = how or Descent()
     latents = learned(camera)
-    best = _Best.of(camera, error, latents)
+    best = Best.of(camera, error, latents)
     optimiser = torch.optim.Adam(latents, lr=how.rate)
     shifts = torch.randint(1 << 16, (how.steps, 2), generator=torch.Generator().manual_seed(how.seed)).tolist()
     for step in range(how.steps):
@@ -111,14 +111,14 @@ def _step(
 
 
 @dataclass
-class _Best:
+class Best:
     """The best binary codes so far, and their error."""
 
     value: float
     latents: list[Tensor]
 
     @classmethod
-    def of(cls, camera: SpectralCamera, error: TileMse, latents: Sequence[nn.Parameter]) -> _Best:
+    def of(cls, camera: SpectralCamera, error: TileMse, latents: Sequence[nn.Parameter]) -> Best:
         return cls(error.whole(camera), [latent.detach().clone() for latent in latents])
 
     def meet(self, camera: SpectralCamera, error: TileMse, latents: Sequence[nn.Parameter]) -> None:

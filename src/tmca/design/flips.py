@@ -11,9 +11,9 @@ from torch import Tensor
 
 from tmca.cameras import SpectralCamera
 from tmca.codes import CodePlane
+from tmca.design.descent import learned
 from tmca.design.low_rank import BlockState
-from tmca.design.tile import TileMse, even_shifts, phases, windows
-from tmca.errors import SettingError
+from tmca.design.tile import TileMse, even_places, windows
 
 _SHIFTS = 2
 """Of the blocks: judged by one set of them alone, flips favour pixels by their place in a block."""
@@ -115,7 +115,7 @@ class TileState:
         """(B, P, m, T) weights of the blocks under codes (B, taps, rows, columns)."""
         model = self.error.error.model
         period = (codes.shape[2], codes.shape[3])
-        places = [place for shift in even_shifts(model, _SHIFTS) for place in phases(model, period, shift)]
+        places = even_places(model, period, _SHIFTS)
         seen = windows(codes.flatten(0, 1), model.block, places)  # (P, B·taps, h, w)
         seen = seen.unflatten(1, codes.shape[:2]).transpose(0, 1).flatten(0, 1)
         return model.complete(seen).flatten(2).mT.unflatten(0, (len(codes), len(places)))
@@ -140,9 +140,8 @@ class TileState:
 
 
 def _flips(camera: SpectralCamera) -> list[Flip]:
+    learned(camera)  # refuses a camera without any
     planes = [p for p in (camera.multiplexed.aperture, camera.multiplexed.shutter) if p.learnable]
-    if not planes:
-        raise SettingError("camera", "fixed codes", "learnable=True, 'aperture' or 'shutter'")
     return [Flip(plane, (k, y, x)) for plane in planes for k, y, x in product(*map(range, plane.latent.shape))]
 
 

@@ -9,7 +9,7 @@ from math import log10
 from typing import Any
 
 from tmca.cameras import SpectralCamera
-from tmca.design.descent import Descent, descend
+from tmca.design.descent import Best, Descent, descend, learned
 from tmca.design.flips import flip_greedily
 from tmca.design.spectral import designable
 from tmca.design.tile import TileMse
@@ -121,15 +121,12 @@ def _polish(
     camera: SpectralCamera, error: TileMse, effort: Effort, before: float, seed: int, throughput: float | None
 ) -> float:
     """Flip, and take the flips back if blocks that the flips did not see say so; the error that is left."""
-    kept = [p.detach().clone() for p in camera.multiplexed.parameters()]
+    latents = learned(camera)
+    kept = Best(before, [latent.detach().clone() for latent in latents])
     light = None if throughput is None else (camera.throughput(), 0.005)
     flip_greedily(camera, error, sweeps=effort.sweeps, most=effort.flips, seed=seed, throughput=light)
-    after = error.whole(camera)
-    if after <= before:
-        return after
-    for parameter, value in zip(camera.multiplexed.parameters(), kept, strict=True):
-        parameter.data.copy_(value)
-    return before
+    kept.meet(camera, error, latents)
+    return kept.leave(latents)
 
 
 def decibels(mse: float) -> float:

@@ -25,6 +25,11 @@ def even_shifts(model: BlockModel, count: int) -> list[tuple[int, int]]:
     return [(i * model.block[1] // count, i * (last - first) // count) for i in range(count)]
 
 
+def even_places(model: BlockModel, period: tuple[int, int], count: int) -> list[tuple[int, int]]:
+    """Corners of the blocks of all even shifts over one period."""
+    return [place for shift in even_shifts(model, count) for place in phases(model, period, shift)]
+
+
 def windows(code: Tensor, block: tuple[int, int, int], places: list[tuple[int, int]]) -> Tensor:
     """(P, taps, h, w) windows of a code (taps, period rows, period columns) that repeats itself for ever."""
     (_, h, w), (_, height, width) = block, code.shape

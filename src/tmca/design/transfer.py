@@ -11,7 +11,7 @@ from torch import Tensor
 
 from tmca.cameras import SpectralCamera
 from tmca.design.block_mse import BlockMse, Products, quadratic
-from tmca.design.tile import TileMse, even_shifts, phases, windows
+from tmca.design.tile import TileMse, even_places, windows
 from tmca.errors import ShapeError
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
@@ -114,8 +114,7 @@ class Examples:
         """Mean squared error on each scene, estimated under the prior of the others, by the camera's tile of codes."""
         code, model = camera.taps().code, self.model
         period = (code.shape[1], code.shape[2])
-        places = [place for shift in even_shifts(model, 2) for place in phases(model, period, shift)]
-        seen = windows(code, model.block, places)
+        seen = windows(code, model.block, even_places(model, period, 2))
         return {name: float(error(seen, read_noise, shot).mean()) for name, error in self.transfers.items()}
 
 

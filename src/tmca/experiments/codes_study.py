@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from tmca.design import Effort, design_model, designable, learn_examples
-from tmca.errors import OutputError, SettingError
+from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Progress, Settings, cell_key, run_cells, source_digest
 from tmca.experiments.codes_cells import SLOTS, compute, save_examples
 from tmca.experiments.codes_ranking import RANKED, correlations
 from tmca.experiments.codes_tables import files_of, study_figures, study_markdown
-from tmca.experiments.results import repository_commit
+from tmca.experiments.results import check_new, repository_commit
 from tmca.experiments.scenes import identity_of, load_scene
 
 READ_NOISES = (0.0, 0.001, 0.00316, 0.01, 0.0316, 0.1, 0.316)
@@ -89,9 +89,7 @@ def study_codes(
         given = f"{len(train)} scenes, slots {list(slots)}, {seeds} seeds, {jobs} jobs"
         raise SettingError("design study", given, "two scenes or more, slots ≥ 2, seeds and jobs ≥ 1")
     files = [out / "codes.json", out / "codes.md", *files_of(out)]
-    for file in files:
-        if file.exists() and not overwrite:
-            raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
+    check_new(files, overwrite)
     make_folder(out)
     common = _common(train, make_folder(work), bands, period, effort or Effort(sweeps=0))
     failures = Failures(work)

@@ -8,8 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.errors import OutputError, SettingError
+from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, run_cells, source_digest
+from tmca.experiments.results import check_new
 from tmca.experiments.spectral_cells import measure
 from tmca.experiments.spectral_figures import comparison_pictures, picture_files
 from tmca.experiments.spectral_rows import (
@@ -87,9 +88,7 @@ def compare_spectral(
         raise SettingError("--decoders", ", ".join(unknown), f"some of {', '.join(DECODER_NAMES)}")
     examples, scenes = read_split(train), read_split(test)
     files = [out / "spectral.json", out / "spectral.md"]
-    for file in (*files, *(picture for scene in scenes for picture in picture_files(scene.stem, out))):
-        if file.exists() and not overwrite:
-            raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
+    check_new([*files, *(picture for scene in scenes for picture in picture_files(scene.stem, out))], overwrite)
     make_folder(out)
     make_folder(work)
     priors = _learn(examples, work, bands, decoders)

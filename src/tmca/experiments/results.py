@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from tmca.errors import OutputError
 
 METRICS = (
     ("psnr", "PSNR (dB)", ".2f"),
@@ -15,6 +17,17 @@ METRICS = (
     ("ergas", "ERGAS", ".2f"),
     ("dd", "DD", ".4f"),
 )
+
+
+def check_new(files: Iterable[Path], overwrite: bool) -> None:
+    """Refuse to start where earlier results would be replaced.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is False.
+    """
+    for file in files:
+        if file.exists() and not overwrite:
+            raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
 
 
 def mean_over_scenes(scenes: dict[str, dict[str, float]]) -> dict[str, float]:

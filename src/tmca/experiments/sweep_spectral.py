@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralCamera
-from tmca.errors import OutputError, SettingError
+from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Progress, Settings, cell_key, run_cells, source_digest
 from tmca.experiments.figures import save_figure
-from tmca.experiments.results import mean_over_scenes, repository_commit
+from tmca.experiments.results import check_new, mean_over_scenes, repository_commit
 from tmca.experiments.scenes import identity_of
 from tmca.experiments.spectral_cells import sweep_cell, sweep_training
 from tmca.experiments.spectral_rows import DECODER_NAMES, NETWORKS
@@ -75,9 +75,7 @@ def sweep_spectral(
     from tmca.data import make_folder, write_json, write_text
 
     files = [out.with_suffix(suffix) for suffix in (".json", ".csv", ".md", ".png")]
-    for file in files:
-        if file.exists() and not overwrite:
-            raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
+    check_new(files, overwrite)
     if steps < 1 or jobs < 1:
         raise SettingError("--steps, --jobs", f"{steps}, {jobs}", "at least 1")
     vary = converted(vary, "--vary")
