@@ -8,9 +8,13 @@ import pytest
 from tmca.decoders import Weights
 from tmca.design import Effort
 from tmca.errors import OutputError, SettingError
-from tmca.experiments.codes_ranking import RANKED
-from tmca.experiments.codes_study import CORNERS, _common, _prior, _ranking_cells, sensors, study_codes
-from tmca.experiments.codes_tables import test_rows as rows_of_tests
+from tmca.experiments.codes import ranking as ranks
+from tmca.experiments.codes.ablation import INGREDIENTS
+from tmca.experiments.codes.learned import prior_file
+from tmca.experiments.codes.study import CORNERS, _common, _network_cells, sensors, study_codes
+from tmca.experiments.codes.tables import network_rows
+from tmca.experiments.codes.tables import test_rows as rows_of_tests
+from tmca.experiments.codes.task import Task
 
 SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(1, 3, 0), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
@@ -24,7 +28,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def small_scenes():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tmca.experiments.codes_study._RANKED_SIZE", (48, 48))
+        patch.setattr("tmca.experiments.codes.study._RANKED_SIZE", (48, 48))
         yield
 
 
@@ -61,8 +65,8 @@ def test_designs_are_measured_on_test_scenes(found):
 
 
 def test_the_order_of_codes_is_checked(found):
-    assert len(RANKED) >= 20
-    assert {row["codes"] for row in found["ranking"]} == set(RANKED)
+    assert len(ranks.RANKED) >= 20
+    assert {row["codes"] for row in found["ranking"]} == set(ranks.RANKED)
     for entry in found["rank_correlation"]:
         own = [row for row in found["ranking"] if row["noise"] == entry["noise"]]
         means = [np.mean(list(row["lmmse"].values())) for row in own]
@@ -93,15 +97,46 @@ def test_impossible_studies_are_refused(tmp_path):
         study_codes(SCENES[:1], [], tmp_path, tmp_path / "work", **SMALL)
 
 
-def test_networks_of_ranked_codes_learn_behind_them(tmp_path):
-    """A network for one code: its camera shows that code, and its estimate is measured."""
-    from tmca.experiments import codes_ranking
+def test_ingredients_are_compared_with_the_static_design(found):
+    assert [cell["noise"] for cell in found["ablation"]] == list(CORNERS)
+    for cell in found["ablation"]:
+        gains = {row["ingredient"]: row["gain"] for row in cell["rows"]}
+        assert set(gains) == set(INGREDIENTS)
+        assert gains["static, designed"] == 0
+        assert gains["static, designed, then flips"] >= -1e-9
+        assert (
+            gains["free, best of the three"]
+            >= max(
+                gains[f"free, from {start}"] for start in ("random codes", "the static design", "the one-hot design")
+            )
+            - 1e-9
+        )
 
+
+def test_a_design_is_searched_once(tmp_path, monkeypatch):
+    common = {**_common(SCENES, tmp_path, 3, (4, 6), Effort(1, 2, 0)), "sensor": {"read_noise": 0.01}}
+    first = Task.of(common).design("free", 2)
+    monkeypatch.setattr("tmca.experiments.codes.task.search", None)
+    again = Task.of(common).design("free", 2)
+    assert (again.mse, again.random, again.seconds) == (first.mse, first.random, first.seconds)
+    for one, other in zip(first.camera.codes(), again.camera.codes(), strict=True):
+        assert one.equal(other)
+    assert Task.of(common).error.whole(again.camera) == pytest.approx(first.mse)
+
+
+def test_networks_learn_behind_their_codes_and_tune_them_if_told(tmp_path):
     common = _common(SCENES, tmp_path, 3, (4, 6), Effort(1, 2, 0))
-    cells = _ranking_cells(common, SCENES, ["coffee"], ["chelsea"], _prior(common, SCENES, tmp_path), tmp_path, 1)
-    cell = next(c for c in cells if c["codes"] == "one-hot K = 2")
-    found = codes_ranking.ranking(cell)
-    assert set(found["unrolled"]) == {"coffee"}
-    kept = Weights.load(f"{cell['folder']}/run")
-    assert bool((kept.shutter.sum(0) == 1).all())
-    assert kept.aperture.shape == (2, 4, 6)
+    common["prior"] = str(prior_file(SCENES, tmp_path, 3))
+    trained = {"train": SCENES, "validation": ["motorcycle"]}
+    cells = _network_cells(common, ["coffee"], trained, tmp_path, 2, 2, 1)
+    found = []
+    for cell in cells[:5]:
+        found.append({**cell, **ranks.ranking({**cell, "size": [48, 48]})})
+        kept = Weights.load(f"{cell['folder']}/run")
+        assert kept.aperture.shape == (cell["code"]["slots"], 4, 6)
+        assert (kept.card["training"]["camera"]["learn"] == "both") == bool(cell["code"].get("tune"))
+    rows = network_rows(found)
+    assert [row["codes"] for row in rows] == list(ranks.networks(2))
+    assert next(row["gain"] for row in rows if row["codes"] == "static, designed") == 0
+    mean = np.mean([*found[0]["unrolled"].values()])
+    assert rows[0]["unrolled"] == pytest.approx(mean)

@@ -64,7 +64,8 @@ def spectral(
         dispersion: pixels per band, or the displacement of every band separated by commas. [default: 1]
         disperser: single or dual. [default: single]
         slots: numbers of slots to try, separated by commas. [default: those of 2, 4, 8, 16 that fit the exposure]
-        kinds: structures of codes to try: free, one-hot, complementary, blue-noise, s-matrix.
+        kinds: structures of codes to try: free, one-hot, complementary, blue-noise, s-matrix;
+            open-shutter where each pixel cannot have a shutter of its own, static-aperture where the mask stands still.
         period: tile of the codes, pixels.
         seed: of random codes.
         overwrite: replace files that exist.
@@ -132,7 +133,7 @@ def study(
         period: ROWSxCOLUMNS of the tile of codes, pixels.
         test_slots: slots of the designs on the test scenes.
         validation: split file of the scenes that choose a network's best step.
-        steps: of an unrolled network for each of the codes whose order is checked; none are trained with 0.
+        steps: of an unrolled network for each code at the corners and each code whose order is checked; none with 0.
         seeds: of codes and noise on the test scenes.
         jobs: processes side by side.
         overwrite: replace results that exist.
@@ -140,7 +141,7 @@ def study(
     """
     from tmca.cli.options import size
     from tmca.data import read_split
-    from tmca.experiments.codes_study import study_codes
+    from tmca.experiments.codes import study_codes
 
     def told(done: int, total: int, name: str) -> None:
         print(f"[{done}/{total}] {name}", file=sys.stderr)

@@ -6,6 +6,7 @@ from tmca.design.descent import Descent, descend
 from tmca.design.flips import flip_greedily
 from tmca.design.geometry import design_model
 from tmca.design.measures import CodeMeasures, measures
+from tmca.design.mixture import MixtureTileMse
 from tmca.design.search import SURVEY, Design, Effort, search
 from tmca.design.spectral import KINDS, designable
 from tmca.design.throughput import hold_throughput
@@ -23,6 +24,7 @@ __all__ = [
     "Design",
     "Effort",
     "Examples",
+    "MixtureTileMse",
     "SensorSheet",
     "TileMse",
     "TransferMse",

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from tmca.cameras import SpectralCamera
 from tmca.design.throughput import hold_throughput
-from tmca.design.tile import TileMse
+from tmca.design.tile import CodeError
 from tmca.errors import SettingError
 
 
@@ -44,7 +44,7 @@ class Descent:
 
 def descend(
     camera: SpectralCamera,
-    error: TileMse,
+    error: CodeError,
     how: Descent | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> float:
@@ -91,7 +91,7 @@ def learned(camera: SpectralCamera) -> list[nn.Parameter]:
 
 def _step(
     camera: SpectralCamera,
-    error: TileMse,
+    error: CodeError,
     optimiser: torch.optim.Optimizer,
     latents: Sequence[nn.Parameter],
     shift: Sequence[int],
@@ -118,10 +118,10 @@ class Best:
     latents: list[Tensor]
 
     @classmethod
-    def of(cls, camera: SpectralCamera, error: TileMse, latents: Sequence[nn.Parameter]) -> Best:
+    def of(cls, camera: SpectralCamera, error: CodeError, latents: Sequence[nn.Parameter]) -> Best:
         return cls(error.whole(camera), [latent.detach().clone() for latent in latents])
 
-    def meet(self, camera: SpectralCamera, error: TileMse, latents: Sequence[nn.Parameter]) -> None:
+    def meet(self, camera: SpectralCamera, error: CodeError, latents: Sequence[nn.Parameter]) -> None:
         value = error.whole(camera)
         if value < self.value:
             self.value, self.latents = value, [latent.detach().clone() for latent in latents]

@@ -12,7 +12,7 @@ from tmca.cameras import SpectralCamera
 from tmca.design.descent import Best, Descent, descend, learned
 from tmca.design.flips import flip_greedily
 from tmca.design.spectral import designable
-from tmca.design.tile import TileMse
+from tmca.design.tile import CodeError, TileMse
 from tmca.errors import SettingError
 
 
@@ -74,7 +74,7 @@ def search(
     kind: str,
     slots: int,
     period: tuple[int, int],
-    error: TileMse,
+    error: CodeError,
     *,
     effort: Effort | None = None,
     start: SpectralCamera | None = None,
@@ -89,7 +89,7 @@ def search(
         kind: name in ``KINDS``.
         slots: number of time slots K.
         period: (rows, columns) of the tile, pixels.
-        error: expected error of a tile.
+        error: expected error of a tile; for sweeps of flips a ``TileMse``.
         effort: restarts, steps and sweeps.
         start: a camera whose codes are started from, see ``designable``; the answer is never worse than it.
         throughput: share of light to hold; free if None.
@@ -98,9 +98,11 @@ def search(
         camera: further arguments of ``SpectralCamera``.
 
     Raises:
-        SettingError: unknown kind, or no effort.
+        SettingError: unknown kind, no effort, or flips on another error than a ``TileMse``.
     """
     effort, begun, found = effort or Effort(), time.process_time(), []
+    if effort.sweeps and not isinstance(error, TileMse):
+        raise SettingError("sweeps", f"{effort.sweeps} on a {type(error).__name__}", "0: flips need a TileMse")
     told = progress or (lambda share: None)
     parts = effort.restarts + (effort.sweeps > 0)
     for restart in range(effort.restarts):
@@ -110,7 +112,7 @@ def search(
         after = descend(own, error, how, lambda share, done=restart: told((done + share) / parts))  # type: ignore[misc]
         found.append((after, restart, own, before))
     best, _, chosen, _ = min(found)
-    if effort.sweeps:
+    if effort.sweeps and isinstance(error, TileMse):
         best = _polish(chosen, error, effort, best, seed, throughput)
     told(1.0)
     mean = sum(before for *_, before in found) / len(found)

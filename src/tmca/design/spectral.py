@@ -13,11 +13,14 @@ KINDS: dict[str, dict[str, str]] = {
     "static": {"aperture": "random", "shutter": "open"},
     "free": {"aperture": "random", "shutter": "random"},
     "one-hot": {"aperture": "random", "shutter": "one-hot"},
+    "open-shutter": {"aperture": "random", "shutter": "open"},
+    "static-aperture": {"aperture": "static", "shutter": "random"},
     "complementary": {"aperture": "complementary", "shutter": "random"},
     "blue-noise": {"aperture": "blue-noise", "shutter": "blue-noise"},
     "s-matrix": {"aperture": "random", "shutter": "s-matrix"},
 }
-"""Structure of codes by name: what the optimiser starts from and, for one-hot and complementary ones, keeps."""
+"""Structure of codes by name: what the optimiser starts from and, where planes are no random, blue-noise or S-matrix
+ones, keeps."""
 _SPREAD = 0.9
 
 

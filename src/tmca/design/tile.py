@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -37,6 +38,16 @@ def windows(code: Tensor, block: tuple[int, int, int], places: list[tuple[int, i
     rows = (top[:, None] + torch.arange(h)) % height
     columns = (left[:, None] + torch.arange(w)) % width
     return code[:, rows[:, :, None], columns[:, None, :]].transpose(0, 1)
+
+
+class CodeError(Protocol):
+    """Expected mean squared error of a tiled code, whatever scenes are expected."""
+
+    def __call__(self, code: Tensor, shift: tuple[int, int] = (0, 0)) -> Tensor:
+        """Of one period of a code, differentiable; see ``TileMse``."""
+
+    def whole(self, camera: SpectralCamera, shifts: int = 4) -> float:
+        """Of a camera of one period."""
 
 
 @dataclass(frozen=True)

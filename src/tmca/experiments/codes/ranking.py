@@ -1,4 +1,4 @@
-"""Does the expected error put codes into the order that decoders put them in on test scenes?"""
+"""What decoders make of codes on test scenes: the order of many codes, and networks behind designed and random ones."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tmca.cameras import SpectralCamera
 from tmca.codes import write_codes
+from tmca.design import MixtureTileMse
 from tmca.design.search import decibels
 from tmca.experiments.cells import Measured, Settings
-from tmca.experiments.codes_cells import Task, on_frame
+from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.scenes import load_scene
-from tmca.priors import GaussianPrior
+from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Sensor
 
 RANKED: dict[str, dict[str, Any]] = {
@@ -36,26 +39,49 @@ RANKED: dict[str, dict[str, Any]] = {
 """Codes of every family, light and number of slots, random and designed."""
 
 
+def networks(slots: int) -> dict[str, dict[str, Any]]:
+    """Codes that networks are trained for at the corners of the study."""
+    return {
+        "static, random": {"slots": 1, "shutter": "open"},
+        "static, designed": {"design": "static", "slots": 1},
+        f"random K = {slots}": {"slots": slots},
+        f"free K = {slots}, designed": {"design": "free", "slots": slots},
+        f"free K = {slots}, tuned with the network": {"design": "free", "slots": slots, "tune": True},
+    }
+
+
 def ranking(cell: Settings) -> Measured:
     """Expected PSNR of one code, and what decoders make of it on the middle of the test scenes."""
     task = Task.of(cell)
-    camera = _coded(task, cell)
-    found: Measured = {"expected": decibels(task.error.whole(camera)), "throughput": camera.throughput()}
-    found["lmmse"] = _measured(task, cell, camera, "lmmse", prior=GaussianPrior.load(cell["prior"]))
+    camera, weights = coded(task, cell["code"]), None
     if cell["steps"]:
-        found["unrolled"] = _measured(task, cell, camera, "network", weights=_trained(task, cell, camera))
+        weights = _trained(task, cell, camera)
+        camera = _codes_of(weights, task)
+    found: Measured = {"expected": task.psnr(camera), "throughput": camera.throughput()}
+    error = MixtureTileMse.of(
+        GaussianMixturePrior.load(cell["mixture"]), task.examples.model, task.noise.read, task.noise.shot
+    )
+    found["expected_mixture"] = decibels(error.whole(camera))
+    found["lmmse"] = _measured(task, cell, camera, "lmmse", prior=GaussianPrior.load(cell["prior"]))
+    if weights:
+        found["unrolled"] = _measured(task, cell, camera, "network", weights=weights)
     return found
 
 
-def _coded(task: Task, cell: Settings) -> SpectralCamera:
-    """A camera of one period with the cell's codes."""
-    code = dict(cell["code"])
+def coded(task: Task, code: dict[str, Any]) -> SpectralCamera:
+    """A camera of one period with a code of ``RANKED``."""
     if "design" in code:
-        kind, slots = code["design"], code["slots"]
-        if kind == "free":
-            return task.best_free(slots, [task.search("static", 1).camera, task.search("one-hot", slots).camera]).camera
-        return task.search(kind, slots).camera
-    return SpectralCamera(bands=task.bands, size=task.period, period=task.period, seed=cell["seed"], **code)
+        return task.design(code["design"], code["slots"]).camera
+    return SpectralCamera(bands=task.bands, size=task.period, period=task.period, seed=task.seed, **code)
+
+
+def _codes_of(weights: Path, task: Task) -> SpectralCamera:
+    """The codes that a network ended with."""
+    from tmca.decoders import Weights
+
+    kept = Weights.load(weights)
+    planes: dict[str, Any] = {"aperture": kept.aperture, "shutter": kept.shutter, "slots": len(kept.aperture)}
+    return SpectralCamera(bands=task.bands, size=task.period, period=task.period, **planes)
 
 
 def _measured(task: Task, cell: Settings, camera: SpectralCamera, decoder: str, **with_: Any) -> dict[str, float]:
@@ -72,25 +98,27 @@ def _measured(task: Task, cell: Settings, camera: SpectralCamera, decoder: str, 
 
 
 def _trained(task: Task, cell: Settings, camera: SpectralCamera) -> Path:
-    """Weights of an unrolled network trained for these codes and this noise alone."""
+    """Weights of an unrolled network trained for these codes and this noise alone, with the codes if they are tuned."""
     from tmca.data import make_folder
+    from tmca.experiments.spectral_rows import FROZEN, RATE, scenes_of
     from tmca.training import settings_from, train_spectral
 
     folder, codes = make_folder(Path(cell["folder"])), camera.multiplexed
-    file = folder / "codes.nc"
+    file, bands, tuned = folder / "codes.nc", cell["bands"], bool(cell["code"].get("tune"))
     write_codes(file, codes.aperture.tile(), codes.shutter.tile(), task.period, overwrite=True)
+    own = {"size": _frame(task.period), "period": list(task.period), "slots": camera.slots}
     training = {
-        "camera": {"size": _frame(task.period), "period": list(task.period), "slots": camera.slots},
-        "noise": [cell["sensor"]], "codes": {"start": str(file)},
+        "camera": {**own, "learn": "both" if tuned else "none"},
+        "noise": [cell["sensor"]],
+        "codes": {"start": str(file), "frozen": FROZEN["unrolled"], "slope": [2.0, 40.0]},
         "decoder": {"kind": "unrolled", "start": "lmmse"},
-        "data": {"bands": cell["bands"], "train": cell["train"], "validation": cell["validation"], "pool": 512},
-        "optimiser": {"steps": cell["steps"], "loss": "log"}, "seed": cell["seed"],
+        "data": {"bands": bands, **scenes_of(cell["train"]), "validation": cell["validation"], "pool": 512},
+        "optimiser": {"steps": cell["steps"], "loss": "log", "code_rate": RATE["unrolled"]},
+        "seed": cell["seed"],
         "validate_every": max(1, cell["steps"] // 4),
-    }  # fmt: skip
-    bands = cell["bands"]
-    return train_spectral(
-        settings_from(None, None, training), folder / "run", lambda name: load_scene(name, bands=bands)
-    ).weights
+    }
+    settings = settings_from(None, None, training)
+    return train_spectral(settings, folder / "run", lambda name: load_scene(name, bands=bands)).weights
 
 
 def _frame(period: Sequence[int]) -> list[int]:
@@ -99,7 +127,7 @@ def _frame(period: Sequence[int]) -> list[int]:
 
 
 def correlations(cells: Sequence[Measured]) -> list[dict[str, Any]]:
-    """Spearman's rank correlation of the expected PSNR with each decoder's mean over the test scenes, by noise."""
+    """Spearman's rank correlation of expected PSNR, under either prior, with each decoder's mean over test scenes."""
     from scipy.stats import spearmanr
 
     found = []
@@ -108,7 +136,9 @@ def correlations(cells: Sequence[Measured]) -> list[dict[str, Any]]:
         for decoder in ("lmmse", "unrolled"):
             known = [cell for cell in own if decoder in cell]
             if len(known) > 2:
-                means = [sum(cell[decoder].values()) / len(cell[decoder]) for cell in known]
-                rank = float(spearmanr([cell["expected"] for cell in known], means).statistic)
-                found.append({"noise": noise, "decoder": decoder, "codes": len(known), "rank_correlation": rank})
+                means = [np.mean(list(cell[decoder].values())) for cell in known]
+                row = {"noise": noise, "decoder": decoder, "codes": len(known)}
+                for key, name in (("expected", "rank_correlation"), ("expected_mixture", "mixture_rank_correlation")):
+                    row[name] = float(spearmanr([cell[key] for cell in known], means).statistic)
+                found.append(row)
     return found

@@ -1,0 +1,101 @@
+"""Pictures of the study of codes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.experiments.codes.tables import grid_rows, network_rows, test_rows
+from tmca.experiments.figures import add_bar, grid, plain_axes, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS = ("#9aa5b1", "#00798c", "#d1495b", "#edae49")
+
+
+def files_of(out: Path) -> list[Path]:
+    """Pictures of a study."""
+    return [out / f"codes_{name}.png" for name in ("read_noise", "full_well", "gains", "order")]
+
+
+def study_figures(found: dict[str, Any], out: Path, *, overwrite: bool = False) -> list[Path]:
+    """Maps of the gain over (K, read noise) and (K, full well); gains on test scenes and the order of codes."""
+    noises = list(dict.fromkeys(row["noise"] for row in found["grid"]))
+    parts = [[n for n in noises if n.startswith("σ")], [n for n in noises if not n.startswith("σ")]]
+    labels = ("read noise, snapshot units", "full well, read noise")
+    figures = [gain_maps(grid_rows(found, 1), part, label) for part, label in zip(parts, labels, strict=True)]
+    if found["test"]:
+        figures += [gains_figure(found), order_figure(found["ranking"])]
+    return [save_figure(one, file, overwrite=overwrite) for one, file in zip(figures, files_of(out), strict=False)]
+
+
+def gain_maps(rows: Sequence[dict[str, Any]], noises: Sequence[str], label: str) -> Figure:
+    """Gain over the static design of one-hot and free codes: expected, and on scenes left out."""
+    slots = sorted({row["slots"] for row in rows if row["slots"] > 1})
+    noises = [noise for noise in noises if any(row["noise"] == noise for row in rows)]
+    figure, axes = grid(2, 2, width=4.6, aspect=0.75)
+    top = max((abs(row[key]) for row in rows for key in ("gain", "held_out")), default=1.0) or 1.0
+    for line, (key, meaning) in zip(axes, (("gain", "expected"), ("held_out", "scenes left out")), strict=True):
+        for axis, kind in zip(line, ("one-hot", "free"), strict=True):
+            known = {(row["noise"], row["slots"]): row[key] for row in rows if row["kind"] == kind}
+            values = np.array([[known.get((noise, k), np.nan) for k in slots] for noise in noises])
+            shown = axis.imshow(values, cmap="RdBu", vmin=-top, vmax=top, aspect="auto")
+            for (y, x), value in np.ndenumerate(values):
+                axis.text(x, y, f"{value:+.1f}", ha="center", va="center", fontsize=8)
+            axis.set_xticks(range(len(slots)), [str(k) for k in slots])
+            axis.set_yticks(range(len(noises)), [noise.removeprefix("σ = ") for noise in noises])
+            plain_axes(axis, f"{kind}, {meaning}", "slots K", label)
+            add_bar(axis, shown, "gain over static (dB)")
+    return figure
+
+
+def gains_figure(found: dict[str, Any]) -> Figure:
+    """Gain of designed time-multiplexed codes over the static design: said beforehand, and measured on test scenes."""
+    rows, networks = test_rows(found["test"]), network_rows(found["network"])
+    figure, axes = grid(1, 2, width=5.2, aspect=0.62)
+    for axis, kind in zip(axes[0], ("free", "one-hot"), strict=True):
+        own = {row["noise"]: row for row in rows if row["codes"] == f"{kind}, designed"}
+        designed = f"{kind} K = {found['slots']}, designed"
+        bars = {
+            "expected": {noise: row["expected"] for noise, row in own.items()},
+            "scenes left out": {noise: row["predicted"] for noise, row in own.items()},
+            "LMMSE, test scenes": {noise: row["gain"] for noise, row in own.items()},
+            "unrolled, test scenes": {row["noise"]: row["gain"] for row in networks if row["codes"] == designed},
+        }
+        _draw_bars(axis, {name: values for name, values in bars.items() if values})
+        plain_axes(axis, f"{kind} codes, K = {found['slots']}", "", "gain over the static design (dB)")
+    return figure
+
+
+def _draw_bars(axis: Any, bars: dict[str, dict[str, float]]) -> None:
+    noises = list(dict.fromkeys(noise for values in bars.values() for noise in values))
+    width = 0.8 / len(bars)
+    for place, (name, values) in enumerate(bars.items()):
+        x = [noises.index(noise) + (place - (len(bars) - 1) / 2) * width for noise in values]
+        shown = axis.bar(x, list(values.values()), width, label=name, color=_COLOURS[place])
+        axis.bar_label(shown, fmt="%+.1f", fontsize=7)
+    axis.axhline(0, color="#333333", linewidth=0.8)
+    axis.set_xticks(range(len(noises)), [noise.replace(" full well, ", "\n") for noise in noises])
+    axis.margins(y=0.12)
+    axis.legend(fontsize=8)
+
+
+def order_figure(ranked: Sequence[dict[str, Any]]) -> Figure:
+    """Every ranked code: PSNR on test scenes against the expected PSNR, a panel for each noise."""
+    noises = list(dict.fromkeys(row["noise"] for row in ranked))
+    figure, axes = grid(1, len(noises), width=4.6, aspect=0.8)
+    for axis, noise in zip(axes[0], noises, strict=True):
+        own = [row for row in ranked if row["noise"] == noise]
+        for place, (decoder, shown) in enumerate((("lmmse", "LMMSE"), ("unrolled", "unrolled")), start=1):
+            known = [row for row in own if decoder in row]
+            x = [row["expected"] for row in known]
+            y = [float(np.mean(list(row[decoder].values()))) for row in known]
+            if known:
+                axis.plot(x, y, "o", color=_COLOURS[place], markersize=5, label=shown)
+        axis.legend(fontsize=8)
+        plain_axes(axis, noise, "expected PSNR (dB)", "PSNR on test scenes (dB)")
+    return figure

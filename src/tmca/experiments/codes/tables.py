@@ -1,0 +1,171 @@
+"""The study of codes as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tmca.experiments.results import markdown_table
+
+STATIC = "static, designed"
+_GRID = (
+    ("noise", "noise", ""),
+    ("kind", "codes", ""),
+    ("slots", "K", "d"),
+    ("random_psnr", "random (dB)", ".2f"),
+    ("psnr", "designed (dB)", ".2f"),
+    ("gain", "over static (dB)", "+.2f"),
+    ("held_out", "over static, scenes left out (dB)", "+.2f"),
+    ("spread", "±", ".2f"),
+    ("throughput", "light", ".1%"),
+    ("seconds", "CPU s", ".0f"),
+)
+_TEST = (
+    ("noise", "noise", ""),
+    ("codes", "codes", ""),
+    ("psnr", "PSNR (dB)", ".2f"),
+    ("gain", "over static designed (dB)", "+.2f"),
+    ("expected", "expected gain (dB)", "+.2f"),
+    ("predicted", "gain on scenes left out (dB)", "+.2f"),
+    ("scenes", "gain scene by scene (dB)", ""),
+    ("throughput", "light", ".1%"),
+)
+_NETWORK = (
+    ("noise", "noise", ""),
+    ("codes", "codes", ""),
+    ("expected", "expected (dB)", ".2f"),
+    ("lmmse", "LMMSE (dB)", ".2f"),
+    ("unrolled", "unrolled (dB)", ".2f"),
+    ("gain", "unrolled over static designed (dB)", "+.2f"),
+    ("seeds", "seed by seed (dB)", ""),
+    ("scenes", "scene by scene (dB)", ""),
+)
+_ABLATION = (("ingredient", "codes", ""),)
+_RANK = (
+    ("noise", "noise", ""),
+    ("decoder", "decoder", ""),
+    ("codes", "codes", "d"),
+    ("rank_correlation", "rank correlation", ".2f"),
+    ("mixture_rank_correlation", "by the mixture's expected error", ".2f"),
+)
+_CODES = (
+    ("noise", "noise", ""),
+    ("codes", "codes", ""),
+    ("throughput", "light", ".1%"),
+    ("expected", "expected (dB)", ".2f"),
+    ("expected_mixture", "expected, mixture (dB)", ".2f"),
+    ("lmmse", "LMMSE (dB)", ".2f"),
+    ("unrolled", "unrolled (dB)", ".2f"),
+)
+
+
+def study_markdown(found: dict[str, Any]) -> str:
+    """The study for people."""
+    lines = [*_opening(found), "## At equal exposure time", "", markdown_table(grid_rows(found, 1), _GRID)]
+    lines += ["## Per slot", "", "Every slot has the whole exposure time; the static code is given the time of all K "
+              "slots as well.", ""]  # fmt: skip
+    for times in sorted({row["exposures"] for row in found["grid"]} - {1}):
+        lines += [markdown_table(grid_rows(found, times), _GRID)]
+    if found["test"]:
+        lines += ["## On test scenes", "", "Whole images by the patch LMMSE, means over scenes and seeds. The gain on "
+                  "scenes left out is what `tmca design` says beforehand.", ""]  # fmt: skip
+        lines += [markdown_table(test_rows(found["test"]), _TEST)]
+    if found["network"]:
+        lines += ["## In trained networks", "", f"An unrolled network for each code, noise and seed, {found['steps']} "
+                  "steps each; means over the middle of the test scenes.", ""]  # fmt: skip
+        lines += [markdown_table(network_rows(found["network"]), _NETWORK)]
+    lines += ["## What each ingredient contributes", "", f"Gain over the static design, K = {found['slots']} where not "
+              "static: expected, and in brackets on scenes left out, dB.", ""]  # fmt: skip
+    lines += [markdown_table(*_ablation(found["ablation"]))]
+    if found["ranking"]:
+        lines += ["## The order of codes", "", "Spearman's rank correlation of the expected PSNR with the mean PSNR on "
+                  "the middle of the test scenes, and the codes themselves.", ""]  # fmt: skip
+        lines += [markdown_table(found["rank_correlation"], _RANK), markdown_table(_ranked(found), _CODES)]
+    return "\n".join(lines)
+
+
+def _opening(found: dict[str, Any]) -> list[str]:
+    split = found["split"]
+    effort = ", ".join(f"{name} {value}" for name, value in found["effort"].items())
+    return [
+        "# Codes that win: static against time-multiplexed, random against designed", "",
+        f"Command: `{found['command']}` at commit `{found['commit']}`.", "",
+        f"Designed for {', '.join(split['train'])}; tile of {found['period'][0]}×{found['period'][1]} pixels; three "
+        f"searches for every design ({effort}). PSNR is the expected one of the best linear estimate, block by block; "
+        "on scenes left out each training scene is estimated under the prior of the others. Free codes start from "
+        "random, static and one-hot ones and are never below any of them in what they are optimised for.", "",
+    ]  # fmt: skip
+
+
+def grid_rows(found: dict[str, Any], exposures: int) -> list[dict[str, Any]]:
+    """Rows of the grid at one number of exposures, with the gain on scenes left out."""
+    rows = []
+    for row in found["grid"]:
+        if row["exposures"] == exposures:
+            gains = list(row["held_out_gains"].values())
+            rows.append({**row, "held_out": float(np.mean(gains)), "spread": float(np.std(gains, ddof=1))})
+    return rows
+
+
+def test_rows(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Means over scenes and seeds of every kind of codes, with the gain over the designed static ones."""
+    rows = []
+    for noise in dict.fromkeys(cell["noise"] for cell in cells):
+        own = [cell for cell in cells if cell["noise"] == noise]
+        for codes in own[0]["metrics"]:
+            values, base = ([cell["metrics"][name] for cell in own] for name in (codes, STATIC))
+            pairs = list(zip(values, base, strict=True))
+            gains, ahead = ([v[key] - b[key] for v, b in pairs] for key in ("psnr", "expected_psnr"))
+            scenes = [cell["scene"] for cell in own]
+            row = {"noise": noise, "codes": codes, "psnr": _mean(values, "psnr"), "gain": float(np.mean(gains))}
+            row |= {"expected": float(np.mean(ahead)), "predicted": _mean(values, "predicted_gain")}
+            rows.append({**row, "scenes": _by(scenes, gains), "throughput": _mean(values, "throughput")})
+    return rows
+
+
+def network_rows(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Means over scenes and seeds of every code that networks were trained for."""
+    rows = []
+    for noise in dict.fromkeys(cell["noise"] for cell in cells):
+        own = [cell for cell in cells if cell["noise"] == noise]
+        base = {cell["seed"]: cell["unrolled"] for cell in own if cell["codes"] == STATIC}
+        for codes in dict.fromkeys(cell["codes"] for cell in own):
+            known = [cell for cell in own if cell["codes"] == codes]
+            ahead = [(c["seed"], s, c["unrolled"][s] - base[c["seed"]][s]) for c in known for s in c["unrolled"]]
+            gains = [gain for *_, gain in ahead]
+            row = {"noise": noise, "codes": codes, "expected": _mean(known, "expected"), "gain": float(np.mean(gains))}
+            row |= {d: float(np.mean([list(c[d].values()) for c in known])) for d in ("lmmse", "unrolled")}
+            row["seeds"] = _by([str(seed) for seed, *_ in ahead], gains)
+            rows.append(row | {"scenes": _by([scene for _, scene, _ in ahead], gains)})
+    return rows
+
+
+def _ablation(cells: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], list[tuple[str, str, str]]]:
+    """A row for each ingredient, a column for each noise."""
+    rows: dict[str, dict[str, Any]] = {}
+    for cell in cells:
+        for row in cell["rows"]:
+            said = f"{row['gain']:+.2f} ({row['held_out']:+.2f})"
+            rows.setdefault(row["ingredient"], {"ingredient": row["ingredient"]})[cell["noise"]] = said
+    return list(rows.values()), [*_ABLATION, *((cell["noise"], cell["noise"], "") for cell in cells)]
+
+
+def _ranked(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Ranked codes with means over the test scenes, best expected first."""
+    means = [
+        {**row, **{d: float(np.mean(list(row[d].values()))) for d in ("lmmse", "unrolled") if d in row}}
+        for row in found["ranking"]
+    ]
+    return sorted(means, key=lambda row: (row["noise"], -row["expected"]))
+
+
+def _mean(cells: Sequence[dict[str, Any]], key: str) -> float:
+    return float(np.mean([cell[key] for cell in cells]))
+
+
+def _by(names: Sequence[str], values: Sequence[float]) -> str:
+    """Mean of the values of every name."""
+    means = {name: np.mean([v for n, v in zip(names, values, strict=True) if n == name]) for name in names}
+    return ", ".join(f"{name} {value:+.2f}" for name, value in means.items())

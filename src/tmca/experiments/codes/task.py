@@ -1,0 +1,131 @@
+"""What the cells of the study share: examples, noise, and designs that are searched once and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from tmca.cameras import SpectralCamera
+from tmca.codes import read_codes, write_codes
+from tmca.design import Design, Effort, Examples, TileMse, design_model, designable, search
+from tmca.design.search import decibels
+from tmca.experiments.cells import Settings, cell_key
+from tmca.priors import GaussianPrior
+from tmca.sensor import Noise, Sensor
+
+_STARTS = 3
+"""Searches of every design: from random codes, or, for free codes, from random ones and from the other designs."""
+
+
+class Task:
+    """Searches and judgements of one cell.
+
+    Args:
+        examples: scenes to design for.
+        noise: in snapshot units.
+        cell: period, effort, seed and bands; ``designs``, a folder where designs are kept.
+    """
+
+    def __init__(self, examples: Examples, noise: Noise, cell: Settings) -> None:
+        self.examples, self.noise, self.cell = examples, noise, cell
+        self.period = (int(cell["period"][0]), int(cell["period"][1]))
+        self.effort, self.seed = Effort(**cell["effort"]), int(cell["seed"])
+        self.bands = list(next(iter(examples.scenes.values())).wavelengths or ())
+
+    @classmethod
+    def of(cls, cell: Settings, examples: str = "examples") -> Task:
+        """The task of a cell: its examples are read, its sensor's noise is worked out."""
+        found = load_examples(Path(cell[examples]))
+        noise, times = Sensor(**cell["sensor"]).noise(float(found.model.block[0])), cell["exposures"]
+        return cls(found, Noise(noise.read / times, noise.shot / times), cell)
+
+    @cached_property
+    def error(self) -> TileMse:
+        """What searches lower."""
+        return self.examples.tile_mse(self.noise.read, self.noise.shot)
+
+    def search(self, kind: str, slots: int, start: SpectralCamera | None = None, *, restarts: int = 1) -> Design:
+        """The best codes of a kind from ``restarts`` random ones, or from a start."""
+        effort = replace(self.effort, restarts=restarts)
+        common = {"effort": effort, "seed": self.seed, "bands": self.bands}
+        return search(kind, slots, self.period, self.error, start=start, **common)  # type: ignore[arg-type]
+
+    def design(self, kind: str, slots: int) -> Design:
+        """The best codes of a kind, searched once with the same effort for all kinds; free ones contain the others."""
+        own = {"kind": kind, "slots": slots, "seed": self.seed, "effort": vars(self.effort), "period": self.period}
+        own |= {"examples": self.cell["examples"], "source": self.cell["source"], "noise": vars(self.noise)}
+        file = Path(self.cell["designs"]) / f"{kind}-{slots}-{cell_key(own)}.nc"
+        if file.exists():
+            return self._kept(file, kind)
+        if kind == "free":
+            starts = [None, self.design("static", 1).camera, self.design("one-hot", slots).camera]
+            found = [self.search(kind, slots, start) for start in starts]
+            best = min(found, key=lambda design: design.mse)
+            best = replace(best, seconds=sum(design.seconds for design in found), random=found[0].random)
+        else:
+            best = self.search(kind, slots, restarts=_STARTS)
+        notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
+        codes = best.camera.multiplexed
+        write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
+        return best
+
+    def _kept(self, file: Path, kind: str) -> Design:
+        from tmca.data import read_dataset
+
+        notes = read_dataset(file, ("aperture",)).attrs
+        codes = read_codes(file)
+        camera = SpectralCamera(bands=self.bands, size=self.period, learnable=True, **codes.settings())
+        return Design(kind, camera, float(notes["mse"]), float(notes["random"]), float(notes["seconds"]))
+
+    def random(self, kind: str, slots: int) -> SpectralCamera:
+        """Random codes of a kind."""
+        return designable(kind, slots, self.period, seed=self.seed, bands=self.bands)
+
+    def psnr(self, camera: SpectralCamera) -> float:
+        """Expected, dB."""
+        return decibels(self.error.whole(camera))
+
+    def left_out(self, camera: SpectralCamera) -> dict[str, float]:
+        """PSNR of each example scene, estimated under the prior of the others, dB."""
+        found = self.examples.held_out(camera, self.noise.read, self.noise.shot)
+        return {name: decibels(value) for name, value in found.items()}
+
+
+def mean(values: dict[str, float]) -> float:
+    """Over scenes."""
+    return float(np.mean(list(values.values())))
+
+
+def on_frame(camera: SpectralCamera, bands: Sequence[float], size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
+    """A camera of one period at the size of a scene, with fixed codes."""
+    codes = camera.multiplexed
+    own: dict[str, Any] = {"slots": camera.slots, "period": camera.size, "sensor": sensor}
+    own |= {"aperture": codes.aperture.tile().detach(), "shutter": codes.shutter.tile().detach()}
+    return SpectralCamera(bands=bands, size=size, **own)
+
+
+def save_examples(examples: Examples, folder: Path) -> None:
+    """A prior file for every scene; ``load_examples`` reads them."""
+    from tmca.data import write_json
+
+    for name, prior in examples.scenes.items():
+        prior.save(folder / f"scene-{name}.nc", overwrite=True)
+    write_json({"areas": examples.areas}, folder / "examples.json", overwrite=True)
+
+
+def load_examples(folder: Path) -> Examples:
+    """Examples that ``save_examples`` wrote."""
+    import json
+
+    areas = json.loads((folder / "examples.json").read_text())["areas"]
+    scenes = {name: GaussianPrior.load(folder / f"scene-{name}.nc") for name in areas}
+    bands = next(iter(scenes.values())).wavelengths
+    one = designable("static", 1, (8, 8), bands=list(bands or ()))
+    with torch.no_grad():
+        return Examples(design_model(one.taps()), scenes, areas)

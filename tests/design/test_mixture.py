@@ -1,0 +1,104 @@
+"""Expected error under a Gaussian mixture: one component is a Gaussian, many are their mean, slopes are right."""
+
+import pytest
+import torch
+
+from tmca.design import Descent, MixtureTileMse, TileMse, descend, designable, search
+from tmca.design.block_mse import BlockMse
+from tmca.design.search import Effort
+from tmca.errors import SettingError, ShapeError
+from tmca.priors import GaussianMixturePrior, GaussianPrior
+from tmca.priors.blocks import BlockModel
+
+BANDS, BLOCK = 3, (2, 9)
+
+
+def cubes(count=3):
+    generator = torch.Generator().manual_seed(3)
+    for _ in range(count):
+        rough = torch.rand(BANDS, 26, 41, generator=generator)
+        yield torch.nn.functional.avg_pool2d(rough[None], 3, 1)[0] * torch.linspace(0.2, 1, 39)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return BlockModel.of(designable("static", 1, (4, 6), bands=BANDS).taps(), (BANDS, *BLOCK))
+
+
+@pytest.fixture(scope="module")
+def prior():
+    return GaussianMixturePrior.learn(cubes(), BLOCK, kinds=2, rank=8, gains=2, samples=800, steps=2)
+
+
+@pytest.mark.parametrize("noise", [(0.01, 0.0), (0.002, 1e-3)])
+def test_one_component_is_the_gaussian(model, noise):
+    gaussian = GaussianPrior.learn(cubes(), BLOCK)
+    mixture = MixtureTileMse.of(GaussianMixturePrior.of(gaussian), model, *noise)
+    camera = designable("free", 3, (4, 6), bands=BANDS)
+    assert mixture.whole(camera) == pytest.approx(TileMse(BlockMse.of(gaussian, model, *noise)).whole(camera), rel=1e-6)
+
+
+@pytest.mark.parametrize("noise", [(0.01, 0.0), (0.002, 1e-3)])
+def test_it_is_the_mean_over_components_each_written_out(model, prior, noise):
+    camera = designable("one-hot", 2, (4, 6), bands=BANDS)
+    expected = sum(
+        float(prior.weights[kind, gain])
+        * TileMse(BlockMse.of(prior.component(kind, gain), model, *noise)).whole(camera)
+        for kind in range(2) for gain in range(2)
+    )  # fmt: skip
+    assert MixtureTileMse.of(prior, model, *noise, least=0).whole(camera) == pytest.approx(expected, rel=1e-5)
+
+
+def test_it_is_the_error_of_estimates_that_know_the_component(model, prior):
+    """Samples of each component, seen through the code and estimated by its own linear estimator."""
+    read, camera = 0.02, designable("free", 2, (2, 7), bands=BANDS)
+    code = camera.taps().code.detach()
+    from tmca.design.tile import phases, windows
+
+    places = phases(model, (2, 7))
+    weights = model.complete(windows(code, model.block, places).double())
+    matrix = model.measure(weights[:, None].flatten(0, 1), torch.eye(prior.base.mean.numel()).double()[:, None])
+    error, generator = 0.0, torch.Generator().manual_seed(0)
+    for kind in range(2):
+        for gain in range(2):
+            own = prior.component(kind, gain)
+            drawn = own.sample(4000, seed=5).flatten(1).double() - own.mean.flatten().double()
+            for place in range(len(places)):
+                A = matrix[:, place].mT  # (m, n)
+                S = own.covariance
+                G = A @ S @ A.mT + read**2 * torch.eye(len(A))
+                seen = drawn @ A.mT + read * torch.randn(len(drawn), len(A), generator=generator).double()
+                left = model.in_judged(drawn - seen @ torch.linalg.solve(G, A @ S)).square().mean()
+                error += float(prior.weights[kind, gain] * left) / len(places)
+    found = MixtureTileMse.of(prior, model, read, 0.0, least=0)(code)
+    assert float(found) == pytest.approx(error, rel=0.03)
+
+
+def test_slopes_of_relaxed_codes_are_those_of_differences(model, prior):
+    error = MixtureTileMse.of(prior, model, 0.01, 1e-3)
+    generator = torch.Generator().manual_seed(1)
+    code = torch.rand(3, 4, 6, generator=generator).double().mul(0.8).add(0.1).requires_grad_()
+    error(code).backward()
+    for place in ((0, 0, 0), (1, 3, 5), (2, 2, 1)):
+        step = torch.zeros_like(code)
+        step[place] = 1e-5
+        slope = float((error(code.detach() + step) - error(code.detach() - step)) / 2e-5)
+        assert float(code.grad[place]) == pytest.approx(slope, rel=1e-5)
+
+
+def test_codes_descend_on_it(model, prior):
+    error, camera = MixtureTileMse.of(prior, model, 0.005, 0.0), designable("free", 2, (4, 6), bands=BANDS)
+    before = error.whole(camera)
+    assert descend(camera, error, Descent(steps=30)) < before
+    found = search("free", 2, (4, 6), error, effort=Effort(1, 20, 0), bands=BANDS)
+    assert found.mse == pytest.approx(error.whole(found.camera))
+
+
+def test_what_does_not_fit_is_refused(model, prior):
+    other = GaussianMixturePrior.learn(cubes(), (2, 8), kinds=1, rank=4, gains=1, samples=400, steps=0)
+    with pytest.raises(ShapeError, match="judged on"):
+        MixtureTileMse.of(other, model, 0.01, 0.0)
+    with pytest.raises(SettingError, match="largest probability"):
+        MixtureTileMse.of(prior, model, 0.01, 0.0, least=2)
+    with pytest.raises(SettingError, match="flips need"):
+        search("free", 2, (4, 6), MixtureTileMse.of(prior, model, 0.01, 0.0), bands=BANDS)
