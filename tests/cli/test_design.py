@@ -24,6 +24,15 @@ def refused(capsys, *arguments):
     return lines[0]
 
 
+def test_codes_hold_the_light_that_is_asked_for(tmp_path, capsys):
+    common = ["design", "spectral", *SMALL, "--kinds", "free", "--json"]
+    main([*common, "--throughput", "0.3", "--read-noise", "0.05", "--out", str(tmp_path / "d")])
+    found = json.loads(capsys.readouterr().out)
+    for row in (found["static"], found["chosen"], *found["surveyed"]):
+        assert row["throughput"] == pytest.approx(0.3, abs=0.03)
+    assert "share between 0 and 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
+
+
 def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sensor.yaml").write_text(

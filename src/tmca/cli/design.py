@@ -38,6 +38,7 @@ def spectral(
     slots: str | None = None,
     kinds: str = "free,one-hot",
     period: Whole = 32,
+    throughput: float | None = None,
     seed: Whole = 0,
     reading: SceneOptions = _SCENE,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -67,6 +68,7 @@ def spectral(
         kinds: structures of codes to try: free, one-hot, complementary, blue-noise, s-matrix;
             open-shutter where each pixel cannot have a shutter of its own, static-aperture where the mask stands still.
         period: tile of the codes, pixels.
+        throughput: share of light that codes shall let through, as near as their kind allows. [default: free]
         seed: of random codes.
         overwrite: replace files that exist.
         json: print JSON instead of text.
@@ -89,7 +91,7 @@ def spectral(
     with progress_bar(f"design {out.name}") as progress:
         advice, found = design_spectral(
             sheet, out, scenes=named, bands=bands, slots=_whole_numbers(slots), kinds=kinds.split(","), period=period,
-            seed=seed, reading=reading.reading(), overwrite=overwrite, progress=progress,
+            throughput=throughput, seed=seed, reading=reading.reading(), overwrite=overwrite, progress=progress,
             command=["tmca", *sys.argv[1:]], **camera,
         )  # fmt: skip
     if json:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import floor, sqrt
 from typing import Any
 
-from tmca.design.search import SURVEY, Design, Effort, decibels, search
+from tmca.design.search import SURVEY, Design, Effort, best_design, decibels
 from tmca.design.spectral import designable
 from tmca.design.transfer import Examples
 from tmca.errors import SettingError
@@ -171,6 +171,7 @@ def advise(
     period: tuple[int, int] = (32, 32),
     survey: Effort = SURVEY,
     effort: Effort | None = None,
+    throughput: float | None = None,
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
     **camera: Any,
@@ -187,6 +188,7 @@ def advise(
         period: (rows, columns) of the tile, pixels.
         survey: effort of each search of the survey.
         effort: of the last two searches.
+        throughput: share of light that all codes shall let through; free if None.
         seed: of the random codes.
         progress: told the share that is done and what is done.
         camera: further arguments of ``SpectralCamera`` (bands, dispersion, …).
@@ -196,7 +198,7 @@ def advise(
     """
     kinds = sorted(kinds, key=lambda kind: kind == "free")  # which then starts from the others
     plan = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
-    task = _Task(examples, _noise(sheet, period, camera), period, seed, camera)
+    task = _Task(examples, _noise(sheet, period, camera), period, throughput, seed, camera)
     told, parts = progress or (lambda share, step: None), len(plan) + 3
     static = task.judged("static", 1, survey, [], _part(told, 0, parts, "survey: static"))
     surveyed: list[Candidate] = []
@@ -226,22 +228,19 @@ class _Task:
     examples: Examples
     noise: tuple[float, float]
     period: tuple[int, int]
+    throughput: float | None
     seed: int
     camera: dict[str, Any]
 
     def judged(
         self, kind: str, slots: int, effort: Effort | None, others: list[Candidate], told: Callable[[float], None]
     ) -> Candidate:
-        """The best design of a kind from random codes; free ones, which contain all others, also start from those.
-
-        The first of ``others`` is the static design that gains are counted from.
-        """
-        error = self.examples.tile_mse(*self.noise)
-        common = {"effort": effort, "seed": self.seed, **self.camera}
-        found = [search(kind, slots, self.period, error, progress=told, **common)]
-        for other in others if kind == "free" else ():
-            found.append(search(kind, slots, self.period, error, start=other.design.camera, **common))
-        design = min(found, key=lambda one: one.mse)
+        """The best design of a kind; the first of ``others`` is the static design that gains are counted from."""
+        design = best_design(
+            kind, slots, self.period, self.examples.tile_mse(*self.noise),
+            contained=[other.design.camera for other in others], effort=effort, throughput=self.throughput,
+            seed=self.seed, progress=told, **self.camera,
+        )  # fmt: skip
         held = {n: decibels(v) for n, v in self.examples.held_out(design.camera, *self.noise).items()}
         before = others[0].held_out if others else held
         return Candidate(design, held, {name: psnr - before[name] for name, psnr in held.items()})

@@ -57,13 +57,16 @@ def descend(
         progress: told the share that is done.
 
     Returns:
-        Expected mean squared error of the binary codes that the camera is left with, never above the first.
+        Expected mean squared error of the binary codes that the camera is left with, never above the first, once those
+        hold the throughput.
 
     Raises:
         SettingError: nothing to learn.
     """
     how = how or Descent()
     latents = learned(camera)
+    if how.throughput is not None:
+        hold_throughput(camera, how.throughput)
     best = Best.of(camera, error, latents)
     optimiser = torch.optim.Adam(latents, lr=how.rate)
     shifts = torch.randint(1 << 16, (how.steps, 2), generator=torch.Generator().manual_seed(how.seed)).tolist()

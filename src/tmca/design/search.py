@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from math import log10
 from typing import Any
 
@@ -39,6 +39,10 @@ class Effort:
 
 SURVEY = Effort(restarts=1, steps=60, sweeps=0)
 """Comes within about 0.1 dB of what more effort finds, in seconds."""
+
+
+STARTS = 3
+"""Searches of every design."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,36 @@ def search(
     told(1.0)
     mean = sum(before for *_, before in found) / len(found)
     return Design(kind, chosen, best, mean, time.process_time() - begun)
+
+
+def best_design(
+    kind: str,
+    slots: int,
+    period: tuple[int, int],
+    error: CodeError,
+    *,
+    contained: Sequence[SpectralCamera] = (),
+    effort: Effort | None = None,
+    **others: Any,
+) -> Design:
+    """The best of several searches, as many for static codes as for free ones.
+
+    Args:
+        kind: name in ``KINDS``.
+        slots: number of time slots K.
+        period: (rows, columns) of the tile, pixels.
+        error: expected error of a tile.
+        contained: designs that free codes start from as well, since they contain them: two for equal effort.
+        effort: of each search.
+        others: further arguments of ``search``.
+    """
+    effort = effort or Effort()
+    if kind != "free":
+        whole = replace(effort, restarts=STARTS * effort.restarts)
+        return search(kind, slots, period, error, effort=whole, **others)
+    found = [search(kind, slots, period, error, effort=effort, start=s, **others) for s in (None, *contained)]
+    best = min(found, key=lambda design: design.mse)
+    return replace(best, seconds=sum(design.seconds for design in found), random=found[0].random)
 
 
 def _polish(

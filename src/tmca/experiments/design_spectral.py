@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -30,9 +30,6 @@ from tmca.experiments.design_figures import gains_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import repository_commit
 from tmca.experiments.scenes import load_scene
-
-if TYPE_CHECKING:
-    pass
 
 FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc")
 COLUMNS = (
@@ -60,6 +57,7 @@ def design_spectral(
     kinds: Sequence[str] = ("free", "one-hot"),
     period: int = 32,
     effort: Effort | None = None,
+    throughput: float | None = None,
     seed: int = 0,
     reading: Mapping[str, Any] | None = None,
     overwrite: bool = False,
@@ -78,6 +76,7 @@ def design_spectral(
         kinds: structures of codes to try.
         period: side of the tile of codes, pixels.
         effort: of the last searches.
+        throughput: share of light that all codes shall let through; free if None.
         seed: of random codes.
         reading: further arguments of ``load_scene``.
         overwrite: replace files that exist.
@@ -99,12 +98,14 @@ def design_spectral(
         if (out / name).exists() and not overwrite:
             raise OutputError(out / name, "an existing file", "a new folder", "pass --overwrite or another --out")
     _check(sheet, slots, kinds, period)
+    if throughput is not None and not 0 < throughput < 1:
+        raise SettingError("--throughput", f"{throughput:g}", "a share between 0 and 1")
     told = progress or (lambda share, step: None)
     examples, wavelengths = _examples(scenes, bands, camera, reading or {}, told)
     camera = {"bands": wavelengths, **camera}
     advice = advise(
-        examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, seed=seed,
-        progress=lambda share, step: told(0.3 + 0.68 * share, step), **camera,
+        examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
+        seed=seed,        progress=lambda share, step: told(0.3 + 0.68 * share, step), **camera,
     )  # fmt: skip
     make_folder(out)
     found = _described(advice, examples, period, command)

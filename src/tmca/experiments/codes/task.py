@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,10 @@ import torch
 from tmca.cameras import SpectralCamera
 from tmca.codes import read_codes, write_codes
 from tmca.design import Design, Effort, Examples, TileMse, design_model, designable, search
-from tmca.design.search import decibels
+from tmca.design.search import best_design, decibels
 from tmca.experiments.cells import Settings, cell_key
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
-
-_STARTS = 3
-"""Searches of every design: from random codes, or, for free codes, from random ones and from the other designs."""
 
 
 class Task:
@@ -50,11 +46,11 @@ class Task:
         """What searches lower."""
         return self.examples.tile_mse(self.noise.read, self.noise.shot)
 
-    def search(self, kind: str, slots: int, start: SpectralCamera | None = None, *, restarts: int = 1) -> Design:
-        """The best codes of a kind from ``restarts`` random ones, or from a start."""
-        effort = replace(self.effort, restarts=restarts)
-        common = {"effort": effort, "seed": self.seed, "bands": self.bands}
-        return search(kind, slots, self.period, self.error, start=start, **common)  # type: ignore[arg-type]
+    def search(self, kind: str, slots: int, start: SpectralCamera | None = None) -> Design:
+        """The best codes of a kind from random ones, or from a start."""
+        return search(
+            kind, slots, self.period, self.error, start=start, effort=self.effort, seed=self.seed, bands=self.bands
+        )
 
     def design(self, kind: str, slots: int) -> Design:
         """The best codes of a kind, searched once with the same effort for all kinds; free ones contain the others."""
@@ -63,13 +59,11 @@ class Task:
         file = Path(self.cell["designs"]) / f"{kind}-{slots}-{cell_key(own)}.nc"
         if file.exists():
             return self._kept(file, kind)
-        if kind == "free":
-            starts = [None, self.design("static", 1).camera, self.design("one-hot", slots).camera]
-            found = [self.search(kind, slots, start) for start in starts]
-            best = min(found, key=lambda design: design.mse)
-            best = replace(best, seconds=sum(design.seconds for design in found), random=found[0].random)
-        else:
-            best = self.search(kind, slots, restarts=_STARTS)
+        others = (("static", 1), ("one-hot", slots)) if kind == "free" else ()
+        best = best_design(
+            kind, slots, self.period, self.error, contained=[self.design(*other).camera for other in others],
+            effort=self.effort, seed=self.seed, bands=self.bands,
+        )  # fmt: skip
         notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
         codes = best.camera.multiplexed
         write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
