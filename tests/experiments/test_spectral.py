@@ -183,7 +183,13 @@ def test_the_comparison_trains_networks_without_validation_scenes(splits, tmp_pa
     found = compare_spectral(*splits, **where, **options)
     assert len(found["rows"]) == (len(CODES) + len(LEARNED)) * len(NOISES)
     assert all(row["trained"] and row["training_cpu_minutes"] > 0 for row in found["rows"])
-    assert "not told the codes" in (tmp_path / "results" / "spectral.md").read_text()
+    page = (tmp_path / "results" / "spectral.md").read_text()
+    assert "not told the codes" in page
+    gains = page.split("What learning codes gains")[1].split("\n## ")[0]
+    psnr = {row["code"]: row["psnr"] for row in found["rows"] if row["noise"] == "σ = 0.01"}
+    for code, base in (("CASSI learned", "CASSI random"), ("TMCA learned K = 8", "CASSI learned")):
+        line = next(line for line in gains.splitlines() if line.startswith(f"| {code} | {base} |") and "σ" in line)
+        assert f"| {psnr[code] - psnr[base]:+.2f} |" in line
 
 
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):

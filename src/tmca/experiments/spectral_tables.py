@@ -8,7 +8,10 @@ from typing import Any
 
 from tmca.experiments.cells import Measured
 from tmca.experiments.results import METRICS, markdown_table, mean_over_scenes, repository_commit
-from tmca.experiments.spectral_rows import DECODER_NAMES, FREE, LEARNED, MULTIPLEXED, NETWORKS, STATIC
+from tmca.experiments.spectral_rows import CODES, DECODER_NAMES, FREE, LEARNED, MULTIPLEXED, NETWORKS, STATIC
+
+RANDOM = tuple(CODES)[:2]
+"""Random codes of the static and of the time-multiplexed camera."""
 
 
 def results(
@@ -109,15 +112,41 @@ def markdown(found: dict[str, Any]) -> str:
     columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
     columns += [(f"psnr {scene}", f"PSNR {scene}", ".2f") for scene in scenes]
     columns += [("throughput", "light", ".1%"), ("seconds", "seconds a scene", ".0f")]
-    columns += [("seeds", "seeds", "d"), ("training_cpu_minutes", "training (min)", ".1f")] if trained else []
+    columns += (
+        [("seeds", "PSNR seed by seed", ""), ("training_cpu_minutes", "training (min)", ".1f")] if trained else []
+    )
     for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
         rows = [
-            {**row, **{f"psnr {scene}": values["psnr"] for scene, values in row["scenes"].items()}}
+            {**row, **{f"psnr {scene}": values["psnr"] for scene, values in row["scenes"].items()},
+             "seeds": ", ".join(format(psnr, ".2f") for psnr in row["seed_psnr"])}
             for row in found["rows"]
             if row["noise"] == noise
-        ]
+        ]  # fmt: skip
         lines += [f"## {noise}", "", markdown_table(rows, columns)]
+    lines += _learned(found["rows"]) if any(row["code"] == STATIC for row in found["rows"]) else []
     return "\n".join(lines + (_expected(found["expected_error"]) if found["expected_error"] else []))
+
+
+def _learned(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What learning codes gains with the same decoder, and time multiplexing over the static camera it starts from."""
+    known = {(row["noise"], row["decoder"], row["code"]): row for row in rows}
+    said = []
+    for code, base in ((STATIC, RANDOM[0]), (FREE, RANDOM[1]), (MULTIPLEXED, STATIC)):
+        for (noise, decoder, name), row in known.items():
+            other = known.get((noise, decoder, base))
+            if name == code and other is not None:
+                gains = {
+                    scene: row["scenes"][scene]["psnr"] - other["scenes"][scene]["psnr"] for scene in row["scenes"]
+                }
+                pairs = list(zip(row["seed_psnr"], other["seed_psnr"], strict=False))
+                said.append({
+                    "code": code, "base": base, "decoder": decoder, "noise": noise, "gain": row["psnr"] - other["psnr"],
+                    "seeds": ", ".join(f"{one - before:+.2f}" for one, before in pairs),
+                    "scenes": ", ".join(f"{scene} {gain:+.2f}" for scene, gain in gains.items()),
+                })  # fmt: skip
+    columns = [("code", "codes", ""), ("base", "over", ""), ("decoder", "decoder", ""), ("noise", "noise", "")]
+    columns += [("gain", "gain (dB)", "+.2f"), ("seeds", "seed by seed", ""), ("scenes", "scene by scene", "")]
+    return ["## What learning codes gains", "", "With the same decoder.", "", markdown_table(said, columns)]
 
 
 def _expected(rows: Sequence[dict[str, Any]]) -> list[str]:
