@@ -5,9 +5,9 @@ import itertools
 import pytest
 import torch
 
-from tests.design.small_designs import binary, designed, tile_error
+from tests.design.small_designs import BANDS, binary, designed, tile_error
 from tmca.cameras import SpectralCamera
-from tmca.design import KINDS, Descent, descend, flip_greedily
+from tmca.design import KINDS, Descent, Effort, best_design, descend, flip_greedily, search
 from tmca.design.flips import TileState
 from tmca.errors import SettingError
 
@@ -81,6 +81,26 @@ def test_a_start_from_a_static_code_shows_it_in_every_slot():
     error = tile_error()
     assert error.whole(several) == pytest.approx(error.whole(static), rel=1e-5)
     assert descend(several, error, Descent(steps=40)) < error.whole(static)
+
+
+def test_a_start_of_fewer_slots_is_the_same_camera_in_finer_time():
+    few = designed("free", 2, (4, 6), seed=3)
+    many = designed("free", 6, (4, 6), start=few)
+    torch.testing.assert_close(many.code_cube(), few.code_cube())
+    assert tile_error().whole(many) == pytest.approx(tile_error().whole(few))
+    with pytest.raises(SettingError, match="a divisor of 5"):
+        designed("free", 5, (4, 6), start=few)
+
+
+def test_every_kind_is_searched_as_often_and_free_codes_are_never_worse_than_what_they_contain():
+    error, effort = tile_error(), Effort(restarts=1, steps=8, sweeps=0)
+    static = best_design("static", 1, (4, 6), error, effort=effort, bands=BANDS)
+    single = [search("static", 1, (4, 6), error, effort=effort, bands=BANDS, seed=s) for s in range(3)]
+    assert static.mse == pytest.approx(min(one.mse for one in single))
+    one_hot = best_design("one-hot", 2, (4, 6), error, effort=effort, bands=BANDS)
+    contained = [static.camera, one_hot.camera]
+    free = best_design("free", 2, (4, 6), error, contained=contained, effort=effort, bands=BANDS)
+    assert free.mse <= min(static.mse, one_hot.mse) + 1e-12
 
 
 @pytest.mark.parametrize(

@@ -200,18 +200,24 @@ def advise(
     plan = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
     task = _Task(examples, _noise(sheet, period, camera), period, throughput, seed, camera)
     told, parts = progress or (lambda share, step: None), len(plan) + 3
-    static = task.judged("static", 1, survey, [], _part(told, 0, parts, "survey: static"))
+    static = task.judged("static", 1, survey, _part(told, 0, parts, "survey: static"))
     surveyed: list[Candidate] = []
     for place, (kind, k) in enumerate(plan, start=1):
-        starts = [static, *(c for c in surveyed if c.design.slots == k)]
-        surveyed.append(task.judged(kind, k, survey, starts, _part(told, place, parts, f"survey: {kind}, K = {k}")))
-    final = task.judged("static", 1, effort, [], _part(told, parts - 2, parts, "static"))
+        step, starts = _part(told, place, parts, f"survey: {kind}, K = {k}"), _contained([static, *surveyed], k)
+        surveyed.append(task.judged(kind, k, survey, step, static, starts))
+    final = task.judged("static", 1, effort, _part(told, parts - 2, parts, "static"))
     best = _best(surveyed)
     if best is None:
         return Advice(final, surveyed, None, task.noise, sheet)
     kind, k = best.design.kind, best.design.slots
-    chosen = task.judged(kind, k, effort, [final, best], _part(told, parts - 1, parts, f"{kind}, K = {k}"))
+    chosen = task.judged(kind, k, effort, _part(told, parts - 1, parts, f"{kind}, K = {k}"), final, [final, best])
     return Advice(final, surveyed, chosen, task.noise, sheet)
+
+
+def _contained(candidates: Sequence[Candidate], slots: int) -> list[Candidate]:
+    """Designs that free codes of so many slots contain: the best one of fewer slots, and those of as many."""
+    fewer = [c for c in candidates if c.design.slots < slots and slots % c.design.slots == 0]
+    return [min(fewer, key=lambda c: c.design.mse), *(c for c in candidates if c.design.slots == slots)]
 
 
 def _best(candidates: Sequence[Candidate]) -> Candidate | None:
@@ -233,16 +239,22 @@ class _Task:
     camera: dict[str, Any]
 
     def judged(
-        self, kind: str, slots: int, effort: Effort | None, others: list[Candidate], told: Callable[[float], None]
+        self,
+        kind: str,
+        slots: int,
+        effort: Effort | None,
+        told: Callable[[float], None],
+        static: Candidate | None = None,
+        contained: Sequence[Candidate] = (),
     ) -> Candidate:
-        """The best design of a kind; the first of ``others`` is the static design that gains are counted from."""
+        """The best design of a kind; gains are counted from the static design."""
         design = best_design(
             kind, slots, self.period, self.examples.tile_mse(*self.noise),
-            contained=[other.design.camera for other in others], effort=effort, throughput=self.throughput,
+            contained=[other.design.camera for other in contained], effort=effort, throughput=self.throughput,
             seed=self.seed, progress=told, **self.camera,
         )  # fmt: skip
         held = {n: decibels(v) for n, v in self.examples.held_out(design.camera, *self.noise).items()}
-        before = others[0].held_out if others else held
+        before = static.held_out if static else held
         return Candidate(design, held, {name: psnr - before[name] for name, psnr in held.items()})
 
 

@@ -40,11 +40,12 @@ def designable(
         slots: number of time slots K; 1 for ``"static"``.
         period: (rows, columns) of the tile, pixels.
         seed: of the codes.
-        start: a camera of the same period whose codes are started from; those of a static one in every slot.
+        start: a camera of the same period whose codes are started from; of one with fewer slots, each is shown in
+            several slots in a row: the same camera in finer time.
         camera: further arguments of ``SpectralCamera``.
 
     Raises:
-        SettingError: unknown kind, a static camera with slots, or a start with other slots than these or one.
+        SettingError: unknown kind, a static camera with slots, or a start whose slots do not divide these.
     """
     check_kind(kind)
     if kind == "static" and slots != 1:
@@ -58,7 +59,7 @@ def designable(
 
 
 def _codes_of(start: SpectralCamera, slots: int) -> dict[str, Tensor]:
-    if start.slots not in (1, slots):
-        raise SettingError("start", f"{start.slots} slots", f"1 or {slots}")
+    if slots % start.slots:
+        raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
     planes = {"aperture": start.multiplexed.aperture, "shutter": start.multiplexed.shutter}
-    return {name: plane.tile().detach().expand(slots, -1, -1).clone() for name, plane in planes.items()}
+    return {name: plane.tile().detach().repeat_interleave(slots // start.slots, 0) for name, plane in planes.items()}

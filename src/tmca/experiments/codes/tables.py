@@ -95,7 +95,7 @@ def _opening(found: dict[str, Any]) -> list[str]:
         f"Designed for {', '.join(split['train'])}; tile of {found['period'][0]}×{found['period'][1]} pixels; three "
         f"searches for every design ({effort}). PSNR is the expected one of the best linear estimate, block by block; "
         "on scenes left out each training scene is estimated under the prior of the others. Free codes start from "
-        "random, static and one-hot ones and are never below any of them in what they are optimised for.", "",
+        "random ones, those of half the slots and one-hot ones, and are never below them in what is optimised.", "",
     ]  # fmt: skip
 
 

@@ -59,7 +59,7 @@ class Task:
         file = Path(self.cell["designs"]) / f"{kind}-{slots}-{cell_key(own)}.nc"
         if file.exists():
             return self._kept(file, kind)
-        others = (("static", 1), ("one-hot", slots)) if kind == "free" else ()
+        others = _contained(slots) if kind == "free" else ()
         best = best_design(
             kind, slots, self.period, self.error, contained=[self.design(*other).camera for other in others],
             effort=self.effort, seed=self.seed, bands=self.bands,
@@ -89,6 +89,12 @@ class Task:
         """PSNR of each example scene, estimated under the prior of the others, dB."""
         found = self.examples.held_out(camera, self.noise.read, self.noise.shot)
         return {name: decibels(value) for name, value in found.items()}
+
+
+def _contained(slots: int) -> list[tuple[str, int]]:
+    """Kinds and slots of the designs that free codes contain and start from, the freest of fewer slots among them."""
+    fewer = ("free", slots // 2) if slots % 2 == 0 and slots > 2 else ("static", 1)
+    return [fewer, ("one-hot", slots)]
 
 
 def mean(values: dict[str, float]) -> float:
