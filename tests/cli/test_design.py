@@ -33,6 +33,31 @@ def test_codes_hold_the_light_that_is_asked_for(tmp_path, capsys):
     assert "share between 0 and 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
 
 
+def test_the_answer_may_be_the_static_code(tmp_path, capsys):
+    main(["design", "spectral", *SMALL, "--read-noise", "30", "--out", str(tmp_path / "d")])
+    assert "Do not multiplex" in capsys.readouterr().out
+    assert read_codes(tmp_path / "d" / "codes.nc").aperture.shape == (1, 6, 6)
+    assert "shutter=open" in (tmp_path / "d" / "design.html").read_text()
+    main(["design", "spectral", *SMALL[:4], "--slots", "1", "--period", "6", "--out", str(tmp_path / "e")])
+    assert "One slot" in capsys.readouterr().out
+
+
+def test_one_scene_leaves_the_spread_unknown(tmp_path, capsys):
+    main(["design", "spectral", *SMALL[:1], *SMALL[2:], "--kinds", "free", "--out", str(tmp_path / "d"), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["best"]["spread"] is None
+    assert "one example scene" in found["advice"]
+
+
+def test_sensor_files_may_leave_values_empty(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.yaml").write_text("read_noise:\nfull_well: yes\n")
+    assert "full_well = True" in refused(capsys, *SMALL, "--sensor", "s.yaml", "--out", "d")
+    (tmp_path / "s.yaml").write_text("read_noise:\nfull_well: 1e4\n")
+    main(["design", "spectral", *SMALL, "--sensor", "s.yaml", "--out", "d", "--json"])
+    assert json.loads(capsys.readouterr().out)["sensor"]["read_noise"] == 0
+
+
 def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "sensor.yaml").write_text(
@@ -82,10 +107,14 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--pattern-rate", "300"], "exposure"),
         (["--kinds", "pretty"], "pretty"),
         (["--kinds", "static"], "always searched"),
-        (["--period", "5000"], "1 to 512"),
+        (["--period", "5000"], "GB"),
         (["--slots", "2000"], "code pixels"),
         (["--slots", "two"], "whole numbers"),
-        (["--bands", "3", "--dispersion", "200"], "pixels"),
+        (["--bands", "3", "--dispersion", "200"], "GB"),
+        (["--period", "0"], "1 pixel"),
+        (["--seed", "-1"], "0 or more"),
+        (["--exposure", "0.001", "--pattern-rate", "300"], "shorter than one pattern"),
+        (["coffee"], "the same scene twice"),
     ],
 )
 def test_what_cannot_be_designed_is_one_line(tmp_path, capsys, options, words):

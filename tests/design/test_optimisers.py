@@ -6,10 +6,12 @@ import pytest
 import torch
 
 from tests.design.small_designs import BANDS, binary, designed, tile_error
+from tests.small_scenes import smooth_scene
 from tmca.cameras import SpectralCamera
-from tmca.design import KINDS, Descent, Effort, best_design, descend, flip_greedily, search
+from tmca.design import KINDS, BlockMse, Descent, Effort, TileMse, descend, designable, flip_greedily, search
 from tmca.design.flips import TileState
 from tmca.errors import SettingError
+from tmca.priors import BlockModel, GaussianPrior
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -42,7 +44,7 @@ def test_flips_lower_the_error_and_keep_the_structure(kind):
 
 def test_flips_end_where_no_single_flip_helps():
     camera, error = designed("static", 1, (1, 6)), tile_error()
-    value = flip_greedily(camera, error, sweeps=20)
+    value = flip_greedily(camera, error, most=20 * 80)
     latent = camera.multiplexed.aperture.latent
     for place in range(6):
         with torch.no_grad():
@@ -61,7 +63,7 @@ def test_descent_and_flips_come_near_the_best_of_all_codes():
     for seed in range(10):
         camera = designed("static", 1, (1, 6), seed=seed)
         descend(camera, error, Descent(steps=40, seed=seed))
-        found.append(flip_greedily(camera, error, sweeps=5))
+        found.append(flip_greedily(camera, error, most=5 * 80))
     assert min(found) == pytest.approx(min(every), rel=1e-6)
 
 
@@ -92,15 +94,42 @@ def test_a_start_of_fewer_slots_is_the_same_camera_in_finer_time():
         designed("free", 5, (4, 6), start=few)
 
 
-def test_every_kind_is_searched_as_often_and_free_codes_are_never_worse_than_what_they_contain():
-    error, effort = tile_error(), Effort(restarts=1, steps=8, sweeps=0)
-    static = best_design("static", 1, (4, 6), error, effort=effort, bands=BANDS)
-    single = [search("static", 1, (4, 6), error, effort=effort, bands=BANDS, seed=s) for s in range(3)]
-    assert static.mse == pytest.approx(min(one.mse for one in single))
-    one_hot = best_design("one-hot", 2, (4, 6), error, effort=effort, bands=BANDS)
-    contained = [static.camera, one_hot.camera]
-    free = best_design("free", 2, (4, 6), error, contained=contained, effort=effort, bands=BANDS)
+def test_codes_that_are_started_from_bound_the_answer_and_keep_their_kind():
+    error, effort = tile_error(), Effort(descents=2, steps=8, flips=30)
+    static, one_hot = (
+        search(kind, k, (4, 6), error, effort=effort, bands=BANDS) for kind, k in (("static", 1), ("one-hot", 2))
+    )
+    free = search("free", 2, (4, 6), error, starts=[static.camera, one_hot.camera], effort=effort, bands=BANDS)
     assert free.mse <= min(static.mse, one_hot.mse) + 1e-12
+    for kind, one in (("static", static), ("one-hot", one_hot)):
+        again = designable(kind, one.slots, (4, 6), start=one.camera, bands=BANDS)
+        assert [p.learnable for p in (again.multiplexed.aperture, again.multiplexed.shutter)] == [
+            True,
+            kind != "static",
+        ]
+        flip_greedily(again, error)
+        assert error.whole(again) <= one.mse + 1e-12
+        assert bool((again.codes()[1].sum(0) == 1).all())
+    with pytest.raises(SettingError, match="not one-hot"):
+        designable("one-hot", 2, (4, 6), start=static.camera, bands=BANDS)
+
+
+def test_flips_find_the_open_code_where_nothing_beats_it():
+    """One band without noise: every closed pixel is only lost light."""
+    prior = GaussianPrior.learn([smooth_scene(40, 47, seed=1)[:1]], (3, 9))
+    model = BlockModel.of(designable("static", 1, (4, 6), bands=1).taps(), (1, 3, 9))
+    error = TileMse(BlockMse.of(prior, model, 1e-4))
+    found = search("static", 1, (4, 6), error, effort=Effort(1, 5, 500), bands=1)
+    assert bool((found.camera.codes()[0] == 1).all())
+
+
+def test_all_kinds_try_as_many_flips(monkeypatch):
+    tried = []
+    monkeypatch.setattr("tmca.design.flips._turn", lambda camera, state, flips, light: tried.append(len(flips)) or 1)
+    for kind, slots in (("static", 1), ("free", 3)):
+        tried.clear()
+        search(kind, slots, (4, 6), tile_error(), effort=Effort(1, 1, 70), bands=BANDS)
+        assert sum(tried) == 70
 
 
 @pytest.mark.parametrize(

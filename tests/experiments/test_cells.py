@@ -83,6 +83,11 @@ if __name__ == "__main__":
 """
 
 
+def listen():
+    """Where the tests run in the background, Ctrl-C is ignored, and would be by the processes they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def alive(process):
     try:
         os.kill(process, 0)
@@ -98,7 +103,9 @@ def test_no_process_outlives_a_grid_that_is_stopped(tmp_path, number):
     script.write_text(GRID)
     pids.mkdir()
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path.cwd()), *sys.path])}
-    process = subprocess.Popen([sys.executable, str(script), str(pids)], env=environment, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(pids)], env=environment, stderr=subprocess.DEVNULL, preexec_fn=listen
+    )
     begun = time.monotonic()
     while len(list(pids.glob("[0-9]*"))) < 2:
         assert time.monotonic() - begun < 120

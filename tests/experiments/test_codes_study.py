@@ -16,7 +16,7 @@ from tmca.experiments.codes.tables import network_rows
 from tmca.experiments.codes.tables import test_rows as rows_of_tests
 from tmca.experiments.codes.task import Task
 
-SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(1, 3, 0), "test_slots": 2}
+SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
 
 
@@ -103,38 +103,31 @@ def test_ingredients_are_compared_with_the_static_design(found):
         gains = {row["ingredient"]: row["gain"] for row in cell["rows"]}
         assert set(gains) == set(INGREDIENTS)
         assert gains["static, designed"] == 0
-        assert gains["static, designed, then flips"] >= -1e-9
-        assert (
-            gains["free, best of the three"]
-            >= max(
-                gains[f"free, from {start}"] for start in ("random codes", "the static design", "the one-hot design")
-            )
-            - 1e-9
-        )
+        assert gains["free, designed"] >= max(0, gains["one-hot shutter, designed"]) - 1e-4
 
 
 def test_a_design_is_searched_once(tmp_path, monkeypatch):
-    common = {**_common(SCENES, tmp_path, 3, (4, 6), Effort(1, 2, 0)), "sensor": {"read_noise": 0.01}}
+    common = {**_common(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0)), "sensor": {"read_noise": 0.01}}
     first = Task.of(common).design("free", 2)
     monkeypatch.setattr("tmca.experiments.codes.task.search", None)
     again = Task.of(common).design("free", 2)
-    assert (again.mse, again.random, again.seconds) == (first.mse, first.random, first.seconds)
+    assert (again.mse, again.seconds) == (first.mse, first.seconds)
     for one, other in zip(first.camera.codes(), again.camera.codes(), strict=True):
         assert one.equal(other)
     assert Task.of(common).error.whole(again.camera) == pytest.approx(first.mse)
 
 
 def test_networks_learn_behind_their_codes_and_tune_them_if_told(tmp_path):
-    common = _common(SCENES, tmp_path, 3, (4, 6), Effort(1, 2, 0))
+    common = _common(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0))
     common["prior"] = str(prior_file(SCENES, tmp_path, 3))
     trained = {"train": SCENES, "validation": ["motorcycle"]}
     cells = _network_cells(common, ["coffee"], trained, tmp_path, 2, 2, 1)
     found = []
-    for cell in cells[:5]:
+    for cell in cells[: len(ranks.networks(2))]:
         found.append({**cell, **ranks.ranking({**cell, "size": [48, 48]})})
         kept = Weights.load(f"{cell['folder']}/run")
         assert kept.aperture.shape == (cell["code"]["slots"], 4, 6)
-        assert (kept.card["training"]["camera"]["learn"] == "both") == bool(cell["code"].get("tune"))
+        assert kept.card["training"]["camera"]["learn"] == cell["code"].get("tune", "none")
     rows = network_rows(found)
     assert [row["codes"] for row in rows] == list(ranks.networks(2))
     assert next(row["gain"] for row in rows if row["codes"] == "static, designed") == 0

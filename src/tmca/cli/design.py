@@ -181,11 +181,14 @@ def _sheet(file: Path | None, options: dict[str, Any]) -> Any:
         if name not in known:
             raise DataError(file or "sensor", f"{name}", f"some of {', '.join(known)}")
         described[name] = _number(file, name, value)
-    return SensorSheet(**{**described, **options})
+    known_values = {name: value for name, value in described.items() if value is not None}
+    return SensorSheet(**{**known_values, **options})
 
 
 def _number(file: Path | None, name: str, value: Any) -> float | int | None:
     try:
+        if isinstance(value, bool):
+            raise TypeError
         number = None if value is None else float(value)
     except (TypeError, ValueError):
         raise DataError(file or "sensor", f"{name} = {value}", "a number") from None

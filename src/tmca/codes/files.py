@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,16 @@ def write_codes(
     """Write patterns (K, h, w) of both planes as NetCDF with labels.
 
     Raises:
+        SettingError: patterns that are not zeros and ones.
         OutputError: the file exists, or cannot be written.
     """
     import xarray as xr
 
     from tmca.data import write_dataset
 
+    for name, plane in (("aperture", aperture), ("shutter", shutter)):
+        if bool(((plane != 0) & (plane != 1)).any()):
+            raise SettingError(name, "grey values", "zeros and ones in a file of codes")
     names = {"aperture": ("slot", "y", "x"), "shutter": ("slot", "y", "x_sensor")}
     planes = {
         name: (names[name], plane.detach().cpu().numpy().astype(np.uint8), {"meaning": "1 = open"})

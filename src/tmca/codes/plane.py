@@ -67,12 +67,32 @@ class CodePlane(nn.Module):
             )
         self._store(values, learnable, spread, seed)
 
-    def _store(self, values: Tensor, learnable: bool, spread: float, seed: int) -> None:
+    @torch.no_grad()
+    def show(self, patterns: Tensor, *, spread: float = 0.0, seed: int = 0) -> None:
+        """Show patterns (K, h, w) of one period from now on; the structure of the family stays.
+
+        Raises:
+            ShapeError: patterns of another shape.
+            SettingError: patterns that the family does not contain, such as different ones for a static plane.
+        """
+        values = _own_patterns(patterns, self.slots, self.size, self.period or self.size, self.name)
+        before = self.latent.clone()
+        self.latent.copy_(self._latent(values.to(before), spread, seed))
+        if not self.tile().equal(values.to(before)):
+            self.latent.copy_(before)
+            raise SettingError(self.name, f"patterns that are not {self.family}", f"{self.family} ones")
+
+    def _latent(self, values: Tensor, spread: float, seed: int) -> Tensor:
+        """Latent values that show these patterns."""
         kept = values[:1] if self.family == "static" else values[::2] if self.family == "complementary" else values
         latent = kept.clone() if self.grey else (2 * kept - 1) * _MARGIN
         if spread and not self.grey:
             source = torch.Generator().manual_seed(seed)
             latent = latent * (1 - spread * torch.rand(latent.shape, generator=source))
+        return latent
+
+    def _store(self, values: Tensor, learnable: bool, spread: float, seed: int) -> None:
+        latent = self._latent(values, spread, seed)
         if learnable and self.family != "open":
             self.latent = nn.Parameter(latent)
         else:

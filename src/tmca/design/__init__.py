@@ -7,7 +7,7 @@ from tmca.design.flips import flip_greedily
 from tmca.design.geometry import design_model
 from tmca.design.measures import CodeMeasures, measures
 from tmca.design.mixture import MixtureTileMse
-from tmca.design.search import SURVEY, Design, Effort, best_design, search
+from tmca.design.search import SURVEY, Design, Effort, search
 from tmca.design.spectral import KINDS, designable
 from tmca.design.throughput import hold_throughput
 from tmca.design.tile import TileMse
@@ -29,7 +29,6 @@ __all__ = [
     "TileMse",
     "TransferMse",
     "advise",
-    "best_design",
     "descend",
     "design_model",
     "designable",

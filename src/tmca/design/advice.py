@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from math import floor, sqrt
 from typing import Any
 
-from tmca.design.search import SURVEY, Design, Effort, best_design, decibels
+from tmca.design.search import SURVEY, Design, Effort, decibels, search
 from tmca.design.spectral import designable
+from tmca.design.throughput import hold_throughput
 from tmca.design.transfer import Examples
 from tmca.errors import SettingError
 from tmca.sensor import Sensor
@@ -17,6 +18,8 @@ SLOTS = (2, 4, 8, 16)
 """Numbers of slots that are tried."""
 WORTH = 0.1
 """Gain in dB below which more than one slot is not worth it."""
+_LIGHT = 0.02
+"""How far the light of codes may be from the share that is asked for."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,12 @@ class SensorSheet:
     @property
     def most_slots(self) -> int | None:
         """Slots that fit the exposure; None where nothing limits them."""
-        shortest = max(1 / self.pattern_rate if self.pattern_rate else 0.0, self.slot_time or 0.0)
-        return floor(self.exposure / shortest * (1 + 1e-9)) if self.exposure and shortest else None
+        return floor(self.exposure / self.shortest * (1 + 1e-9)) if self.exposure and self.shortest else None
+
+    @property
+    def shortest(self) -> float:
+        """Time that a pattern needs, seconds; 0 where nothing limits it."""
+        return max(1 / self.pattern_rate if self.pattern_rate else 0.0, self.slot_time or 0.0)
 
     def allowed(self, slots: Sequence[int] | None) -> list[int]:
         """Numbers of slots above 1 to try: those asked for, or those of ``SLOTS`` that fit.
@@ -73,6 +80,11 @@ class SensorSheet:
             SettingError: one that is asked for does not fit the exposure.
         """
         most = self.most_slots
+        if most == 0:
+            found = f"{self.exposure:g} s, shorter than one pattern"
+            raise SettingError(
+                "exposure", found, f"at least {self.shortest:g} s", "expose longer, or use faster patterns"
+            )
         if slots is None:
             return [k for k in SLOTS if most is None or k <= most]
         for k in slots:
@@ -104,17 +116,18 @@ class Candidate:
         return sum(self.gains.values()) / len(self.gains)
 
     @property
-    def spread(self) -> float:
-        """Standard deviation of a scene's gain, dB; 0 with one scene."""
+    def spread(self) -> float | None:
+        """Standard deviation of a scene's gain, dB; None with one scene."""
         count = len(self.gains)
         total = sum((g - self.gain) ** 2 for g in self.gains.values())
-        return sqrt(total / (count - 1)) if count > 1 else 0.0
+        return sqrt(total / (count - 1)) if count > 1 else None
 
     def row(self) -> dict[str, Any]:
         """For tables and files."""
         own = self.design
+        random = None if own.random is None else decibels(own.random)
         return {
-            "codes": own.kind, "slots": own.slots, "expected_psnr": own.psnr, "random_psnr": decibels(own.random),
+            "codes": own.kind, "slots": own.slots, "expected_psnr": own.psnr, "random_psnr": random,
             "held_out_psnr": sum(self.held_out.values()) / len(self.held_out), "gain": self.gain,
             "spread": self.spread, "throughput": own.camera.throughput(), "seconds": own.seconds,
         }  # fmt: skip
@@ -126,7 +139,7 @@ class Advice:
 
     Args:
         static: the static design.
-        surveyed: time-multiplexed designs of each kind and number of slots, after the survey.
+        surveyed: designs after the survey, the static one, from which the others' gains are counted, first.
         chosen: the best of them, searched as long as the static one; None where one slot is all that fits.
         noise: (read noise, shot) in snapshot units.
         sheet: of the sensor.
@@ -151,15 +164,17 @@ class Advice:
     def sentence(self) -> str:
         """The advice in words."""
         if self.chosen is None:
-            return "One slot is all that fits the exposure: use the static code."
+            return "One slot is all that was tried or fits the exposure: use the static code."
         if not self.multiplex:
             return f"Do not multiplex: no design gains {WORTH} dB over the static code."
         best = self.best
-        sure = "" if best.gain > best.spread else ", no more than the spread"
-        return (
+        said = (
             f"Use {best.design.slots} slots with {best.design.kind} codes: {best.gain:+.1f} dB over the static code, "
-            f"± {best.spread:.1f} dB from scene to scene{sure}."
         )
+        if best.spread is None:
+            return said + "on one example scene that the estimate knows; give more to see the spread."
+        sure = "" if best.gain > best.spread else ", no more than the spread"
+        return said + f"± {best.spread:.1f} dB from scene to scene{sure}."
 
 
 def advise(
@@ -188,7 +203,7 @@ def advise(
         period: (rows, columns) of the tile, pixels.
         survey: effort of each search of the survey.
         effort: of the last two searches.
-        throughput: share of light that all codes shall let through; free if None.
+        throughput: share of light that all codes shall let through, kinds that cannot are left out; free if None.
         seed: of the random codes.
         progress: told the share that is done and what is done.
         camera: further arguments of ``SpectralCamera`` (bands, dispersion, …).
@@ -196,21 +211,23 @@ def advise(
     Raises:
         SettingError: impossible sensor, slots that do not fit, unknown kind.
     """
-    kinds = sorted(kinds, key=lambda kind: kind == "free")  # which then starts from the others
-    plan = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
     task = _Task(examples, _noise(sheet, period, camera), period, throughput, seed, camera)
+    kinds = sorted(kinds, key=lambda kind: kind == "free")  # which then starts from the others
+    plan = [(kind, k) for k in sheet.allowed(slots) for kind in kinds if task.reaches(kind, k)]
     told, parts = progress or (lambda share, step: None), len(plan) + 3
     static = task.judged("static", 1, survey, _part(told, 0, parts, "survey: static"))
-    surveyed: list[Candidate] = []
+    surveyed = [static]
     for place, (kind, k) in enumerate(plan, start=1):
-        step, starts = _part(told, place, parts, f"survey: {kind}, K = {k}"), _contained([static, *surveyed], k)
-        surveyed.append(task.judged(kind, k, survey, step, static, starts))
-    final = task.judged("static", 1, effort, _part(told, parts - 2, parts, "static"))
-    best = _best(surveyed)
+        step = _part(told, place, parts, f"survey: {kind}, K = {k}")
+        starts = _contained(surveyed, k) if kind == "free" else []
+        surveyed.append(task.judged(kind, k, survey, step, starts, static))
+    final = task.judged("static", 1, effort, _part(told, parts - 2, parts, "static"), [static])
+    best = _best(surveyed[1:])
     if best is None:
         return Advice(final, surveyed, None, task.noise, sheet)
     kind, k = best.design.kind, best.design.slots
-    chosen = task.judged(kind, k, effort, _part(told, parts - 1, parts, f"{kind}, K = {k}"), final, [final, best])
+    starts = [best, final] if kind == "free" else [best]
+    chosen = task.judged(kind, k, effort, _part(told, parts - 1, parts, f"{kind}, K = {k}"), starts, final)
     return Advice(final, surveyed, chosen, task.noise, sheet)
 
 
@@ -238,19 +255,27 @@ class _Task:
     seed: int
     camera: dict[str, Any]
 
+    def reaches(self, kind: str, slots: int) -> bool:
+        """Whether codes of a kind can let through the share of light that is asked for."""
+        if self.throughput is None:
+            return True
+        camera = designable(kind, slots, self.period, seed=self.seed, **self.camera)
+        hold_throughput(camera, self.throughput)
+        return abs(camera.throughput() - self.throughput) < _LIGHT
+
     def judged(
         self,
         kind: str,
         slots: int,
         effort: Effort | None,
         told: Callable[[float], None],
+        starts: Sequence[Candidate] = (),
         static: Candidate | None = None,
-        contained: Sequence[Candidate] = (),
     ) -> Candidate:
         """The best design of a kind; gains are counted from the static design."""
-        design = best_design(
+        design = search(
             kind, slots, self.period, self.examples.tile_mse(*self.noise),
-            contained=[other.design.camera for other in contained], effort=effort, throughput=self.throughput,
+            starts=[start.design.camera for start in starts], effort=effort, throughput=self.throughput,
             seed=self.seed, progress=told, **self.camera,
         )  # fmt: skip
         held = {n: decibels(v) for n, v in self.examples.held_out(design.camera, *self.noise).items()}

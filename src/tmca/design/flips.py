@@ -14,6 +14,7 @@ from tmca.codes import CodePlane
 from tmca.design.descent import learned
 from tmca.design.low_rank import BlockState
 from tmca.design.tile import TileMse, even_places, windows
+from tmca.priors.blocks import BlockModel
 
 _SHIFTS = 2
 """Of the blocks: judged by one set of them alone, flips favour pixels by their place in a block."""
@@ -48,11 +49,17 @@ class Flip:
         self.plane.latent[:, self.place[1], self.place[2]] = before
 
 
+def tile_bytes(model: BlockModel, period: tuple[int, int]) -> int:
+    """Memory that flips need for the blocks of one tile, bytes."""
+    measurements, taps = model.measurements, len(model.offsets)
+    block = 8 * measurements * measurements * (2 * taps + 2)
+    return block * len(even_places(model, period, _SHIFTS))
+
+
 def flip_greedily(
     camera: SpectralCamera,
     error: TileMse,
     *,
-    sweeps: int = 1,
     most: int | None = None,
     batch: int = 48,
     seed: int = 0,
@@ -64,8 +71,7 @@ def flip_greedily(
     Args:
         camera: as large as one period of its codes, with learnable planes.
         error: of its tile; blocks stay where they are, so that the error falls with every flip.
-        sweeps: times that every pixel is tried; ends earlier when nothing changes any more.
-        most: pixels that are tried in a sweep, drawn at random; all if None.
+        most: pixels that are tried in all sweeps; every pixel once if None. Ends earlier when a sweep finds nothing.
         batch: flips that are judged together.
         seed: of the order.
         throughput: share of light to hold and how far it may stray from it.
@@ -78,16 +84,15 @@ def flip_greedily(
         SettingError: nothing to turn.
     """
     state, flips = TileState.of(camera, error), _flips(camera)
-    generator = torch.Generator().manual_seed(seed)
-    for sweep in range(sweeps):
-        order = torch.randperm(len(flips), generator=generator)[:most].tolist()
-        turned = 0
+    generator, left = torch.Generator().manual_seed(seed), len(flips) if most is None else most
+    most, helped = left, True
+    while left > 0 and helped:
+        order, helped = torch.randperm(len(flips), generator=generator)[:left].tolist(), False
         for start in range(0, len(order), batch):
-            turned += _turn(camera, state, [flips[i] for i in order[start : start + batch]], throughput)
+            helped |= _turn(camera, state, [flips[i] for i in order[start : start + batch]], throughput) > 0
             if progress:
-                progress((sweep + (start + batch) / len(order)) / sweeps)
-        if not turned:
-            break
+                progress(min(1.0, 1 - (left - start - batch) / most))
+        left -= len(order)
     return state.value
 
 

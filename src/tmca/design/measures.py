@@ -98,6 +98,8 @@ def _coherence(matrix: Tensor, block: tuple[int, int, int]) -> Tensor:
     rows = matrix.reshape(len(matrix), *block).numpy()
     seen = torch.from_numpy(dctn(rows, axes=(1, 2, 3), norm="ortho")).flatten(1)
     norms = seen.norm(dim=0)
+    if not bool(norms.any()):
+        return torch.zeros((), dtype=seen.dtype)
     unit = seen[:, norms > 1e-9 * norms.max()]
     unit = unit / unit.norm(dim=0)
     cosines = (unit.mT @ unit).abs()

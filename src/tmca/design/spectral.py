@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from torch import Tensor
-
 from tmca.cameras import SpectralCamera
 from tmca.errors import SettingError
 
@@ -45,21 +43,26 @@ def designable(
         camera: further arguments of ``SpectralCamera``.
 
     Raises:
-        SettingError: unknown kind, a static camera with slots, or a start whose slots do not divide these.
+        SettingError: unknown kind, a static camera with slots, a start whose slots do not divide these, or whose codes
+            are not of this kind.
     """
     check_kind(kind)
     if kind == "static" and slots != 1:
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
     planes: dict[str, Any] = dict(KINDS[kind])
-    if start is not None:
-        planes = _codes_of(start, slots)
-    return SpectralCamera(
+    own = SpectralCamera(
         size=period, period=period, slots=slots, learnable=True, spread=_SPREAD, seed=seed, **planes, **camera
     )
+    if start is not None:
+        _show(own, start, seed)
+    return own
 
 
-def _codes_of(start: SpectralCamera, slots: int) -> dict[str, Tensor]:
+def _show(camera: SpectralCamera, start: SpectralCamera, seed: int) -> None:
+    """Show the codes of a camera of as many slots, or of fewer that divide them."""
+    slots = camera.slots
     if slots % start.slots:
         raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
-    planes = {"aperture": start.multiplexed.aperture, "shutter": start.multiplexed.shutter}
-    return {name: plane.tile().detach().repeat_interleave(slots // start.slots, 0) for name, plane in planes.items()}
+    for name in ("aperture", "shutter"):
+        codes = getattr(start.multiplexed, name).tile().detach().repeat_interleave(slots // start.slots, 0)
+        getattr(camera.multiplexed, name).show(codes, spread=_SPREAD, seed=seed)

@@ -18,6 +18,9 @@ from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.pooling import around, pooled
 from tmca.priors.posterior import noise_variance
 
+_PLACES = 16
+"""Blocks that are judged at once."""
+
 
 @dataclass(frozen=True)
 class TransferMse:
@@ -114,8 +117,11 @@ class Examples:
         """Mean squared error on each scene, estimated under the prior of the others, by the camera's tile of codes."""
         code, model = camera.taps().code, self.model
         period = (code.shape[1], code.shape[2])
-        seen = windows(code, model.block, even_places(model, period, 2))
-        return {name: float(error(seen, read_noise, shot).mean()) for name, error in self.transfers.items()}
+        seen = windows(code, model.block, even_places(model, period, 2)).split(_PLACES)
+        return {
+            name: float(torch.cat([error(part, read_noise, shot) for part in seen]).mean())
+            for name, error in self.transfers.items()
+        }
 
 
 def learn_examples(cubes: dict[str, Tensor], model: BlockModel, wavelengths: Sequence[float]) -> Examples:

@@ -38,8 +38,10 @@ def codes_figure(camera: SpectralCamera, corner: int = _CORNER) -> Figure:
     slots = [f"slot {k + 1} of {camera.slots}" for k in range(camera.slots)]
     rows = [(aperture, [f"T, {s}" for s in slots]), (shutter, [f"S, {s}" for s in slots]), (code, bands)]
     if camera.slots == 1:
-        both = np.stack([plane[0, :corner, :corner] for plane in (aperture, shutter)])
-        rows = [(np.concatenate((both, code[evenly(len(code), 6), :corner, :corner])), ["T", "S", *_picked(bands, 6)])]
+        width = min(corner, aperture.shape[2], shutter.shape[2])  # one of them also holds the dispersed light
+        both = np.stack([plane[0, :corner, :width] for plane in (aperture, shutter)])
+        few = code[evenly(len(code), 6), :corner, :width]
+        rows = [(np.concatenate((both, few)), ["T", "S", *_picked(bands, 6)])]
     columns = min(8, max(len(planes) for planes, _ in rows))
     figure, axes = grid(len(rows), columns, width=1.5, aspect=1.0)
     for row, (planes, names) in zip(axes, rows, strict=True):

@@ -21,20 +21,22 @@ def gains_figure(advice: Advice) -> Figure:
     figure = Figure(figsize=(6, 3.6), layout="constrained")
     axis = figure.add_subplot()
     axis.axhline(0, color="#999999", linewidth=0.8)
-    kinds = list(dict.fromkeys(c.design.kind for c in advice.surveyed))
+    surveyed = [c for c in advice.surveyed if c.design.kind != "static"]
+    kinds = list(dict.fromkeys(c.design.kind for c in surveyed))
     for place, kind in enumerate(kinds):
-        own = sorted((c for c in advice.surveyed if c.design.kind == kind), key=lambda c: c.design.slots)
+        own = sorted((c for c in surveyed if c.design.kind == kind), key=lambda c: c.design.slots)
         x = [c.design.slots * 1.03 ** (place - (len(kinds) - 1) / 2) for c in own]
         axis.errorbar(
-            x, [c.gain for c in own], [c.spread for c in own], fmt="o-", capsize=3, label=kind,
+            x, [c.gain for c in own], [c.spread or 0.0 for c in own], fmt="o-", capsize=3, label=kind,
             color=_COLOURS[place % len(_COLOURS)], linewidth=1.2, markersize=4,
         )  # fmt: skip
     if advice.chosen is not None:
         axis.plot(advice.chosen.design.slots, advice.chosen.gain, "k*", markersize=11, label="searched longer")
-    slots = sorted({c.design.slots for c in advice.surveyed}) or [1]
+    slots = sorted({c.design.slots for c in surveyed}) or [1]
     axis.set_xscale("log", base=2)
     axis.set_xticks(slots, [str(k) for k in slots])
     axis.minorticks_off()
-    axis.legend(fontsize=8)
-    plain_axes(axis, "scenes left out of the prior", "slots K", "gain over the static code (dB)")
+    if surveyed:
+        axis.legend(fontsize=8)
+    plain_axes(axis, "each scene under the prior of the others", "slots K", "gain over the static code (dB)")
     return figure

@@ -23,6 +23,7 @@ from tmca.design import (
     learn_examples,
     measures,
 )
+from tmca.design.flips import tile_bytes
 from tmca.design.spectral import check_kind
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.experiments.camera_figures import codes_figure
@@ -37,14 +38,14 @@ COLUMNS = (
     ("slots", "K", "d"),
     ("expected_psnr", "expected PSNR (dB)", ".2f"),
     ("random_psnr", "random codes (dB)", ".2f"),
-    ("held_out_psnr", "on scenes left out (dB)", ".2f"),
+    ("held_out_psnr", "each scene under the prior of the others (dB)", ".2f"),
     ("gain", "gain over static (dB)", "+.2f"),
     ("spread", "± from scene to scene", ".2f"),
     ("throughput", "light", ".1%"),
     ("seconds", "CPU seconds", ".0f"),
 )
 _RENDERED_SIZE = (256, 256)
-_MOST_PERIOD, _MOST_PIXELS = 512, 2**20
+_MOST_BYTES, _MOST_PIXELS = 4e9, 2**20
 
 
 def design_spectral(
@@ -97,9 +98,12 @@ def design_spectral(
     for name in FILES:
         if (out / name).exists() and not overwrite:
             raise OutputError(out / name, "an existing file", "a new folder", "pass --overwrite or another --out")
-    _check(sheet, slots, kinds, period)
-    if throughput is not None and not 0 < throughput < 1:
-        raise SettingError("--throughput", f"{throughput:g}", "a share between 0 and 1")
+    _check(sheet, slots, kinds, period, seed, throughput, {"bands": bands, **camera})
+    for name in scenes:
+        if list(scenes).count(name) > 1:
+            raise DataError(name, "the same scene twice", "each scene once", "leave one out")
+    if out.exists():
+        make_folder(out)  # refuses a file of this name before anything is searched
     told = progress or (lambda share, step: None)
     examples, wavelengths = _examples(scenes, bands, camera, reading or {}, told)
     camera = {"bands": wavelengths, **camera}
@@ -109,16 +113,35 @@ def design_spectral(
     )  # fmt: skip
     make_folder(out)
     found = _described(advice, examples, period, command)
+    sections = _sections(advice, found)  # before anything is written
     _write_codes(advice.best.design.camera, out, found, overwrite)
     write_json(found, out / "design.json", overwrite=overwrite)
-    write_report(out / "design.html", "Codes for a spectral camera", _sections(advice, found), overwrite=overwrite)
+    write_report(out / "design.html", "Codes for a spectral camera", sections, overwrite=overwrite)
     return advice, found
 
 
-def _check(sheet: SensorSheet, slots: Sequence[int] | None, kinds: Sequence[str], period: int) -> None:
+def _check(
+    sheet: SensorSheet,
+    slots: Sequence[int] | None,
+    kinds: Sequence[str],
+    period: int,
+    seed: int,
+    throughput: float | None,
+    camera: Mapping[str, Any],
+) -> None:
     """Refuse what cannot be searched, before scenes are read."""
-    if not 1 <= period <= _MOST_PERIOD:
-        raise SettingError("--period", str(period), f"1 to {_MOST_PERIOD} pixels")
+    if period < 1:
+        raise SettingError("--period", str(period), "1 pixel or more")
+    if seed < 0:
+        raise SettingError("--seed", str(seed), "0 or more")
+    if throughput is not None and not 0 < throughput < 1:
+        raise SettingError("--throughput", f"{throughput:g}", "a share between 0 and 1")
+    needed = tile_bytes(design_model(designable("static", 1, (8, 8), **camera).taps()), (period, period))
+    if needed > _MOST_BYTES:
+        found = f"{period}, {needed / 1e9:.1f} GB for the blocks of one tile"
+        raise SettingError(
+            "--period", found, f"at most {_MOST_BYTES / 1e9:g} GB", "take a smaller period or fewer bands"
+        )
     for k in sheet.allowed(slots):
         if k * period**2 > _MOST_PIXELS:
             found = f"{k} slots of {period}×{period} pixels"
@@ -168,7 +191,7 @@ def _described(advice: Advice, examples: Examples, period: int, command: Sequenc
     return {
         "command": " ".join(command), "commit": repository_commit(), "advice": advice.sentence(),
         "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
-        "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
+        "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period, "bands": examples.model.block[0],
         "block": list(examples.model.block), "scenes": list(examples.scenes),
         "best": {**best.row(), "held_out": best.held_out, "gains": best.gains,
                  "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
@@ -195,6 +218,15 @@ def _write_codes(camera: SpectralCamera, out: Path, found: Mapping[str, Any], ov
     write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)
 
 
+def _training(found: Mapping[str, Any]) -> str:
+    """The command that trains a network for the codes."""
+    camera = {"slots": found["best"]["slots"], "period": found["period"], "learn": "none"}
+    if found["best"]["slots"] == 1:
+        camera["shutter"] = "open"
+    told = " ".join(f"--set camera.{name}={value}" for name, value in camera.items())
+    return f"tmca train spectral --preset quick --set data.bands={found['bands']} --set codes.start=codes.nc {told}"
+
+
 def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
     final = [found["static"], *([found["chosen"]] if found["chosen"] else [])]
     scenes = [
@@ -208,14 +240,16 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
         "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
         f"In snapshot units (1 = one band of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per unit.",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
-        "anything is captured. Gains are judged on each scene under the prior of the others.",
+        "anything is captured. Codes are searched for all scenes; gains are those of each scene when the estimate "
+        "knows only the others.",
     ]
     columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
+    survey = ["A survey with less effort; gains are over its own static code, the first row."]
     codes = ["Take them along: tmca simulate spectral SCENE --codes codes.nc; train a network for them: "
-             "tmca train spectral --preset quick --set codes.start=codes.nc --set camera.learn=none."]  # fmt: skip
+             f"{_training(found)}."]  # fmt: skip
     return [
         Section("Advice", about, final, COLUMNS),
-        Section("Every number of slots", ["A survey with less effort."], found["surveyed"], COLUMNS,
+        Section("Every number of slots", survey, found["surveyed"], COLUMNS,
                 {"Gain over the static code, and its spread over the scenes": gains_figure(advice)}),
         Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
         Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera)}),

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import deepcopy
 from pathlib import Path
 
 from tmca.cameras import SpectralCamera
-from tmca.design import Descent, Examples, MixtureTileMse, descend, flip_greedily
+from tmca.design import Descent, Examples, MixtureTileMse, descend
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, load_examples, mean
 from tmca.priors import GaussianMixturePrior
@@ -37,18 +36,12 @@ def _designed(kind: str) -> Made:
     return lambda task, slots: task.design(kind, 1 if kind == "static" else slots).camera
 
 
-def _free_from(kind: str | None) -> Made:
+def _free_from(*kinds: str, **effort: int) -> Made:
+    """Free codes from one start, or from random codes without any."""
+
     def made(task: Task, slots: int) -> SpectralCamera:
-        return task.search("free", slots, _designed(kind)(task, slots) if kind else None).camera
-
-    return made
-
-
-def _flipped(kind: str) -> Made:
-    def made(task: Task, slots: int) -> SpectralCamera:
-        camera = deepcopy(_designed(kind)(task, slots))
-        flip_greedily(camera, task.error, most=task.effort.flips, seed=task.seed)
-        return camera
+        starts = [_designed(kind)(task, slots) for kind in kinds]
+        return task.search("free", slots, starts, **{"descents": 1, "flips": 0} | effort).camera
 
     return made
 
@@ -60,15 +53,13 @@ def _relaxed(task: Task, slots: int) -> SpectralCamera:
 
 
 def _without_noise(task: Task, slots: int) -> SpectralCamera:
-    return Task(task.examples, Noise(0.0, 0.0), task.cell).search("free", slots).camera
+    return _free_from()(Task(task.examples, Noise(0.0, 0.0), task.cell), slots)
 
 
 def _of_period(rows: int, columns: int) -> Made:
-    def made(task: Task, slots: int) -> SpectralCamera:
-        other = Task(task.examples, task.noise, {**task.cell, "period": (rows, columns)})
-        return other.search("free", slots).camera
-
-    return made
+    return lambda task, slots: _free_from()(
+        Task(task.examples, task.noise, {**task.cell, "period": (rows, columns)}), slots
+    )
 
 
 def _for_scenes(choose: Callable[[str, Examples], bool]) -> Made:
@@ -77,7 +68,7 @@ def _for_scenes(choose: Callable[[str, Examples], bool]) -> Made:
     def made(task: Task, slots: int) -> SpectralCamera:
         wide = load_examples(Path(task.cell["wide"]))
         chosen = {name: prior for name, prior in wide.scenes.items() if choose(name, task.examples)}
-        return Task(Examples(wide.model, chosen, wide.areas), task.noise, task.cell).search("free", slots).camera
+        return _free_from()(Task(Examples(wide.model, chosen, wide.areas), task.noise, task.cell), slots)
 
     return made
 
@@ -92,24 +83,26 @@ def _for_mixture(task: Task, slots: int) -> SpectralCamera:
 
 INGREDIENTS: dict[str, Made] = {
     "static, random": _random("static"),
+    "static, one descent": lambda task, slots: task.search("static", 1, descents=1, flips=0).camera,
     "static, designed": _designed("static"),
-    "static, designed, then flips": _flipped("static"),
     "K apertures, shutter open, designed": _designed("open-shutter"),
     "one aperture, K shutters, designed": _designed("static-aperture"),
     "one-hot shutter, random": _random("one-hot"),
     "one-hot shutter, designed": _designed("one-hot"),
     "free, random": _random("free"),
-    "free, from random codes": _free_from(None),
-    "free, from the static design": _free_from("static"),
-    "free, from the one-hot design": _free_from("one-hot"),
-    "free, best of the three": _designed("free"),
-    "free, best of the three, then flips": _flipped("free"),
-    "free, from random, grey codes that become binary": _relaxed,
-    "free, from random, designed as if without noise": _without_noise,
-    "free, from random, for a Gaussian mixture": _for_mixture,
-    "free, from random, tile of 8×12": _of_period(8, 12),
-    "free, from random, tile of 32×48": _of_period(32, 48),
-    "free, from random, rendered scenes among the examples": _for_scenes(lambda name, own: True),
-    "free, from random, for rendered scenes alone": _for_scenes(lambda name, own: name not in own.scenes),
+    "free, one descent from random codes": _free_from(),
+    "free, one descent from the static design": _free_from("static"),
+    "free, one descent from the one-hot design": _free_from("one-hot"),
+    "free, one descent from random codes, then flips": lambda task, slots: (
+        task.search("free", slots, descents=1).camera
+    ),
+    "free, designed": _designed("free"),
+    "free, one descent, grey codes that become binary": _relaxed,
+    "free, one descent, as if without noise": _without_noise,
+    "free, one descent, for a Gaussian mixture": _for_mixture,
+    "free, one descent, tile of 8×12": _of_period(8, 12),
+    "free, one descent, tile of 32×48": _of_period(32, 48),
+    "free, one descent, rendered scenes among the examples": _for_scenes(lambda name, own: True),
+    "free, one descent, for rendered scenes alone": _for_scenes(lambda name, own: name not in own.scenes),
 }
 """Codes with K slots, unless static; tiles, starts and scenes are those of the study where nothing is said."""

@@ -44,9 +44,10 @@ def networks(slots: int) -> dict[str, dict[str, Any]]:
     return {
         "static, random": {"slots": 1, "shutter": "open"},
         "static, designed": {"design": "static", "slots": 1},
+        "static, tuned with the network": {"design": "static", "slots": 1, "tune": "aperture"},
         f"random K = {slots}": {"slots": slots},
         f"free K = {slots}, designed": {"design": "free", "slots": slots},
-        f"free K = {slots}, tuned with the network": {"design": "free", "slots": slots, "tune": True},
+        f"free K = {slots}, tuned with the network": {"design": "free", "slots": slots, "tune": "both"},
     }
 
 
@@ -104,11 +105,12 @@ def _trained(task: Task, cell: Settings, camera: SpectralCamera) -> Path:
     from tmca.training import settings_from, train_spectral
 
     folder, codes = make_folder(Path(cell["folder"])), camera.multiplexed
-    file, bands, tuned = folder / "codes.nc", cell["bands"], bool(cell["code"].get("tune"))
+    file, bands = folder / "codes.nc", cell["bands"]
     write_codes(file, codes.aperture.tile(), codes.shutter.tile(), task.period, overwrite=True)
+    static = {"shutter": "open"} if camera.slots == 1 else {}
     own = {"size": _frame(task.period), "period": list(task.period), "slots": camera.slots}
     training = {
-        "camera": {**own, "learn": "both" if tuned else "none"},
+        "camera": {**own, "learn": cell["code"].get("tune", "none"), **static},
         "noise": [cell["sensor"]],
         "codes": {"start": str(file), "frozen": FROZEN["unrolled"], "slope": [2.0, 40.0]},
         "decoder": {"kind": "unrolled", "start": "lmmse"},

@@ -102,7 +102,7 @@ def study_codes(
     files = [out / "codes.json", out / "codes.md", *files_of(out)]
     check_new(files, overwrite)
     make_folder(out)
-    common = _common(train, make_folder(work), bands, period, effort or Effort(sweeps=0))
+    common = _common(train, make_folder(work), bands, period, effort or Effort())
     failures = Failures(work)
     measured = run_cells(_grid_cells(common, slots), compute, work, jobs=jobs, progress=progress, failures=failures)
     cells = _ablation_cells(common, test_slots)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import torch
 from tmca.cameras import SpectralCamera
 from tmca.codes import read_codes, write_codes
 from tmca.design import Design, Effort, Examples, TileMse, design_model, designable, search
-from tmca.design.search import best_design, decibels
+from tmca.design.search import decibels
 from tmca.experiments.cells import Settings, cell_key
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
@@ -46,25 +47,21 @@ class Task:
         """What searches lower."""
         return self.examples.tile_mse(self.noise.read, self.noise.shot)
 
-    def search(self, kind: str, slots: int, start: SpectralCamera | None = None) -> Design:
-        """The best codes of a kind from random ones, or from a start."""
-        return search(
-            kind, slots, self.period, self.error, start=start, effort=self.effort, seed=self.seed, bands=self.bands
-        )
+    def search(self, kind: str, slots: int, starts: Sequence[SpectralCamera] = (), **effort: int) -> Design:
+        """The best codes of a kind from given ones and from random ones, with the cell's effort unless changed."""
+        own = replace(self.effort, **effort)
+        return search(kind, slots, self.period, self.error, starts=starts, effort=own, seed=self.seed, bands=self.bands)
 
     def design(self, kind: str, slots: int) -> Design:
         """The best codes of a kind, searched once with the same effort for all kinds; free ones contain the others."""
         own = {"kind": kind, "slots": slots, "seed": self.seed, "effort": vars(self.effort), "period": self.period}
-        own |= {"examples": self.cell["examples"], "source": self.cell["source"], "noise": vars(self.noise)}
+        own |= {"examples": Path(self.cell["examples"]).name, "source": self.cell["source"], "noise": vars(self.noise)}
         file = Path(self.cell["designs"]) / f"{kind}-{slots}-{cell_key(own)}.nc"
         if file.exists():
             return self._kept(file, kind)
-        others = _contained(slots) if kind == "free" else ()
-        best = best_design(
-            kind, slots, self.period, self.error, contained=[self.design(*other).camera for other in others],
-            effort=self.effort, seed=self.seed, bands=self.bands,
-        )  # fmt: skip
-        notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
+        starts = [self.design(*other).camera for other in _contained(slots)] if kind == "free" else []
+        best = self.search(kind, slots, starts)
+        notes = {"mse": best.mse, "seconds": best.seconds}
         codes = best.camera.multiplexed
         write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
         return best
@@ -72,10 +69,10 @@ class Task:
     def _kept(self, file: Path, kind: str) -> Design:
         from tmca.data import read_dataset
 
-        notes = read_dataset(file, ("aperture",)).attrs
-        codes = read_codes(file)
-        camera = SpectralCamera(bands=self.bands, size=self.period, learnable=True, **codes.settings())
-        return Design(kind, camera, float(notes["mse"]), float(notes["random"]), float(notes["seconds"]))
+        notes, codes = read_dataset(file, ("aperture",)).attrs, read_codes(file).settings()
+        shown = SpectralCamera(bands=self.bands, size=self.period, **codes)
+        camera = designable(kind, shown.slots, self.period, start=shown, bands=self.bands)
+        return Design(kind, camera, float(notes["mse"]), None, float(notes["seconds"]))
 
     def random(self, kind: str, slots: int) -> SpectralCamera:
         """Random codes of a kind."""
