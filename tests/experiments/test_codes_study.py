@@ -76,7 +76,7 @@ def test_the_order_of_codes_is_checked(found):
 
 def test_the_study_is_written_and_kept(found, folder):
     assert json.loads((folder / "out" / "codes.json").read_text())["grid"] == found["grid"]
-    assert "scenes left out" in (folder / "out" / "codes.md").read_text()
+    assert "prior of the others" in (folder / "out" / "codes.md").read_text()
     assert (folder / "out" / "codes_full_well.png").stat().st_size > 10_000
     with pytest.raises(OutputError, match=r"codes\.json"):
         study_codes(SCENES, [], folder / "out", folder / "work", **SMALL)
@@ -90,7 +90,7 @@ def test_the_study_is_written_and_kept(found, folder):
 
 
 def test_impossible_studies_are_refused(tmp_path):
-    for changes in ({"slots": [1]}, {"slots": []}, {"seeds": 0}):
+    for changes in ({"slots": [1]}, {"slots": []}, {"seeds": 0}, {"test_slots": 1}, {"steps": -1}):
         with pytest.raises(SettingError, match="design study"):
             study_codes(SCENES, [], tmp_path, tmp_path / "work", **{**SMALL, **changes})
     with pytest.raises(SettingError, match="design study"):

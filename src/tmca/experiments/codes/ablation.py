@@ -16,7 +16,7 @@ Made = Callable[[Task, int], SpectralCamera]
 
 
 def ablation(cell: Settings) -> Measured:
-    """Gain over the static design, expected and on scenes left out, of codes that lack or add one ingredient."""
+    """Gain over the static design of codes that lack or add one ingredient, expected and under other scenes' prior."""
     task, slots = Task.of(cell), int(cell["slots"][0])
     static = task.design("static", 1).camera
     base, base_left = task.psnr(static), mean(task.left_out(static))

@@ -34,12 +34,14 @@ def study_figures(found: dict[str, Any], out: Path, *, overwrite: bool = False) 
 
 
 def gain_maps(rows: Sequence[dict[str, Any]], noises: Sequence[str], label: str) -> Figure:
-    """Gain over the static design of one-hot and free codes: expected, and on scenes left out."""
+    """Gain over the static design of one-hot and free codes: expected, and under the prior of the other scenes."""
     slots = sorted({row["slots"] for row in rows if row["slots"] > 1})
     noises = [noise for noise in noises if any(row["noise"] == noise for row in rows)]
     figure, axes = grid(2, 2, width=4.6, aspect=0.75)
     top = max((abs(row[key]) for row in rows for key in ("gain", "held_out")), default=1.0) or 1.0
-    for line, (key, meaning) in zip(axes, (("gain", "expected"), ("held_out", "scenes left out")), strict=True):
+    for line, (key, meaning) in zip(
+        axes, (("gain", "expected"), ("held_out", "prior of the other scenes")), strict=True
+    ):
         for axis, kind in zip(line, ("one-hot", "free"), strict=True):
             known = {(row["noise"], row["slots"]): row[key] for row in rows if row["kind"] == kind}
             values = np.array([[known.get((noise, k), np.nan) for k in slots] for noise in noises])
@@ -62,7 +64,7 @@ def gains_figure(found: dict[str, Any]) -> Figure:
         designed = f"{kind} K = {found['slots']}, designed"
         bars = {
             "expected": {noise: row["expected"] for noise, row in own.items()},
-            "scenes left out": {noise: row["predicted"] for noise, row in own.items()},
+            "prior of the other scenes": {noise: row["predicted"] for noise, row in own.items()},
             "LMMSE, test scenes": {noise: row["gain"] for noise, row in own.items()},
             "unrolled, test scenes": {row["noise"]: row["gain"] for row in networks if row["codes"] == designed},
         }

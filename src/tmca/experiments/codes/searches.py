@@ -24,7 +24,7 @@ def grid(cell: Settings) -> Measured:
 
 
 def _row(task: Task, design: Design, static: Design) -> dict[str, Any]:
-    """Expected PSNR, and PSNR on scenes left out, of a design and of random codes of its kind."""
+    """Expected PSNR, and PSNR under the prior of the other scenes, of a design and of random codes of its kind."""
     random = task.random(design.kind, design.slots)
     own, base = task.left_out(design.camera), task.left_out(static.camera)
     return {
@@ -34,6 +34,11 @@ def _row(task: Task, design: Design, static: Design) -> dict[str, Any]:
         "held_out_gains": {name: own[name] - base[name] for name in own},
         "throughput": design.camera.throughput(), "seconds": design.seconds,
     }  # fmt: skip
+
+
+def design_ahead(cell: Settings) -> Measured:
+    """Designs that other cells will ask for."""
+    return {"seconds": Task.of(cell).design("free", cell["slots"][0]).seconds}
 
 
 def on_test_scene(cell: Settings) -> Measured:

@@ -13,7 +13,7 @@ from tmca.experiments.codes.ablation import ablation
 from tmca.experiments.codes.figures import files_of, study_figures
 from tmca.experiments.codes.learned import examples_folder, mixture_file, prior_file
 from tmca.experiments.codes.ranking import RANKED, correlations, networks, ranking
-from tmca.experiments.codes.searches import grid, on_test_scene
+from tmca.experiments.codes.searches import design_ahead, grid, on_test_scene
 from tmca.experiments.codes.tables import study_markdown
 from tmca.experiments.results import check_new, repository_commit
 from tmca.experiments.scenes import identity_of
@@ -99,6 +99,10 @@ def study_codes(
     if len(train) < 2 or min(slots, default=0) < 2 or seeds < 1 or jobs < 1:
         given = f"{len(train)} scenes, slots {list(slots)}, {seeds} seeds, {jobs} jobs"
         raise SettingError("design study", given, "two scenes or more, slots ≥ 2, seeds and jobs ≥ 1")
+    if len({Path(name).stem for name in train}) < len(train):
+        raise SettingError("--train", "two scenes of one name", "a name for each", "rename a file")
+    if test_slots < 2 or steps < 0:
+        raise SettingError("design study", f"{test_slots} test slots, {steps} steps", "slots ≥ 2, steps ≥ 0")
     files = [out / "codes.json", out / "codes.md", *files_of(out)]
     check_new(files, overwrite)
     make_folder(out)
@@ -107,8 +111,11 @@ def study_codes(
     measured = run_cells(_grid_cells(common, slots), compute, work, jobs=jobs, progress=progress, failures=failures)
     cells = _ablation_cells(common, test_slots)
     if test:
+        ahead = _design_cells(common, test_slots, seeds)
+        run_cells(ahead, compute, work, jobs=jobs, progress=progress, failures=failures)
         common["prior"] = str(prior_file(train, work, bands))
-        trained = {"train": list(train), "validation": list(validation)}
+        trained: Settings = {"train": list(train), "validation": list(validation)}
+        trained["learned"] = [identity_of(name) for name in (*train, *validation)]
         cells += _test_cells(common, test, test_slots, seeds)
         cells += _ranking_cells(common, test, trained, work, steps)
         cells += _network_cells(common, test, trained, work, steps, test_slots, seeds)
@@ -125,7 +132,8 @@ def study_codes(
 
 def compute(cell: Settings) -> Measured:
     """One cell of any kind."""
-    kinds = {"grid": grid, "test": on_test_scene, "ranking": ranking, "network": ranking, "ablation": ablation}
+    kinds = {"grid": grid, "test": on_test_scene, "ranking": ranking, "network": ranking}
+    kinds |= {"ablation": ablation, "design": design_ahead}
     return kinds[cell["kind"]](cell)
 
 
@@ -177,6 +185,16 @@ def _ablation_cells(common: Settings, slots: int) -> list[Settings]:
         {**common, "kind": "ablation", "name": f"ingredients · {name}", "noise": name, "sensor": sensor,
          "slots": [slots]}
         for name, sensor in CORNERS.items()
+    ]  # fmt: skip
+
+
+def _design_cells(common: Settings, slots: int, seeds: int) -> list[Settings]:
+    """Designs of further seeds, each searched once before several cells ask for it."""
+    noises = {**CORNERS, **NETWORK_CORNERS}
+    return [
+        {**common, "kind": "design", "name": f"designs · {name} · seed {seed}", "sensor": sensor, "slots": [slots],
+         "seed": seed}
+        for name, sensor in noises.items() for seed in range(1, seeds)
     ]  # fmt: skip
 
 
