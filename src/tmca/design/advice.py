@@ -125,9 +125,8 @@ class Candidate:
     def row(self) -> dict[str, Any]:
         """For tables and files."""
         own = self.design
-        random = None if own.random is None else decibels(own.random)
         return {
-            "codes": own.kind, "slots": own.slots, "expected_psnr": own.psnr, "random_psnr": random,
+            "codes": own.kind, "slots": own.slots, "expected_psnr": own.psnr, "random_psnr": decibels(own.random),
             "held_out_psnr": sum(self.held_out.values()) / len(self.held_out), "gain": self.gain,
             "spread": self.spread, "throughput": own.camera.throughput(), "seconds": own.seconds,
         }  # fmt: skip

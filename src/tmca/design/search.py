@@ -48,14 +48,14 @@ class Design:
         kind: their structure, name in ``KINDS``.
         camera: of one period, with these codes.
         mse: expected mean squared error, squared irradiance.
-        random: mean of the same over the random codes that were started from; None without any.
+        random: the same of random codes of its kind.
         seconds: CPU time of the search.
     """
 
     kind: str
     camera: SpectralCamera
     mse: float
-    random: float | None
+    random: float
     seconds: float
 
     @property
@@ -109,18 +109,18 @@ def search(
         own = designable(kind, slots, period, seed=seed + number, start=start, **camera)
         if throughput is not None:
             hold_throughput(own, throughput)
-        before = None if start else error.whole(own)
         how = Descent(steps=effort.steps, throughput=throughput, seed=seed + number)
         after = descend(own, error, how, lambda share, done=number: told((done + share) / parts))  # type: ignore[misc]
-        found.append((after, number, own, before))
-    best, _, chosen, _ = min(found)
+        found.append((after, number, own))
+    best, _, chosen = min(found)
     if effort.flips and isinstance(error, TileMse):
         rest = effort.descents / parts
         best = _polish(chosen, error, effort, best, seed, throughput, lambda share: told(rest + (1 - rest) * share))
     told(1.0)
-    random = [before for *_, before in found if before is not None]
-    mean = sum(random) / len(random) if random else None
-    return Design(kind, chosen, best, mean, time.process_time() - begun)
+    random = designable(kind, slots, period, seed=seed, **camera)
+    if throughput is not None:
+        hold_throughput(random, throughput)
+    return Design(kind, chosen, best, error.whole(random), time.process_time() - begun)
 
 
 def _polish(

@@ -61,7 +61,7 @@ class Task:
             return self._kept(file, kind)
         starts = [self.design(*other).camera for other in _contained(slots)] if kind == "free" else []
         best = self.search(kind, slots, starts)
-        notes = {"mse": best.mse, "seconds": best.seconds}
+        notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
         codes = best.camera.multiplexed
         write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
         return best
@@ -72,7 +72,7 @@ class Task:
         notes, codes = read_dataset(file, ("aperture",)).attrs, read_codes(file).settings()
         shown = SpectralCamera(bands=self.bands, size=self.period, **codes)
         camera = designable(kind, shown.slots, self.period, start=shown, bands=self.bands)
-        return Design(kind, camera, float(notes["mse"]), None, float(notes["seconds"]))
+        return Design(kind, camera, float(notes["mse"]), float(notes["random"]), float(notes["seconds"]))
 
     def random(self, kind: str, slots: int) -> SpectralCamera:
         """Random codes of a kind."""
