@@ -47,7 +47,8 @@ def gain_maps(rows: Sequence[dict[str, Any]], noises: Sequence[str], label: str)
             values = np.array([[known.get((noise, k), np.nan) for k in slots] for noise in noises])
             shown = axis.imshow(values, cmap="RdBu", vmin=-top, vmax=top, aspect="auto")
             for (y, x), value in np.ndenumerate(values):
-                axis.text(x, y, f"{value:+.1f}", ha="center", va="center", fontsize=8)
+                colour = "white" if abs(value) > 0.6 * top else "black"
+                axis.text(x, y, f"{value:+.1f}", ha="center", va="center", fontsize=8, color=colour)
             axis.set_xticks(range(len(slots)), [str(k) for k in slots])
             axis.set_yticks(range(len(noises)), [noise.removeprefix("σ = ") for noise in noises])
             plain_axes(axis, f"{kind}, {meaning}", "slots K", label)
