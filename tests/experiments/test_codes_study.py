@@ -12,7 +12,7 @@ from tmca.experiments.codes import ranking as ranks
 from tmca.experiments.codes.ablation import INGREDIENTS
 from tmca.experiments.codes.learned import prior_file
 from tmca.experiments.codes.study import CORNERS, _common, _network_cells, sensors, study_codes
-from tmca.experiments.codes.tables import network_rows
+from tmca.experiments.codes.tables import grid_rows, network_rows
 from tmca.experiments.codes.tables import test_rows as rows_of_tests
 from tmca.experiments.codes.task import Task
 
@@ -54,6 +54,8 @@ def test_time_per_slot_is_less_noise(found):
     noise = "σ = 0.01"
     static = {row["exposures"]: row["psnr"] for row in found["grid"] if row["noise"] == noise and row["slots"] == 1}
     assert static[2] > static[1]
+    rows = [row for row in grid_rows(found, 2) if row["noise"] == noise]
+    assert [row["ahead"] for row in rows] == pytest.approx([row["psnr"] - static[1] for row in rows])
 
 
 def test_designs_are_measured_on_test_scenes(found):
