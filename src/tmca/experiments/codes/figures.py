@@ -50,10 +50,14 @@ def gain_maps(rows: Sequence[dict[str, Any]], noises: Sequence[str], label: str)
                 colour = "white" if abs(value) > 0.6 * top else "black"
                 axis.text(x, y, f"{value:+.1f}", ha="center", va="center", fontsize=8, color=colour)
             axis.set_xticks(range(len(slots)), [str(k) for k in slots])
-            axis.set_yticks(range(len(noises)), [noise.removeprefix("σ = ") for noise in noises])
+            axis.set_yticks(range(len(noises)), [_short(noise) for noise in noises])
             plain_axes(axis, f"{kind}, {meaning}", "slots K", label)
             add_bar(axis, shown, "gain over static (dB)")
     return figure
+
+
+def _short(noise: str) -> str:
+    return noise.removeprefix("σ = ").replace(" full well, ", "\n").removesuffix(" read noise")
 
 
 def gains_figure(found: dict[str, Any]) -> Figure:
@@ -82,7 +86,7 @@ def _draw_bars(axis: Any, bars: dict[str, dict[str, float]]) -> None:
         shown = axis.bar(x, list(values.values()), width, label=name, color=_COLOURS[place])
         axis.bar_label(shown, fmt="%+.1f", fontsize=7)
     axis.axhline(0, color="#333333", linewidth=0.8)
-    axis.set_xticks(range(len(noises)), [noise.replace(" full well, ", "\n") for noise in noises])
+    axis.set_xticks(range(len(noises)), [_short(noise) if noise[0] != "σ" else noise for noise in noises])
     axis.margins(y=0.12)
     axis.legend(fontsize=8)
 

@@ -46,7 +46,8 @@ def sensors() -> dict[str, dict[str, float]]:
     found = {f"σ = {value:g}": {"read_noise": value} for value in READ_NOISES}
     for well in FULL_WELLS:
         electrons = round(3 * (well / 1e4) ** 0.5, 2)
-        found[f"{well:g} e⁻, {electrons:g} e⁻"] = {"full_well": well, "read_noise_electrons": electrons}
+        name = f"{well:,.0f} e⁻ full well, {electrons:g} e⁻ read noise".replace(",", " ", 1)
+        found[name] = {"full_well": well, "read_noise_electrons": electrons}
     return found
 
 
