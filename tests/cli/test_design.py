@@ -94,7 +94,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
     main(tune)
     kept = Weights.load("run")
     np.testing.assert_array_equal(kept.aperture, tifffile.imread("d/aperture.tif").reshape(kept.aperture.shape) > 0)
-    assert "exist" in refused(capsys, *SMALL, "--out", "d")
+    assert "earlier results" in refused(capsys, *SMALL, "--out", "d")
 
 
 @pytest.mark.parametrize(

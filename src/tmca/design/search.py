@@ -107,8 +107,6 @@ def search(
     for number in range(effort.descents):
         start = starts[number] if number < len(starts) else None
         own = designable(kind, slots, period, seed=seed + number, start=start, **camera)
-        if throughput is not None:
-            hold_throughput(own, throughput)
         how = Descent(steps=effort.steps, throughput=throughput, seed=seed + number)
         after = descend(own, error, how, lambda share, done=number: told((done + share) / parts))  # type: ignore[misc]
         found.append((after, number, own))

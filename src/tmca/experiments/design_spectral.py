@@ -25,11 +25,11 @@ from tmca.design import (
 )
 from tmca.design.flips import tile_bytes
 from tmca.design.spectral import check_kind
-from tmca.errors import DataError, OutputError, SettingError
+from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design_figures import gains_figure
 from tmca.experiments.report import Section, write_report
-from tmca.experiments.results import repository_commit
+from tmca.experiments.results import check_new, repository_commit
 from tmca.experiments.scenes import load_scene
 
 FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc")
@@ -95,9 +95,7 @@ def design_spectral(
     """
     from tmca.data import make_folder, write_json
 
-    for name in FILES:
-        if (out / name).exists() and not overwrite:
-            raise OutputError(out / name, "an existing file", "a new folder", "pass --overwrite or another --out")
+    check_new((out / name for name in FILES), overwrite)
     _check(sheet, slots, kinds, period, seed, throughput, {"bands": bands, **camera})
     for name in scenes:
         if list(scenes).count(name) > 1:
@@ -109,7 +107,7 @@ def design_spectral(
     camera = {"bands": wavelengths, **camera}
     advice = advise(
         examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
-        seed=seed,        progress=lambda share, step: told(0.3 + 0.68 * share, step), **camera,
+        seed=seed, progress=lambda share, step: told(0.3 + 0.68 * share, step), **camera,
     )  # fmt: skip
     make_folder(out)
     found = _described(advice, examples, period, command)

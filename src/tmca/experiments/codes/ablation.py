@@ -36,12 +36,12 @@ def _designed(kind: str) -> Made:
     return lambda task, slots: task.design(kind, 1 if kind == "static" else slots).camera
 
 
-def _free_from(*kinds: str, **effort: int) -> Made:
+def _free_from(*kinds: str) -> Made:
     """Free codes from one start, or from random codes without any."""
 
     def made(task: Task, slots: int) -> SpectralCamera:
         starts = [_designed(kind)(task, slots) for kind in kinds]
-        return task.search("free", slots, starts, **{"descents": 1, "flips": 0} | effort).camera
+        return task.search("free", slots, starts, descents=1, flips=0).camera
 
     return made
 

@@ -53,11 +53,13 @@ def networks(slots: int) -> dict[str, dict[str, Any]]:
 
 def ranking(cell: Settings) -> Measured:
     """Expected PSNR of one code, and what decoders make of it on the middle of the test scenes."""
+    from tmca.decoders import Weights
+
     task = Task.of(cell)
     camera, weights = coded(task, cell["code"]), None
     if cell["steps"]:
         weights = _trained(task, cell, camera)
-        camera = _codes_of(weights, task)
+        camera = Weights.load(weights).spectral_camera(task.period)  # tuned codes are others than it began with
     found: Measured = {"expected": task.psnr(camera), "throughput": camera.throughput()}
     error = MixtureTileMse.of(
         GaussianMixturePrior.load(cell["mixture"]), task.examples.model, task.noise.read, task.noise.shot
@@ -74,15 +76,6 @@ def coded(task: Task, code: dict[str, Any]) -> SpectralCamera:
     if "design" in code:
         return task.design(code["design"], code["slots"]).camera
     return SpectralCamera(bands=task.bands, size=task.period, period=task.period, seed=task.seed, **code)
-
-
-def _codes_of(weights: Path, task: Task) -> SpectralCamera:
-    """The codes that a network ended with."""
-    from tmca.decoders import Weights
-
-    kept = Weights.load(weights)
-    planes: dict[str, Any] = {"aperture": kept.aperture, "shutter": kept.shutter, "slots": len(kept.aperture)}
-    return SpectralCamera(bands=task.bands, size=task.period, period=task.period, **planes)
 
 
 def _measured(task: Task, cell: Settings, camera: SpectralCamera, decoder: str, **with_: Any) -> dict[str, float]:

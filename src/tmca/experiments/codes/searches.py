@@ -6,6 +6,7 @@ from typing import Any
 
 from tmca.cameras import SpectralCamera
 from tmca.design import Design
+from tmca.design.search import decibels
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, mean, on_frame
 from tmca.experiments.scenes import load_scene
@@ -17,18 +18,18 @@ def grid(cell: Settings) -> Measured:
     """The static design, and one-hot and free designs of every number of slots, under one noise."""
     task = Task.of(cell)
     static = task.design("static", 1)
-    rows = [_row(task, static, static)]
+    base = task.left_out(static.camera)
+    rows = [_row(task, static, static, base)]
     for slots in cell["slots"]:
-        rows += [_row(task, task.design(kind, slots), static) for kind in ("one-hot", "free")]
+        rows += [_row(task, task.design(kind, slots), static, base) for kind in ("one-hot", "free")]
     return {"rows": rows}
 
 
-def _row(task: Task, design: Design, static: Design) -> dict[str, Any]:
+def _row(task: Task, design: Design, static: Design, base: dict[str, float]) -> dict[str, Any]:
     """Expected PSNR, and PSNR under the prior of the other scenes, of a design and of random codes of its kind."""
-    random = task.random(design.kind, design.slots)
-    own, base = task.left_out(design.camera), task.left_out(static.camera)
+    own, random = task.left_out(design.camera), task.random(design.kind, design.slots)
     return {
-        "kind": design.kind, "slots": design.slots, "psnr": design.psnr, "random_psnr": task.psnr(random),
+        "kind": design.kind, "slots": design.slots, "psnr": design.psnr, "random_psnr": decibels(design.random),
         "gain": design.psnr - static.psnr, "held_out_psnr": mean(own),
         "held_out_random": mean(task.left_out(random)),
         "held_out_gains": {name: own[name] - base[name] for name in own},

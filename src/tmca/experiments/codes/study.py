@@ -22,14 +22,6 @@ SLOTS = (2, 4, 8, 16)
 READ_NOISES = (0.0, 0.001, 0.00316, 0.01, 0.0316, 0.1, 0.316)
 """Standard deviations in snapshot units, those of the thesis' tables 5 and 6 among them."""
 FULL_WELLS = (1e3, 3e3, 1e4, 3e4, 1e5)
-CORNERS: dict[str, dict[str, float]] = {
-    "σ = 0.001": {"read_noise": 0.001},
-    "σ = 0.01": {"read_noise": 0.01},
-    "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 1e4, "read_noise_electrons": 3.0},
-}
-NETWORK_CORNERS: dict[str, dict[str, float]] = {"σ = 0": {}, **{n: CORNERS[n] for n in list(CORNERS)[1:]}}
-"""Where networks are trained."""
-
 _RANKED_NOISES, _RANKED_SIZE = ("σ = 0.001", "σ = 0.01"), (256, 256)
 _NETWORK_NOISE = _RANKED_NOISES[1]
 """Where every ranked code gets a network of its own."""
@@ -49,6 +41,12 @@ def sensors() -> dict[str, dict[str, float]]:
         name = f"{well:,.0f} e⁻ full well, {electrons:g} e⁻ read noise".replace(",", " ", 1)
         found[name] = {"full_well": well, "read_noise_electrons": electrons}
     return found
+
+
+_CORNERS = ("σ = 0", "σ = 0.001", "σ = 0.01", "10 000 e⁻ full well, 3 e⁻ read noise")
+CORNERS = {name: sensors()[name] for name in _CORNERS[1:]}
+NETWORK_CORNERS = {name: sensors()[name] for name in _CORNERS if name != "σ = 0.001"}
+"""Where networks are trained."""
 
 
 def study_codes(

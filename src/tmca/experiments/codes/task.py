@@ -36,9 +36,9 @@ class Task:
         self.bands = list(next(iter(examples.scenes.values())).wavelengths or ())
 
     @classmethod
-    def of(cls, cell: Settings, examples: str = "examples") -> Task:
+    def of(cls, cell: Settings) -> Task:
         """The task of a cell: its examples are read, its sensor's noise is worked out."""
-        found = load_examples(Path(cell[examples]))
+        found = load_examples(Path(cell["examples"]))
         noise, times = Sensor(**cell["sensor"]).noise(float(found.model.block[0])), cell["exposures"]
         return cls(found, Noise(noise.read / times, noise.shot / times), cell)
 
