@@ -2,6 +2,7 @@
 
 from tmca.operators.analysis import Conditioning, conditioning, sparse_matrix
 from tmca.operators.gram import gram_diagonal, gram_neighbour
+from tmca.operators.light_field import code_through_mask, coded_mask, mask_code
 from tmca.operators.linear import LinearOperator
 from tmca.operators.sheared_code import sheared_code
 from tmca.operators.slotwise import SlotwiseDisperser
@@ -16,11 +17,14 @@ __all__ = [
     "SlotwiseDisperser",
     "TapOperator",
     "Taps",
+    "code_through_mask",
+    "coded_mask",
     "coloured_code",
     "conditioning",
     "dual_disperser",
     "gram_diagonal",
     "gram_neighbour",
+    "mask_code",
     "sheared_code",
     "single_disperser",
     "sparse_matrix",

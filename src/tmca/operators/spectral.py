@@ -49,7 +49,7 @@ def single_disperser(
     """
     _check_planes(aperture, shutter, "aperture", "shutter", dispersion)
     channels, offsets, weights = _columns(dispersion)
-    code = sheared_code(aperture, shutter, offsets)
+    code = sheared_code(aperture, shutter, [(0, offset) for offset in offsets])
     return _operator(
         code,
         channels,
@@ -86,7 +86,8 @@ def dual_disperser(
     _check_planes(shutter, aperture, "shutter", "aperture", dispersion)
     mirrored = Dispersion(tuple(-d for d in dispersion.displacement))
     channels, offsets, weights = _columns(mirrored)
-    taps = sheared_code(shutter, aperture, offsets) * torch.tensor(weights).to(shutter)[:, None, None]
+    taps = sheared_code(shutter, aperture, [(0, offset) for offset in offsets])
+    taps = taps * torch.tensor(weights).to(shutter)[:, None, None]
     code = sum_by_channel(taps, channels, dispersion.bands)
     bands = tuple(range(dispersion.bands))
     return _operator(

@@ -1,0 +1,156 @@
+"""View shear: how a mask in front of the sensor meets the rays of every view (thesis eqs 6, 7 with the errata)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, isfinite
+
+from tmca.errors import SettingError
+
+Grid = tuple[int, int]
+_MOST_VIEWS, _DECIMALS = 9, 9
+
+
+def view_grid(views: int | tuple[int, int]) -> Grid:
+    """(V, U) of a number of views per axis, or of (V, U).
+
+    Raises:
+        SettingError: an even number, which has no centre view, or more than 9.
+    """
+    try:
+        rows, columns = (views, views) if isinstance(views, int) else (int(views[0]), int(views[1]))
+    except (TypeError, ValueError, IndexError):
+        raise SettingError("views", repr(views), "a number, or (rows, columns)") from None
+    if not all(1 <= n <= _MOST_VIEWS and n % 2 for n in (rows, columns)):
+        raise SettingError("views", f"{rows}×{columns}", f"odd numbers up to {_MOST_VIEWS}", "take the centre views")
+    return rows, columns
+
+
+def view_coordinates(count: int) -> tuple[int, ...]:
+    """-(n-1)/2 … (n-1)/2: places of the views along one axis, in view steps."""
+    return tuple(range(-(count // 2), count // 2 + 1))
+
+
+@dataclass(frozen=True)
+class ViewShear:
+    """Where the ray from sensor pixel m to view ℓ crosses the mask: at mask pixel ``c' + scale · (m - c) + step · ℓ``,
+    c and c' the middles of sensor and mask, along each axis.
+
+    Args:
+        views: (V, U), odd.
+        step: mask pixels per view along y and x: real numbers; the thesis has 1.
+        scale: mask pixels per sensor pixel as the sensor sees them; 1 for a mask of pitch (1-s)·p, 1-s for one of the
+            sensor's own pitch.
+
+    Raises:
+        SettingError: views that are even or too many, values that are not finite, a scale that is not positive.
+    """
+
+    views: Grid
+    step: tuple[float, float] = (1.0, 1.0)
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "views", view_grid(self.views))
+        step = tuple(round(float(s), _DECIMALS) for s in self.step)
+        if len(step) != 2 or not all(isfinite(s) and abs(s) <= 1000 for s in step):
+            raise SettingError("shear", str(self.step), "mask pixels per view along y and x, within ±1000")
+        if not (isfinite(self.scale) and 0.1 <= self.scale <= 10):
+            raise SettingError("mask_scale", str(self.scale), "mask pixels per sensor pixel, 0.1 to 10")
+        object.__setattr__(self, "step", step)
+
+    @property
+    def whole(self) -> bool:
+        """Whether every ray meets the middle of a mask pixel, so that shears are plain shifts."""
+        return self.scale == 1 and all(s == int(s) for s in self.step)
+
+    def border(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Rows and columns of mask beyond the sensor on each side: ``⌈|step| (U-1)/2⌉``, and what the scale adds."""
+        grow = [max(0.0, (self.scale - 1) * (n - 1) / 2) for n in size]
+        reach = [abs(s) * (v // 2) + g for s, v, g in zip(self.step, self.views, grow, strict=True)]
+        return (ceil(reach[0] - 1e-9), ceil(reach[1] - 1e-9))
+
+    def mask_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """(H, W) of the mask in front of a sensor of ``size``."""
+        border = self.border(size)
+        return (size[0] + 2 * border[0], size[1] + 2 * border[1])
+
+    def drift(self, size: tuple[int, int]) -> tuple[float, float]:
+        """Mask pixels by which the code at the edge of a sensor of ``size`` is off if the scale is taken for 1."""
+        return ((self.scale - 1) * (size[0] - 1) / 2, (self.scale - 1) * (size[1] - 1) / 2)
+
+
+@dataclass(frozen=True)
+class MaskGeometry:
+    """A mask between lens and sensor, in metres.
+
+    A sensor pixel sees view ℓ, the part of the aperture around ``u = ℓ · view_spacing``, through the mask at
+    ``(1-s) x + s u`` with ``s = d_l/d_a`` (eq. 6).
+
+    Args:
+        mask_distance: d_l from the sensor to the mask.
+        aperture_distance: d_a from the sensor to the aperture.
+        pixel_pitch: p of the sensor.
+        aperture_width: width of the aperture, shared out evenly among the views.
+        views: per axis, odd.
+
+    Raises:
+        SettingError: a length that is not positive, a mask that is not between sensor and aperture, even views.
+    """
+
+    mask_distance: float
+    aperture_distance: float
+    pixel_pitch: float
+    aperture_width: float
+    views: int = 5
+
+    def __post_init__(self) -> None:
+        view_grid(self.views)
+        for name in ("mask_distance", "aperture_distance", "pixel_pitch", "aperture_width"):
+            if not (isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise SettingError(name, f"{getattr(self, name)}", "metres, above 0")
+        if self.mask_distance >= self.aperture_distance:
+            wanted = f"less than the aperture's {self.aperture_distance:g} m"
+            raise SettingError("mask_distance", f"{self.mask_distance:g} m", wanted)
+
+    @classmethod
+    def for_shear(
+        cls, step: float, aperture_distance: float, pixel_pitch: float, aperture_width: float, views: int = 5
+    ) -> MaskGeometry:
+        """The mask at the distance that shears by ``step`` mask pixels per view; ``step=1`` resolves just these views.
+
+        From ``step = d_l Δu / ((d_a - d_l) p)``: ``d_l = d_a · step · p / (Δu + step · p)``. The angular resolution of
+        a mask at d_l is then that of Marwah 2013: neighbouring views are one mask pixel apart.
+        """
+        if step <= 0:
+            raise SettingError("step", f"{step}", "mask pixels per view, above 0")
+        moved = step * pixel_pitch
+        distance = aperture_distance * moved / (aperture_width / views + moved)
+        return cls(distance, aperture_distance, pixel_pitch, aperture_width, views)
+
+    @property
+    def s(self) -> float:
+        """d_l / d_a, the shear of the mask against the light field."""
+        return self.mask_distance / self.aperture_distance
+
+    @property
+    def view_spacing(self) -> float:
+        """Δu on the aperture, metres."""
+        return self.aperture_width / self.views
+
+    @property
+    def mask_pitch(self) -> float:
+        """(1-s)·p, metres: mask pixels that fall on sensor pixels, seen from the aperture's middle."""
+        return (1 - self.s) * self.pixel_pitch
+
+    @property
+    def step(self) -> float:
+        """Mask pixels of ``mask_pitch`` per view, ``d_l Δu / ((d_a - d_l) p)``."""
+        return (
+            self.mask_distance * self.view_spacing / ((self.aperture_distance - self.mask_distance) * self.pixel_pitch)
+        )
+
+    def shear(self, mask_pitch: float | None = None) -> ViewShear:
+        """The shear of a mask of this pitch, metres; of ``(1-s) · p`` if None."""
+        scale = 1.0 if mask_pitch is None else self.mask_pitch / mask_pitch
+        return ViewShear((self.views, self.views), (self.step * scale,) * 2, scale)
