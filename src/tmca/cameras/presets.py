@@ -1,4 +1,4 @@
-"""Named spectral cameras."""
+"""Named cameras."""
 
 from __future__ import annotations
 
@@ -31,4 +31,14 @@ PRESETS: dict[str, dict[str, Any]] = {
         "shutter": "one-hot",
         "dispersion": 1.0,
     },
+}
+
+LIGHT_FIELD_PRESETS: dict[str, dict[str, Any]] = {
+    # thesis 3.2: 5×5 views of 480×270, K = 8. Assumed, as the thesis does not say: a mask of pitch (1-s)·p one mask
+    # pixel per view from the sensor, no vignetting, codes of transmittance and duty one half, no noise.
+    "thesis": {"views": 5, "size": (270, 480), "slots": 8, "aperture": "random", "shutter": "random", "shear": 1.0},
+    # its static camera, compressive light-field photography (Marwah 2013)
+    "clfp": {"views": 5, "size": (270, 480), "slots": 1, "aperture": "static", "shutter": "open", "shear": 1.0},
+    "one-hot": {"views": 5, "size": (270, 480), "slots": 4, "aperture": "random", "shutter": "one-hot", "shear": 1.0},
+    "quick": {"views": 5, "size": (96, 96), "slots": 4, "aperture": "random", "shutter": "one-hot", "shear": 1.0},
 }

@@ -8,28 +8,27 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.checks import band_wavelengths, checked_size, choice
+from tmca.cameras.checks import band_wavelengths, choice
+from tmca.cameras.coded import CodedCamera
 from tmca.cameras.presets import PRESETS
 from tmca.codes import MultiplexedCodes
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import (
-    EXPOSURES,
     LinearOperator,
     SlotwiseDisperser,
     TapOperator,
-    Taps,
     coloured_code,
     dual_disperser,
     single_disperser,
     sum_by_channel,
 )
 from tmca.optics import Dispersion, gaussian_spread
-from tmca.sensor import Noise, Sensor
+from tmca.sensor import Sensor
 
 DISPERSERS = ("single", "dual")
 
 
-class SpectralCamera(nn.Module):
+class SpectralCamera(CodedCamera):
     """A snapshot spectral camera with a time-multiplexed coded aperture.
 
     ``e_{m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ κ_ℓ T^k_{m,n-d_ℓ} f_{m,n-d_ℓ,ℓ}`` (thesis eqs 18–21, errata), then noise.
@@ -60,6 +59,9 @@ class SpectralCamera(nn.Module):
         SettingError, ShapeError: an impossible value or codes that do not fit, naming both sizes.
     """
 
+    application = "spectral"
+    coloured: Tensor | None
+
     def __init__(
         self,
         bands: int | Sequence[float] = 12,
@@ -82,11 +84,9 @@ class SpectralCamera(nn.Module):
         spread: float = 0.0,
         coloured: Tensor | None = None,
     ) -> None:
-        super().__init__()
-        self.response: Tensor
+        super().__init__(size, slots, exposure, sensor)
         self.wavelengths = band_wavelengths(bands)
-        self.bands, self.size, self.slots = len(self.wavelengths), checked_size(size), slots
-        self.exposure = choice("exposure", exposure, EXPOSURES)
+        self.bands = len(self.wavelengths)
         self.disperser = choice("disperser", disperser, DISPERSERS)
         self.dispersion = Dispersion.of(dispersion, self.bands)
         self.relay_blur = relay_blur
@@ -100,7 +100,6 @@ class SpectralCamera(nn.Module):
             self._check_coloured(coloured)
             slots = self.slots = 1
             aperture = shutter = "open"
-            self.coloured: Tensor | None
         self.register_buffer("coloured", coloured)
         wide = (self.size[0], self.size[1] + self.dispersion.spread)
         planes = (self.size, wide) if disperser == "single" else (wide, self.size)
@@ -108,8 +107,6 @@ class SpectralCamera(nn.Module):
             slots, *planes, aperture=aperture, shutter=shutter, transmittance=transmittance, duty=duty,
             period=period, seed=seed, learnable=learnable, spread=spread,
         )  # fmt: skip
-        self.sensor = sensor or Sensor()
-        self._fixed: tuple[tuple[object, ...], TapOperator] | None = None
 
     @classmethod
     def from_preset(cls, name: str, **changes: Any) -> SpectralCamera:
@@ -124,10 +121,6 @@ class SpectralCamera(nn.Module):
         """
         return cls(**{**PRESETS[choice("preset", name, tuple(PRESETS))], **changes})
 
-    def codes(self) -> tuple[Tensor, Tensor]:
-        """(aperture T (K, H, Wa), shutter S (K, H, Ws)), zeros and ones."""
-        return self.multiplexed()
-
     def code_cube(self) -> Tensor:
         """(L, H, W) the time-multiplexed code T̂ of eq. (20), without the sensor response; for a fractional
         displacement, the sum over its two taps."""
@@ -137,22 +130,6 @@ class SpectralCamera(nn.Module):
         build = single_disperser if self.disperser == "single" else dual_disperser
         taps = build(aperture, shutter, self.dispersion, None, self.exposure).taps
         return sum_by_channel(taps.code, taps.channels, self.bands)
-
-    def throughput(self) -> float:
-        """Light throughput: share of a white scene's light that is recorded, mean of T̂ under equal exposure."""
-        with torch.no_grad():
-            share = self.code_cube().mean()
-        return float(share) / (self.slots if self.exposure == "per-slot" else 1)
-
-    @property
-    def full_scale(self) -> float:
-        """Level of a white scene with everything open, snapshot units: Σκ, K times that per slot."""
-        return float(self.response.detach().sum()) * (self.slots if self.exposure == "per-slot" else 1)
-
-    @property
-    def noise(self) -> Noise:
-        """Read and shot noise in snapshot units."""
-        return self.sensor.noise(*self._light())
 
     @property
     def scene_shape(self) -> tuple[int, int, int]:
@@ -166,27 +143,7 @@ class SpectralCamera(nn.Module):
 
     def operator(self) -> LinearOperator:
         """The linear part with the present codes; ``relay_blur`` keeps the slots apart and makes it slower."""
-        if self.blurred:
-            return self._slotwise(moving=False)
-        if self.multiplexed.learnable or self.response.requires_grad:
-            return self._collapsed()
-        tensors = (*self.multiplexed.state_dict(keep_vars=True).values(), self.response)
-        tensors += () if self.coloured is None else (self.coloured,)
-        versions = (self.exposure, self.dispersion, *((t.data_ptr(), t._version) for t in tensors))
-        if self._fixed is None or self._fixed[0] != versions:
-            self._fixed = (versions, self._collapsed())
-        return self._fixed[1]
-
-    def taps(self) -> Taps:
-        """The collapsed code with the sensor response folded in.
-
-        Raises:
-            SettingError: relay blur, which keeps the slots apart.
-        """
-        operator = self.operator()
-        if not isinstance(operator, TapOperator):
-            raise SettingError("relay blur", str(self.relay_blur), "0 where one code stands for all slots")
-        return operator.taps
+        return self._slotwise(moving=False) if self.blurred else super().operator()
 
     @property
     def blurred(self) -> bool:
@@ -221,15 +178,8 @@ class SpectralCamera(nn.Module):
         operator = self._slotwise(moving=True) if scene.ndim == 5 else self.operator()
         return self.record(operator.A(scene), generator)
 
-    def record(self, irradiance: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
-        """What the sensor makes of exact irradiance of any shape: noise, saturation, converter."""
-        full_scale, exposures = self._light()
-        return self.sensor(irradiance, full_scale, generator, exposures)
-
-    def _light(self) -> tuple[float, int]:
-        """Full scale of one exposure time, and the exposure times that are accumulated (K per slot)."""
-        exposures = self.slots if self.exposure == "per-slot" else 1
-        return self.full_scale / exposures, exposures
+    def _geometry(self) -> tuple[object, ...]:
+        return (self.dispersion,)
 
     def _collapsed(self) -> TapOperator:
         if self.coloured is not None:
@@ -265,7 +215,3 @@ class SpectralCamera(nn.Module):
             self.response = values
         else:
             self.register_buffer("response", values)
-
-    def _apply(self, fn: Any, recurse: bool = True) -> SpectralCamera:
-        self._fixed = None
-        return super()._apply(fn, recurse)

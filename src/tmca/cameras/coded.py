@@ -1,0 +1,123 @@
+"""What every camera with a time-multiplexed coded aperture has: codes, one operator for all slots, light, a sensor."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from tmca.cameras.checks import checked_size, choice
+from tmca.codes import MultiplexedCodes
+from tmca.errors import SettingError
+from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps
+from tmca.sensor import Noise, Sensor
+
+
+class CodedCamera(nn.Module):
+    """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
+
+    Subclasses hold ``response``, the weight of every channel of the scene, and ``multiplexed``, the codes, and define
+    ``code_cube``, ``scene_shape``, ``snapshot_shape`` and ``_collapsed``, the operator of the present codes.
+
+    Args:
+        size: (H, W) of the scene, pixels.
+        slots: number of time slots K.
+        exposure: ``"equal"`` or ``"per-slot"``.
+        sensor: ideal if None.
+    """
+
+    application: ClassVar[str]
+    response: Tensor
+    multiplexed: MultiplexedCodes
+
+    def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: Sensor | None) -> None:
+        super().__init__()
+        self.size, self.slots = checked_size(size), slots
+        self.exposure = choice("exposure", exposure, EXPOSURES)
+        self.sensor = sensor or Sensor()
+        self._fixed: tuple[tuple[object, ...], TapOperator] | None = None
+
+    @property
+    def scene_shape(self) -> tuple[int, ...]:
+        """Of a scene, without the batch."""
+        raise TypeError(f"{type(self).__name__} defines no scene_shape")
+
+    @property
+    def snapshot_shape(self) -> tuple[int, int, int]:
+        """(1, H, W')."""
+        raise TypeError(f"{type(self).__name__} defines no snapshot_shape")
+
+    @property
+    def channels(self) -> int:
+        """Number of bands or views of the scene."""
+        return len(self.response)
+
+    def codes(self) -> tuple[Tensor, Tensor]:
+        """(aperture T (K, Ha, Wa), shutter S (K, Hs, Ws)), zeros and ones."""
+        return self.multiplexed()
+
+    def code_cube(self) -> Tensor:
+        """The time-multiplexed code T̂ of every channel."""
+        raise TypeError(f"{type(self).__name__} defines no code_cube")
+
+    def throughput(self) -> float:
+        """Light throughput: share of a white scene's light that is recorded, mean of T̂ under equal exposure."""
+        with torch.no_grad():
+            share = self.code_cube().mean()
+        return float(share) / (self.slots if self.exposure == "per-slot" else 1)
+
+    @property
+    def full_scale(self) -> float:
+        """Level of a white scene with everything open, snapshot units: the summed response, K times that per slot."""
+        return float(self.response.detach().sum()) * (self.slots if self.exposure == "per-slot" else 1)
+
+    @property
+    def noise(self) -> Noise:
+        """Read and shot noise in snapshot units."""
+        return self.sensor.noise(*self._light())
+
+    def operator(self) -> LinearOperator:
+        """The linear part with the present codes, on scenes (B, channels, H, W)."""
+        if self.multiplexed.learnable or self.response.requires_grad:
+            return self._collapsed()
+        versions = (self.exposure, *self._geometry(), *((t.data_ptr(), t._version) for t in self._tensors()))
+        if self._fixed is None or self._fixed[0] != versions:
+            self._fixed = (versions, self._collapsed())
+        return self._fixed[1]
+
+    def taps(self) -> Taps:
+        """The collapsed code with the response folded in.
+
+        Raises:
+            SettingError: optics that keep the slots apart.
+        """
+        operator = self.operator()
+        if not isinstance(operator, TapOperator):
+            raise SettingError("relay blur", "some", "none where one code stands for all slots")
+        return operator.taps
+
+    def record(self, irradiance: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
+        """What the sensor makes of exact irradiance of any shape: noise, saturation, converter."""
+        full_scale, exposures = self._light()
+        return self.sensor(irradiance, full_scale, generator, exposures)
+
+    def _light(self) -> tuple[float, int]:
+        """Full scale of one exposure time, and the exposure times that are accumulated (K per slot)."""
+        exposures = self.slots if self.exposure == "per-slot" else 1
+        return self.full_scale / exposures, exposures
+
+    def _geometry(self) -> tuple[object, ...]:
+        """What else the operator depends on."""
+        return ()
+
+    def _tensors(self) -> list[Tensor]:
+        own = (*self.buffers(recurse=False), *self.parameters(recurse=False))
+        return [*self.multiplexed.state_dict(keep_vars=True).values(), *own]
+
+    def _collapsed(self) -> TapOperator:
+        raise TypeError(f"{type(self).__name__} defines no _collapsed")
+
+    def _apply(self, fn: Any, recurse: bool = True) -> CodedCamera:
+        self._fixed = None
+        return super()._apply(fn, recurse)
