@@ -6,7 +6,7 @@ import pytest
 import torch
 import xarray as xr
 
-from tmca.cameras import Snapshot, SpectralCamera
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.errors import DataError, OutputError
 from tmca.sensor import Sensor
 
@@ -107,3 +107,36 @@ def test_an_existing_file_is_not_replaced_unasked(tmp_path):
         snapshot.save(path)
     assert path.read_bytes() == before
     snapshot.save(path, overwrite=True)
+
+
+LIGHT_FIELDS = {
+    "thesis-like": {"views": 3, "size": (6, 9), "slots": 3},
+    "fractional, tiled": {"views": (1, 5), "size": (7, 8), "slots": 2, "shear": (1.0, -0.7), "period": 4},
+    "per slot, vignetted, drifting": {
+        "views": 3, "size": (7, 8), "slots": 2, "exposure": "per-slot", "mask_scale": 0.9,
+        "vignetting": [[0.5, 1, 0.5], [1, 1, 1], [0.5, 1, 0.25]], "sensor": Sensor(full_well=1e4, bits=12),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LIGHT_FIELDS)
+@pytest.mark.parametrize("colours", [1, 3])
+def test_a_light_field_camera_comes_back_whole(name, colours, tmp_path):
+    camera = LightFieldCamera(**LIGHT_FIELDS[name], seed=4)
+    scene = torch.rand(colours, *camera.scene_shape)
+    snapshot = Snapshot(camera(scene, 1), camera, {"scene": "random"})
+    back = Snapshot.load(snapshot.save(tmp_path / "s.nc"))
+    assert torch.equal(back.values, snapshot.values)
+    torch.testing.assert_close(back.camera.A(scene), camera.A(scene))
+    assert back.camera.noise == camera.noise
+    assert back.camera.shear == camera.shear
+    assert back.notes == {"scene": "random"}
+
+
+def test_a_light_field_snapshot_whose_mask_is_too_small_is_refused(tmp_path):
+    camera = LightFieldCamera(3, (6, 9), 2)
+    path = Snapshot(camera(torch.rand(1, *camera.scene_shape)), camera).save(tmp_path / "s.nc")
+    with xr.open_dataset(path) as stored:
+        stored.isel(y_mask=slice(1, None)).to_netcdf(tmp_path / "small.nc", engine="h5netcdf")
+    with pytest.raises(DataError, match=r"small\.nc: found codes that make no camera.*7×11 pixels, expected 8×11"):
+        Snapshot.load(tmp_path / "small.nc")

@@ -66,7 +66,7 @@ class OtherCodes(UserWarning):
 
 
 def decode(
-    snapshot: Snapshot,
+    snapshot: Snapshot[SpectralCamera],
     method: str = "lmmse",
     *,
     prior: GaussianPrior | GaussianMixturePrior | None = None,
@@ -122,7 +122,7 @@ def decode(
 
 
 def _by_prior(
-    snapshot: Snapshot,
+    snapshot: Snapshot[SpectralCamera],
     method: str,
     prior: GaussianPrior | GaussianMixturePrior | None,
     uncertainty: bool,
@@ -151,7 +151,7 @@ def _by_prior(
     return Decoded(found.estimate, found.deviation)
 
 
-def _check_bands(prior: GaussianPrior | GaussianMixturePrior | None, snapshot: Snapshot) -> None:
+def _check_bands(prior: GaussianPrior | GaussianMixturePrior | None, snapshot: Snapshot[SpectralCamera]) -> None:
     """The prior's bands must be the camera's, to a nanometre."""
     base = prior.base if isinstance(prior, GaussianMixturePrior) else prior
     known, needed = None if base is None else base.wavelengths, snapshot.camera.wavelengths
@@ -168,7 +168,7 @@ def _check_bands(prior: GaussianPrior | GaussianMixturePrior | None, snapshot: S
 
 
 def _by_network(
-    snapshot: Snapshot,
+    snapshot: Snapshot[SpectralCamera],
     weights: Weights,
     prior: GaussianPrior | GaussianMixturePrior | None,
     progress: Progress | None,
@@ -209,7 +209,9 @@ def _same_codes(weights: Weights, camera: SpectralCamera) -> bool:
     return all(torch.equal(one.detach().cpu(), other) for one, other in zip(own, known, strict=True))
 
 
-def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progress: Progress | None) -> Decoded:
+def _by_variation(
+    snapshot: Snapshot[SpectralCamera], joint: bool, weight: float | None, progress: Progress | None
+) -> Decoded:
     camera = snapshot.camera
     if weight is None:
         # the weight was chosen at equal exposure; K times the light is K² times the data term
@@ -230,7 +232,7 @@ def _by_variation(snapshot: Snapshot, joint: bool, weight: float | None, progres
     return Decoded(result.estimate, notes=notes)
 
 
-def _by_denoiser(snapshot: Snapshot, method: str, progress: Progress | None) -> Decoded:
+def _by_denoiser(snapshot: Snapshot[SpectralCamera], method: str, progress: Progress | None) -> Decoded:
     camera = snapshot.camera
     denoise = tv_denoiser() if method == "pnp-tv" else nl_means_denoiser()
     level = float(camera.noise.variance(snapshot.values).mean().sqrt())

@@ -110,7 +110,7 @@ def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> 
 
 def _through(
     scene: xr.DataArray, settings: dict[str, Any], prior: Any, stem: Path, overwrite: bool
-) -> tuple[Snapshot, Reconstruction]:
+) -> tuple[Snapshot[SpectralCamera], Reconstruction]:
     size, sensor = (scene.sizes["y"], scene.sizes["x"]), Sensor(read_noise=READ_NOISE)
     weights = find_weights(settings["weights"], settings["slots"]) if "weights" in settings else None
     if weights is None:
@@ -128,13 +128,17 @@ def _through(
     return snapshot, result
 
 
-def _row(scene: str, code: str, snapshot: Snapshot, result: Reconstruction) -> dict[str, Any]:
+def _row(scene: str, code: str, snapshot: Snapshot[SpectralCamera], result: Reconstruction) -> dict[str, Any]:
     throughput = snapshot.camera.throughput()
     return {"code": code, "scene": scene, **result.metrics, "throughput": throughput, "seconds": result.seconds}
 
 
 def _section(
-    name: str, scene: xr.DataArray, results: dict[str, tuple[Snapshot, Reconstruction]], out: Path, overwrite: bool
+    name: str,
+    scene: xr.DataArray,
+    results: dict[str, tuple[Snapshot[SpectralCamera], Reconstruction]],
+    out: Path,
+    overwrite: bool,
 ) -> Section:
     multiplexed = results["time-multiplexed, K = 8"][0]
     deviations = {code: r.deviation.values for code, (_, r) in results.items() if r.deviation is not None}

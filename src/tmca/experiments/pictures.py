@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tmca.cameras.snapshots import NEEDED, Snapshot
+from tmca.cameras.snapshots import Snapshot, holds_snapshot
 from tmca.errors import DataError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.experiments.figures import cube_figure, image_figure, save_figure
@@ -31,7 +31,7 @@ def _figure(path: Path, variable: str | None) -> Figure:
 
     found = describe(path, variable)
     names = set(found.get("variables", {})) | set(found.get("coords", {}))
-    if set(NEEDED) - {"wavelength"} <= names:
+    if holds_snapshot(names):
         snapshot = Snapshot.load(path)
         return snapshot_figure(snapshot.values[0, 0].numpy(), snapshot.camera, path.name)
     if "covariance" in names or "autocovariance" in names:

@@ -70,7 +70,7 @@ def take_snapshot(
     camera: SpectralCamera,
     seed: int = 0,
     motion: tuple[float, float] = (0.0, 0.0),
-) -> Snapshot:
+) -> Snapshot[SpectralCamera]:
     """Image a scene.
 
     Args:
@@ -97,7 +97,7 @@ def take_snapshot(
 
 
 def reconstruct_snapshot(
-    snapshot: Snapshot,
+    snapshot: Snapshot[SpectralCamera],
     decoder: str = "lmmse",
     *,
     prior: str | Path | GaussianPrior | GaussianMixturePrior | None = None,
@@ -147,7 +147,7 @@ def find_prior(
     return load_prior(prior) if isinstance(prior, (str, Path)) else prior
 
 
-def true_scene(source: str, snapshot: Snapshot, **reading: Any) -> xr.DataArray:
+def true_scene(source: str, snapshot: Snapshot[SpectralCamera], **reading: Any) -> xr.DataArray:
     """The scene of a snapshot, brought to the camera's bands and size; ``reading`` goes to ``load_scene``.
 
     Raises:
@@ -173,7 +173,7 @@ def reconstruction_files(path: Path, figures: bool) -> list[Path]:
     return [path, path.with_suffix(".png")] if figures else [path]
 
 
-def snapshot_pictures(snapshot: Snapshot, path: Path, *, overwrite: bool = False) -> list[Path]:
+def snapshot_pictures(snapshot: Snapshot[SpectralCamera], path: Path, *, overwrite: bool = False) -> list[Path]:
     """The snapshot and the codes as PNG beside a snapshot file."""
     title = f"{path.stem}: K = {snapshot.camera.slots}"
     _, image, codes = snapshot_files(path, figures=True)
@@ -267,7 +267,9 @@ def _estimate(path: str | Path, reading: dict[str, Any]) -> xr.DataArray:
         return read(path, wavelengths=reading["wavelengths"], negative=negative)
 
 
-def _labelled(found: Decoded, decoder: str, snapshot: Snapshot, truth: xr.DataArray | None) -> Reconstruction:
+def _labelled(
+    found: Decoded, decoder: str, snapshot: Snapshot[SpectralCamera], truth: xr.DataArray | None
+) -> Reconstruction:
     import xarray as xr
 
     from tmca.metrics import all_metrics
