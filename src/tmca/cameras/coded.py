@@ -28,6 +28,7 @@ class CodedCamera(nn.Module):
     """
 
     application: ClassVar[str]
+    channel: ClassVar[str]
     response: Tensor
     multiplexed: MultiplexedCodes
 
@@ -52,6 +53,11 @@ class CodedCamera(nn.Module):
     def channels(self) -> int:
         """Number of bands or views of the scene."""
         return len(self.response)
+
+    @property
+    def channel_names(self) -> list[str]:
+        """What each channel is, in a few words."""
+        raise TypeError(f"{type(self).__name__} defines no channel_names")
 
     def codes(self) -> tuple[Tensor, Tensor]:
         """(aperture T (K, Ha, Wa), shutter S (K, Hs, Ws)), zeros and ones."""

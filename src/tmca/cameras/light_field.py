@@ -15,7 +15,7 @@ from tmca.codes import MultiplexedCodes
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator, code_through_mask, coded_mask, mask_code
 from tmca.operators.spectral import exposure_weight
-from tmca.optics import MaskGeometry, ViewShear, view_grid
+from tmca.optics import MaskGeometry, ViewShear, view_coordinates, view_grid
 from tmca.sensor import Sensor
 
 
@@ -50,6 +50,7 @@ class LightFieldCamera(CodedCamera):
     """
 
     application = "light-field"
+    channel = "view"
 
     def __init__(
         self,
@@ -135,6 +136,12 @@ class LightFieldCamera(CodedCamera):
     def snapshot_shape(self) -> tuple[int, int, int]:
         """(1, H, W)."""
         return (1, *self.size)
+
+    @property
+    def channel_names(self) -> list[str]:
+        """Places of the views on the aperture, rows then columns."""
+        rows, columns = (view_coordinates(n) for n in self.views)
+        return [f"view {v}, {u}" for v in rows for u in columns]
 
     def code_cube(self) -> Tensor:
         """(V, U, H, W) the time-multiplexed code T̂ of eq. (12), without vignetting."""

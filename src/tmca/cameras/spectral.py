@@ -60,6 +60,7 @@ class SpectralCamera(CodedCamera):
     """
 
     application = "spectral"
+    channel = "band"
     coloured: Tensor | None
 
     def __init__(
@@ -120,6 +121,11 @@ class SpectralCamera(CodedCamera):
             SettingError: unknown preset.
         """
         return cls(**{**PRESETS[choice("preset", name, tuple(PRESETS))], **changes})
+
+    @property
+    def channel_names(self) -> list[str]:
+        """Wavelengths of the bands."""
+        return [f"{w * 1e9:.0f} nm" for w in self.wavelengths]
 
     def code_cube(self) -> Tensor:
         """(L, H, W) the time-multiplexed code T̂ of eq. (20), without the sensor response; for a fractional

@@ -5,10 +5,10 @@ from tmca.design.block_mse import BlockMse
 from tmca.design.descent import Descent, descend
 from tmca.design.flips import flip_greedily
 from tmca.design.geometry import design_model
+from tmca.design.kinds import KINDS, designable
 from tmca.design.measures import CodeMeasures, measures
 from tmca.design.mixture import MixtureTileMse
 from tmca.design.search import SURVEY, Design, Effort, search
-from tmca.design.spectral import KINDS, designable
 from tmca.design.throughput import hold_throughput
 from tmca.design.tile import TileMse
 from tmca.design.transfer import Examples, TransferMse, learn_examples

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import floor, sqrt
 from typing import Any
 
+from tmca.design.kinds import designable
 from tmca.design.search import SURVEY, Design, Effort, decibels, search
-from tmca.design.spectral import designable
 from tmca.design.throughput import hold_throughput
 from tmca.design.transfer import Examples
 from tmca.errors import SettingError
@@ -205,7 +205,7 @@ def advise(
         throughput: share of light that all codes shall let through, kinds that cannot are left out; free if None.
         seed: of the random codes.
         progress: told the share that is done and what is done.
-        camera: further arguments of ``SpectralCamera`` (bands, dispersion, …).
+        camera: ``camera_type`` and further arguments of it, see ``designable``.
 
     Raises:
         SettingError: impossible sensor, slots that do not fit, unknown kind.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design.throughput import hold_throughput
 from tmca.design.tile import CodeError
 from tmca.errors import SettingError
@@ -43,7 +43,7 @@ class Descent:
 
 
 def descend(
-    camera: SpectralCamera,
+    camera: CodedCamera,
     error: CodeError,
     how: Descent | None = None,
     progress: Callable[[float], None] | None = None,
@@ -80,7 +80,7 @@ def descend(
     return best.leave(latents)
 
 
-def learned(camera: SpectralCamera) -> list[nn.Parameter]:
+def learned(camera: CodedCamera) -> list[nn.Parameter]:
     """The latent values of a camera's learnable codes.
 
     Raises:
@@ -93,7 +93,7 @@ def learned(camera: SpectralCamera) -> list[nn.Parameter]:
 
 
 def _step(
-    camera: SpectralCamera,
+    camera: CodedCamera,
     error: CodeError,
     optimiser: torch.optim.Optimizer,
     latents: Sequence[nn.Parameter],
@@ -121,10 +121,10 @@ class Best:
     latents: list[Tensor]
 
     @classmethod
-    def of(cls, camera: SpectralCamera, error: CodeError, latents: Sequence[nn.Parameter]) -> Best:
+    def of(cls, camera: CodedCamera, error: CodeError, latents: Sequence[nn.Parameter]) -> Best:
         return cls(error.whole(camera), [latent.detach().clone() for latent in latents])
 
-    def meet(self, camera: SpectralCamera, error: CodeError, latents: Sequence[nn.Parameter]) -> None:
+    def meet(self, camera: CodedCamera, error: CodeError, latents: Sequence[nn.Parameter]) -> None:
         value = error.whole(camera)
         if value < self.value:
             self.value, self.latents = value, [latent.detach().clone() for latent in latents]

@@ -9,7 +9,7 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.codes import CodePlane
 from tmca.design.descent import learned
 from tmca.design.low_rank import BlockState
@@ -57,7 +57,7 @@ def tile_bytes(model: BlockModel, period: tuple[int, int]) -> int:
 
 
 def flip_greedily(
-    camera: SpectralCamera,
+    camera: CodedCamera,
     error: TileMse,
     *,
     most: int | None = None,
@@ -105,7 +105,7 @@ class TileState:
     blocks: list[BlockState]
 
     @classmethod
-    def of(cls, camera: SpectralCamera, error: TileMse) -> TileState:
+    def of(cls, camera: CodedCamera, error: TileMse) -> TileState:
         code = camera.taps().code.detach().double()
         state = cls(error, code, [])
         state.blocks = [BlockState.of(error.error, weights) for weights in state.weights(code[None])[0]]
@@ -144,14 +144,14 @@ class TileState:
                 self.blocks[place] = BlockState.of(self.error.error, weights[place])
 
 
-def _flips(camera: SpectralCamera) -> list[Flip]:
+def _flips(camera: CodedCamera) -> list[Flip]:
     learned(camera)  # refuses a camera without any
     planes = [p for p in (camera.multiplexed.aperture, camera.multiplexed.shutter) if p.learnable]
     return [Flip(plane, (k, y, x)) for plane in planes for k, y, x in product(*map(range, plane.latent.shape))]
 
 
 @torch.no_grad()
-def _turn(camera: SpectralCamera, state: TileState, flips: list[Flip], throughput: tuple[float, float] | None) -> int:
+def _turn(camera: CodedCamera, state: TileState, flips: list[Flip], throughput: tuple[float, float] | None) -> int:
     """Judge some flips together, do those that help and do not touch each other's blocks; how many were done."""
     flips = [flip for flip in flips if not flip.present()]
     if not flips:
@@ -173,7 +173,7 @@ def _turn(camera: SpectralCamera, state: TileState, flips: list[Flip], throughpu
     return done
 
 
-def _change(camera: SpectralCamera, state: TileState, flip: Flip) -> Tensor:
+def _change(camera: CodedCamera, state: TileState, flip: Flip) -> Tensor:
     before = flip.do()
     change = camera.taps().code.detach().double() - state.code
     flip.undo(before)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design.tile import windows
 from tmca.priors.blocks import BlockModel
 
@@ -41,9 +41,7 @@ class CodeMeasures:
 
 
 @torch.no_grad()
-def measures(
-    camera: SpectralCamera, *, block: tuple[int, int] = (4, 24), blocks: int = 8, seed: int = 0
-) -> CodeMeasures:
+def measures(camera: CodedCamera, *, block: tuple[int, int] = (4, 24), blocks: int = 8, seed: int = 0) -> CodeMeasures:
     """Judge a camera's code.
 
     Args:

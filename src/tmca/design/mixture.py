@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse
 from tmca.design.tile import TileMse, even_shifts
 from tmca.errors import SettingError, ShapeError
@@ -70,7 +70,7 @@ class MixtureTileMse:
         return torch.stack([weight * part(code, shift) for weight, part in pairs]).sum()
 
     @torch.no_grad()
-    def whole(self, camera: SpectralCamera, shifts: int = 4) -> float:
+    def whole(self, camera: CodedCamera, shifts: int = 4) -> float:
         """The error of a camera of one period, mean over shifts of the blocks that share it out evenly."""
         code = camera.taps().code
         return float(torch.stack([self(code, shift) for shift in even_shifts(self.model, shifts)]).mean())

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from math import log10
 from typing import Any
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design.descent import Best, Descent, descend, learned
 from tmca.design.flips import flip_greedily
-from tmca.design.spectral import designable
+from tmca.design.kinds import designable
 from tmca.design.throughput import hold_throughput
 from tmca.design.tile import CodeError, TileMse
 from tmca.errors import SettingError
@@ -53,7 +53,7 @@ class Design:
     """
 
     kind: str
-    camera: SpectralCamera
+    camera: CodedCamera
     mse: float
     random: float
     seconds: float
@@ -76,7 +76,7 @@ def search(
     error: CodeError,
     *,
     effort: Effort | None = None,
-    starts: Sequence[SpectralCamera] = (),
+    starts: Sequence[CodedCamera] = (),
     throughput: float | None = None,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
@@ -95,7 +95,7 @@ def search(
         throughput: share of light to hold; free if None.
         seed: of the random codes.
         progress: told the share that is done.
-        camera: further arguments of ``SpectralCamera``.
+        camera: ``camera_type`` and further arguments of it, see ``designable``.
 
     Raises:
         SettingError: unknown kind, starts of another kind, no effort, or flips on another error than a ``TileMse``.
@@ -122,7 +122,7 @@ def search(
 
 
 def _polish(
-    camera: SpectralCamera,
+    camera: CodedCamera,
     error: TileMse,
     effort: Effort,
     before: float,

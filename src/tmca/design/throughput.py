@@ -5,20 +5,20 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.codes import CodePlane
 
 _BISECTIONS = 24
 
 
-def throughput_of(camera: SpectralCamera) -> Tensor:
+def throughput_of(camera: CodedCamera) -> Tensor:
     """Mean of T̂ as a differentiable scalar, share of a white scene's light under equal exposure."""
     share = camera.code_cube().mean()
     return share / camera.slots if camera.exposure == "per-slot" else share
 
 
 @torch.no_grad()
-def hold_throughput(camera: SpectralCamera, target: float) -> None:
+def hold_throughput(camera: CodedCamera, target: float) -> None:
     """Shift the latent values of the learned planes together until the throughput is as near to ``target`` as the
     codes allow: the pixels that were nearest to changing change.
 

@@ -8,7 +8,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse
 from tmca.priors.blocks import BlockModel
 
@@ -46,7 +46,7 @@ class CodeError(Protocol):
     def __call__(self, code: Tensor, shift: tuple[int, int] = (0, 0)) -> Tensor:
         """Of one period of a code, differentiable; see ``TileMse``."""
 
-    def whole(self, camera: SpectralCamera, shifts: int = 4) -> float:
+    def whole(self, camera: CodedCamera, shifts: int = 4) -> float:
         """Of a camera of one period."""
 
 
@@ -76,7 +76,7 @@ class TileMse:
         return total / len(places)
 
     @torch.no_grad()
-    def whole(self, camera: SpectralCamera, shifts: int = 4) -> float:
+    def whole(self, camera: CodedCamera, shifts: int = 4) -> float:
         """The error of a camera of one period, mean over shifts of the blocks that share it out evenly."""
         code = camera.taps().code
         return float(torch.stack([self(code, shift) for shift in even_shifts(self.error.model, shifts)]).mean())

@@ -9,7 +9,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse, Products, quadratic
 from tmca.design.tile import TileMse, even_places, windows
 from tmca.errors import ShapeError
@@ -113,7 +113,7 @@ class Examples:
         return TileMse(self.error.under(read_noise, shot))
 
     @torch.no_grad()
-    def held_out(self, camera: SpectralCamera, read_noise: float, shot: float) -> dict[str, float]:
+    def held_out(self, camera: CodedCamera, read_noise: float, shot: float) -> dict[str, float]:
         """Mean squared error on each scene, estimated under the prior of the others, by the camera's tile of codes."""
         code, model = camera.taps().code, self.model
         period = (code.shape[1], code.shape[2])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.design import (
     Advice,
@@ -24,7 +24,7 @@ from tmca.design import (
     measures,
 )
 from tmca.design.flips import tile_bytes
-from tmca.design.spectral import check_kind
+from tmca.design.kinds import check_kind
 from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design_figures import gains_figure
@@ -200,7 +200,7 @@ def _described(advice: Advice, examples: Examples, period: int, command: Sequenc
     }  # fmt: skip
 
 
-def _write_codes(camera: SpectralCamera, out: Path, found: Mapping[str, Any], overwrite: bool) -> None:
+def _write_codes(camera: CodedCamera, out: Path, found: Mapping[str, Any], overwrite: bool) -> None:
     """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels."""
     import tifffile
 

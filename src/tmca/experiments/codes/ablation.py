@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design import Descent, Examples, MixtureTileMse, descend
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, load_examples, mean
 from tmca.priors import GaussianMixturePrior
 from tmca.sensor import Noise
 
-Made = Callable[[Task, int], SpectralCamera]
+Made = Callable[[Task, int], CodedCamera]
 
 
 def ablation(cell: Settings) -> Measured:
@@ -39,20 +39,20 @@ def _designed(kind: str) -> Made:
 def _free_from(*kinds: str) -> Made:
     """Free codes from one start, or from random codes without any."""
 
-    def made(task: Task, slots: int) -> SpectralCamera:
+    def made(task: Task, slots: int) -> CodedCamera:
         starts = [_designed(kind)(task, slots) for kind in kinds]
         return task.search("free", slots, starts, descents=1, flips=0).camera
 
     return made
 
 
-def _relaxed(task: Task, slots: int) -> SpectralCamera:
+def _relaxed(task: Task, slots: int) -> CodedCamera:
     camera = task.random("free", slots)
     descend(camera, task.error, Descent(steps=task.effort.steps, relaxed=True, seed=task.seed))
     return camera
 
 
-def _without_noise(task: Task, slots: int) -> SpectralCamera:
+def _without_noise(task: Task, slots: int) -> CodedCamera:
     return _free_from()(Task(task.examples, Noise(0.0, 0.0), task.cell), slots)
 
 
@@ -65,7 +65,7 @@ def _of_period(rows: int, columns: int) -> Made:
 def _for_scenes(choose: Callable[[str, Examples], bool]) -> Made:
     """Designed for a choice of the given and the rendered scenes."""
 
-    def made(task: Task, slots: int) -> SpectralCamera:
+    def made(task: Task, slots: int) -> CodedCamera:
         wide = load_examples(Path(task.cell["wide"]))
         chosen = {name: prior for name, prior in wide.scenes.items() if choose(name, task.examples)}
         return _free_from()(Task(Examples(wide.model, chosen, wide.areas), task.noise, task.cell), slots)
@@ -73,7 +73,7 @@ def _for_scenes(choose: Callable[[str, Examples], bool]) -> Made:
     return made
 
 
-def _for_mixture(task: Task, slots: int) -> SpectralCamera:
+def _for_mixture(task: Task, slots: int) -> CodedCamera:
     prior = GaussianMixturePrior.load(task.cell["mixture"])
     error = MixtureTileMse.of(prior, task.examples.model, task.noise.read, task.noise.shot)
     camera = task.random("free", slots)

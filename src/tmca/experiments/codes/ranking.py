@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera, SpectralCamera
 from tmca.codes import write_codes
 from tmca.design import MixtureTileMse
 from tmca.design.search import decibels
@@ -71,14 +71,14 @@ def ranking(cell: Settings) -> Measured:
     return found
 
 
-def coded(task: Task, code: dict[str, Any]) -> SpectralCamera:
+def coded(task: Task, code: dict[str, Any]) -> CodedCamera:
     """A camera of one period with a code of ``RANKED``."""
     if "design" in code:
         return task.design(code["design"], code["slots"]).camera
     return SpectralCamera(bands=task.bands, size=task.period, period=task.period, seed=task.seed, **code)
 
 
-def _measured(task: Task, cell: Settings, camera: SpectralCamera, decoder: str, **with_: Any) -> dict[str, float]:
+def _measured(task: Task, cell: Settings, camera: CodedCamera, decoder: str, **with_: Any) -> dict[str, float]:
     """PSNR on the middle of each test scene."""
     from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
 
@@ -91,7 +91,7 @@ def _measured(task: Task, cell: Settings, camera: SpectralCamera, decoder: str, 
     return found
 
 
-def _trained(task: Task, cell: Settings, camera: SpectralCamera) -> Path:
+def _trained(task: Task, cell: Settings, camera: CodedCamera) -> Path:
     """Weights of an unrolled network trained for these codes and this noise alone, with the codes if they are tuned."""
     from tmca.data import make_folder
     from tmca.experiments.spectral_rows import FROZEN, RATE, scenes_of

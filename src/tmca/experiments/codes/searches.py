@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.design import Design
 from tmca.design.search import decibels
 from tmca.experiments.cells import Measured, Settings
@@ -46,7 +46,7 @@ def on_test_scene(cell: Settings) -> Measured:
     """PSNR of the LMMSE on one test scene behind random and designed codes, static and time-multiplexed."""
     task = Task.of(cell)
     kinds = {"static": 1, **dict.fromkeys(("one-hot", "free"), cell["slots"][0])}
-    cameras: dict[str, SpectralCamera] = {}
+    cameras: dict[str, CodedCamera] = {}
     for kind, slots in kinds.items():
         cameras[f"{kind}, designed"] = task.design(kind, slots).camera
         cameras[f"{kind}, random"] = task.random(kind, slots)
@@ -61,7 +61,7 @@ def on_test_scene(cell: Settings) -> Measured:
     return {"metrics": found}
 
 
-def _measured(task: Task, cell: Settings, camera: SpectralCamera) -> dict[str, float]:
+def _measured(task: Task, cell: Settings, camera: CodedCamera) -> dict[str, float]:
     from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
 
     scene = load_scene(cell["path"], bands=cell["bands"])

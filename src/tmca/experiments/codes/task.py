@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera, SpectralCamera
 from tmca.codes import read_codes, write_codes
 from tmca.design import Design, Effort, Examples, TileMse, design_model, designable, search
 from tmca.design.search import decibels
@@ -47,7 +47,7 @@ class Task:
         """What searches lower."""
         return self.examples.tile_mse(self.noise.read, self.noise.shot)
 
-    def search(self, kind: str, slots: int, starts: Sequence[SpectralCamera] = (), **effort: int) -> Design:
+    def search(self, kind: str, slots: int, starts: Sequence[CodedCamera] = (), **effort: int) -> Design:
         """The best codes of a kind from given ones and from random ones, with the cell's effort unless changed."""
         own = replace(self.effort, **effort)
         return search(kind, slots, self.period, self.error, starts=starts, effort=own, seed=self.seed, bands=self.bands)
@@ -74,15 +74,15 @@ class Task:
         camera = designable(kind, shown.slots, self.period, start=shown, bands=self.bands)
         return Design(kind, camera, float(notes["mse"]), float(notes["random"]), float(notes["seconds"]))
 
-    def random(self, kind: str, slots: int) -> SpectralCamera:
+    def random(self, kind: str, slots: int) -> CodedCamera:
         """Random codes of a kind."""
         return designable(kind, slots, self.period, seed=self.seed, bands=self.bands)
 
-    def psnr(self, camera: SpectralCamera) -> float:
+    def psnr(self, camera: CodedCamera) -> float:
         """Expected, dB."""
         return decibels(self.error.whole(camera))
 
-    def left_out(self, camera: SpectralCamera) -> dict[str, float]:
+    def left_out(self, camera: CodedCamera) -> dict[str, float]:
         """PSNR of each example scene, estimated under the prior of the others, dB."""
         found = self.examples.held_out(camera, self.noise.read, self.noise.shot)
         return {name: decibels(value) for name, value in found.items()}
@@ -99,7 +99,7 @@ def mean(values: dict[str, float]) -> float:
     return float(np.mean(list(values.values())))
 
 
-def on_frame(camera: SpectralCamera, bands: Sequence[float], size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
+def on_frame(camera: CodedCamera, bands: Sequence[float], size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
     """A camera of one period at the size of a scene, with fixed codes."""
     codes = camera.multiplexed
     own: dict[str, Any] = {"slots": camera.slots, "period": camera.size, "sensor": sensor}

@@ -1,10 +1,11 @@
-"""Spectral cameras of one period, whose codes can be designed."""
+"""Cameras of one period, whose codes can be designed."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera, SpectralCamera
 from tmca.errors import SettingError
 
 KINDS: dict[str, dict[str, str]] = {
@@ -29,9 +30,16 @@ def check_kind(kind: str) -> None:
 
 
 def designable(
-    kind: str, slots: int, period: tuple[int, int], *, seed: int = 0, start: SpectralCamera | None = None, **camera: Any
-) -> SpectralCamera:
-    """A spectral camera as large as one period of its learnable codes.
+    kind: str,
+    slots: int,
+    period: tuple[int, int],
+    *,
+    seed: int = 0,
+    start: CodedCamera | None = None,
+    camera_type: Callable[..., CodedCamera] = SpectralCamera,
+    **camera: Any,
+) -> CodedCamera:
+    """A camera as large as one period of its learnable codes.
 
     Args:
         kind: name in ``KINDS``.
@@ -40,7 +48,8 @@ def designable(
         seed: of the codes.
         start: a camera of the same period whose codes are started from; of one with fewer slots, each is shown in
             several slots in a row: the same camera in finer time.
-        camera: further arguments of ``SpectralCamera``.
+        camera_type: ``SpectralCamera`` or ``LightFieldCamera``.
+        camera: its further arguments.
 
     Raises:
         SettingError: unknown kind, a static camera with slots, a start whose slots do not divide these, or whose codes
@@ -50,7 +59,7 @@ def designable(
     if kind == "static" and slots != 1:
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
     planes: dict[str, Any] = dict(KINDS[kind])
-    own = SpectralCamera(
+    own = camera_type(
         size=period, period=period, slots=slots, learnable=True, spread=_SPREAD, seed=seed, **planes, **camera
     )
     if start is not None:
@@ -58,7 +67,7 @@ def designable(
     return own
 
 
-def _show(camera: SpectralCamera, start: SpectralCamera, seed: int) -> None:
+def _show(camera: CodedCamera, start: CodedCamera, seed: int) -> None:
     """Show the codes of a camera of as many slots, or of fewer that divide them."""
     slots = camera.slots
     if slots % start.slots:
