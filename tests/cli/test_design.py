@@ -113,6 +113,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--bands", "3", "--dispersion", "200"], "GB"),
         (["--period", "0"], "1 pixel"),
         (["--seed", "-1"], "0 or more"),
+        (["--light", "1.2"], "share between 0 and 1"),
         (["--exposure", "0.001", "--pattern-rate", "300"], "shorter than one pattern"),
         (["coffee"], "the same scene twice"),
     ],

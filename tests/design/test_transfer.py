@@ -75,3 +75,23 @@ def test_what_cannot_be_pooled_is_refused():
         pooled([PRIOR, cropped(PRIOR, 2, 5)])
     with pytest.raises(ShapeError, match="stationary"):
         cropped(PRIOR, 4, 9)
+
+
+def test_examples_in_another_light_are_those_that_darker_scenes_teach():
+    bright, model = learn_examples(SCENES, block_error().model, [4e-7, 5e-7, 6e-7]), block_error().model
+    dark = learn_examples({n: 0.25 * s for n, s in SCENES.items()}, model, [4e-7, 5e-7, 6e-7])
+    moved = bright.under(dark.light)
+    assert moved.light == pytest.approx(dark.light)
+    camera = designed()
+    for name, value in dark.held_out(camera, 0.01, 0.002).items():
+        assert moved.held_out(camera, 0.01, 0.002)[name] == pytest.approx(value, rel=2e-2)
+
+
+def test_less_light_is_more_noise():
+    """Error at c times the light: c² times that under 1/c of the read noise and of the shot variance per unit."""
+    examples, camera = learn_examples(SCENES, block_error().model, [4e-7, 5e-7, 6e-7]), designed()
+    dark = examples.under(examples.light / 4).held_out(camera, 0.01, 0.002)
+    for name, value in examples.held_out(camera, 0.04, 0.008).items():
+        assert dark[name] == pytest.approx(value / 16, rel=1e-4)
+    with pytest.raises(SettingError, match="light"):
+        examples.under(0.0)

@@ -39,6 +39,7 @@ def spectral(
     kinds: str = "free,one-hot",
     period: Whole = 32,
     throughput: float | None = None,
+    light: float | None = None,
     seed: Whole = 0,
     reading: SceneOptions = _SCENE,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -69,6 +70,8 @@ def spectral(
             open-shutter where each pixel cannot have a shutter of its own, static-aperture where the mask stands still.
         period: tile of the codes, pixels.
         throughput: share of light that codes shall let through, as near as their kind allows. [default: free]
+        light: mean irradiance of the scenes to come, share of white; noise weighs more in dark ones.
+            [default: as bright as SCENES]
         seed: of random codes.
         overwrite: replace files that exist.
         json: print JSON instead of text.
@@ -91,8 +94,8 @@ def spectral(
     with progress_bar(f"design {out.name}") as progress:
         advice, found = design_spectral(
             sheet, out, scenes=named, bands=bands, slots=_whole_numbers(slots), kinds=kinds.split(","), period=period,
-            throughput=throughput, seed=seed, reading=reading.reading(), overwrite=overwrite, progress=progress,
-            command=["tmca", *sys.argv[1:]], **camera,
+            throughput=throughput, light=light, seed=seed, reading=reading.reading(), overwrite=overwrite,
+            progress=progress, command=["tmca", *sys.argv[1:]], **camera,
         )  # fmt: skip
     if json:
         print(json_module.dumps(found, indent=1))

@@ -12,7 +12,7 @@ from torch import Tensor
 from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse, Products, quadratic
 from tmca.design.tile import TileMse, even_places, windows
-from tmca.errors import ShapeError
+from tmca.errors import SettingError, ShapeError
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.pooling import around, pooled
@@ -83,6 +83,22 @@ class Examples:
     model: BlockModel
     scenes: dict[str, GaussianPrior]
     areas: dict[str, int]
+
+    @property
+    def light(self) -> float:
+        """Mean irradiance of the scenes, share of white, by area."""
+        return float(self.prior.mean.mean())
+
+    def under(self, light: float) -> Examples:
+        """The same scenes in another light, so that this is their mean irradiance, share of white.
+
+        Raises:
+            SettingError: no light, or more than white.
+        """
+        if not 0 < light <= 1:
+            raise SettingError("light", f"{light:g}", "mean irradiance of scenes, above 0 and at most 1 = white")
+        scenes = {name: prior.scaled(light / self.light) for name, prior in self.scenes.items()}
+        return Examples(self.model, scenes, self.areas)
 
     @cached_property
     def prior(self) -> GaussianPrior:

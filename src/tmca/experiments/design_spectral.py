@@ -59,6 +59,7 @@ def design_spectral(
     period: int = 32,
     effort: Effort | None = None,
     throughput: float | None = None,
+    light: float | None = None,
     seed: int = 0,
     reading: Mapping[str, Any] | None = None,
     overwrite: bool = False,
@@ -78,6 +79,7 @@ def design_spectral(
         period: side of the tile of codes, pixels.
         effort: of the last searches.
         throughput: share of light that all codes shall let through; free if None.
+        light: mean irradiance of the scenes to come, share of white; as bright as the examples if None.
         seed: of random codes.
         reading: further arguments of ``load_scene``.
         overwrite: replace files that exist.
@@ -96,7 +98,7 @@ def design_spectral(
     from tmca.data import make_folder, write_json
 
     check_new((out / name for name in FILES), overwrite)
-    _check(sheet, slots, kinds, period, seed, throughput, {"bands": bands, **camera})
+    _check(sheet, slots, kinds, period, seed, throughput, light, {"bands": bands, **camera})
     for name in scenes:
         if list(scenes).count(name) > 1:
             raise DataError(name, "the same scene twice", "each scene once", "leave one out")
@@ -104,6 +106,7 @@ def design_spectral(
         make_folder(out)  # refuses a file of this name before anything is searched
     told = progress or (lambda share, step: None)
     examples, wavelengths = _examples(scenes, bands, camera, reading or {}, told)
+    examples = examples if light is None else examples.under(light)
     camera = {"bands": wavelengths, **camera}
     advice = advise(
         examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
@@ -125,6 +128,7 @@ def _check(
     period: int,
     seed: int,
     throughput: float | None,
+    light: float | None,
     camera: Mapping[str, Any],
 ) -> None:
     """Refuse what cannot be searched, before scenes are read."""
@@ -132,8 +136,9 @@ def _check(
         raise SettingError("--period", str(period), "1 pixel or more")
     if seed < 0:
         raise SettingError("--seed", str(seed), "0 or more")
-    if throughput is not None and not 0 < throughput < 1:
-        raise SettingError("--throughput", f"{throughput:g}", "a share between 0 and 1")
+    for name, share in (("--throughput", throughput), ("--light", light)):
+        if share is not None and not 0 < share < 1:
+            raise SettingError(name, f"{share:g}", "a share between 0 and 1")
     needed = tile_bytes(design_model(designable("static", 1, (8, 8), **camera).taps()), (period, period))
     if needed > _MOST_BYTES:
         found = f"{period}, {needed / 1e9:.1f} GB for the blocks of one tile"
@@ -190,6 +195,7 @@ def _described(advice: Advice, examples: Examples, period: int, command: Sequenc
         "command": " ".join(command), "commit": repository_commit(), "advice": advice.sentence(),
         "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period, "bands": examples.model.block[0],
+        "light": examples.light,
         "block": list(examples.model.block), "scenes": list(examples.scenes),
         "best": {**best.row(), "held_out": best.held_out, "gains": best.gains,
                  "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
@@ -236,7 +242,8 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
     about = [
         advice.sentence(),
         "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
-        f"In snapshot units (1 = one band of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per unit.",
+        f"In snapshot units (1 = one band of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per unit. "
+        f"Scenes of mean irradiance {found['light']:.3g} (white = 1); darker ones see more noise, see --light.",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
         "anything is captured. Codes are searched for all scenes; gains are those of each scene when the estimate "
         "knows only the others.",

@@ -37,6 +37,11 @@ RANKED: dict[str, dict[str, Any]] = {
     "static aperture, random shutter K = 4": {"slots": 4, "aperture": "static"},
 }
 """Codes of every family, light and number of slots, random and designed."""
+_JUDGES = {
+    "expected": "rank_correlation",
+    "expected_there": "rank_correlation_there",
+    "expected_mixture": "mixture_rank_correlation",
+}
 
 
 def networks(slots: int) -> dict[str, dict[str, Any]]:
@@ -61,6 +66,7 @@ def ranking(cell: Settings) -> Measured:
         weights = _trained(task, cell, camera)
         camera = Weights.load(weights).spectral_camera(task.period)  # tuned codes are others than it began with
     found: Measured = {"expected": task.psnr(camera), "throughput": camera.throughput()}
+    found["expected_there"] = Task.of(cell, cell["light"]).psnr(camera)
     error = MixtureTileMse.of(
         GaussianMixturePrior.load(cell["mixture"]), task.examples.model, task.noise.read, task.noise.shot
     )
@@ -122,7 +128,8 @@ def _frame(period: Sequence[int]) -> list[int]:
 
 
 def correlations(cells: Sequence[Measured]) -> list[dict[str, Any]]:
-    """Spearman's rank correlation of expected PSNR, under either prior, with each decoder's mean over test scenes."""
+    """Spearman's rank correlation of expected PSNR, in the light of the examples and of the test scenes and under a
+    mixture, with each decoder's mean over the test scenes."""
     from scipy.stats import spearmanr
 
     found = []
@@ -133,7 +140,7 @@ def correlations(cells: Sequence[Measured]) -> list[dict[str, Any]]:
             if len(known) > 2:
                 means = [np.mean(list(cell[decoder].values())) for cell in known]
                 row = {"noise": noise, "decoder": decoder, "codes": len(known)}
-                for key, name in (("expected", "rank_correlation"), ("expected_mixture", "mixture_rank_correlation")):
+                for key, name in _JUDGES.items():
                     row[name] = float(spearmanr([cell[key] for cell in known], means).statistic)
                 found.append(row)
     return found

@@ -43,28 +43,51 @@ def design_ahead(cell: Settings) -> Measured:
 
 
 def on_test_scene(cell: Settings) -> Measured:
-    """PSNR of the LMMSE on one test scene behind random and designed codes, static and time-multiplexed."""
-    task = Task.of(cell)
-    kinds = {"static": 1, **dict.fromkeys(("one-hot", "free"), cell["slots"][0])}
+    """PSNR of the LMMSE on one test scene behind random and designed codes, static and time-multiplexed.
+
+    Designs for the light know the mean irradiance of the test scenes, as a light meter tells it, and so does the prior
+    behind them; gains are foretold both for the light of the examples and for that of the scene.
+    """
+    scene = load_scene(cell["path"], bands=cell["bands"])
+    here, there, lit = Task.of(cell), Task.of(cell, float(scene.mean())), Task.of(cell, cell["light"])
+    prior = GaussianPrior.load(cell["prior"])
+    found = _compared(cell, _cameras(here, cell["slots"][0]), {"predicted_gain": here, "predicted_there": there}, prior)
+    slots = {"static": 1, "free": cell["slots"][0]}
+    designs = {f"{kind}, designed for the light": lit.design(kind, k).camera for kind, k in slots.items()}
+    metered = prior.scaled(cell["light"] / float(prior.mean.mean()))
+    return {"metrics": found | _compared(cell, designs, {"predicted_gain": lit, "predicted_there": there}, metered)}
+
+
+def _cameras(task: Task, slots: int) -> dict[str, CodedCamera]:
+    """Designed and random codes of every kind; the designed static ones first."""
     cameras: dict[str, CodedCamera] = {}
-    for kind, slots in kinds.items():
-        cameras[f"{kind}, designed"] = task.design(kind, slots).camera
-        cameras[f"{kind}, random"] = task.random(kind, slots)
-    base, found = task.left_out(cameras["static, designed"]), {}
+    for kind, k in {"static": 1, **dict.fromkeys(("one-hot", "free"), slots)}.items():
+        cameras[f"{kind}, designed"] = task.design(kind, k).camera
+        cameras[f"{kind}, random"] = task.random(kind, k)
+    return cameras
+
+
+def _compared(
+    cell: Settings, cameras: dict[str, CodedCamera], tasks: dict[str, Task], prior: GaussianPrior
+) -> dict[str, Any]:
+    """What cameras reach on the scene, and the gains over the first of them that each of the tasks foretells."""
+    found: dict[str, Any] = {}
+    base = {said: task.left_out(next(iter(cameras.values()))) for said, task in tasks.items()}
     for name, camera in cameras.items():
-        own = task.left_out(camera)
+        own = {said: task.left_out(camera) for said, task in tasks.items()}
         found[name] = {
-            **_measured(task, cell, camera), "expected_psnr": task.psnr(camera),
-            "predicted_gain": mean({scene: own[scene] - base[scene] for scene in own}),
+            **_measured(cell, camera, prior), "expected_psnr": tasks["predicted_gain"].psnr(camera),
+            **{said: mean({s: own[said][s] - base[said][s] for s in own[said]}) for said in tasks},
             "throughput": camera.throughput(),
         }  # fmt: skip
-    return {"metrics": found}
+    return found
 
 
-def _measured(task: Task, cell: Settings, camera: CodedCamera) -> dict[str, float]:
+def _measured(cell: Settings, camera: CodedCamera, prior: GaussianPrior) -> dict[str, float]:
     from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
 
     scene = load_scene(cell["path"], bands=cell["bands"])
-    whole = on_frame(camera, task.bands, (scene.sizes["y"], scene.sizes["x"]), Sensor(**cell["sensor"]))
+    size = (scene.sizes["y"], scene.sizes["x"])
+    whole = on_frame(camera, scene["wavelength"].values.tolist(), size, Sensor(**cell["sensor"]))
     taken = take_snapshot(scene, whole, seed=cell["seed"])
-    return reconstruct_snapshot(taken, "lmmse", prior=GaussianPrior.load(cell["prior"]), truth=scene).metrics
+    return reconstruct_snapshot(taken, "lmmse", prior=prior, truth=scene).metrics

@@ -27,7 +27,7 @@ _NETWORK_NOISE = _RANKED_NOISES[1]
 """Where every ranked code gets a network of its own."""
 _KEPT = {
     "test": ("noise", "scene", "seed", "metrics"),
-    "ranking": ("noise", "codes", "expected", "expected_mixture", "lmmse", "unrolled", "throughput"),
+    "ranking": ("noise", "codes", "expected", "expected_there", "expected_mixture", "lmmse", "unrolled", "throughput"),
     "network": ("noise", "codes", "seed", "expected", "lmmse", "unrolled", "throughput"),
     "ablation": ("noise", "rows"),
 }
@@ -113,6 +113,7 @@ def study_codes(
         ahead = _design_cells(common, test_slots, seeds)
         run_cells(ahead, compute, work, jobs=jobs, progress=progress, failures=failures)
         common["prior"] = str(prior_file(train, work, bands))
+        common["light"] = _light(test, bands)
         trained: Settings = {"train": list(train), "validation": list(validation)}
         trained["learned"] = [identity_of(name) for name in (*train, *validation)]
         cells += _test_cells(common, test, test_slots, seeds)
@@ -122,7 +123,8 @@ def study_codes(
     failures.check()
     split = {"train": [Path(n).name for n in train], "test": [Path(n).name for n in test]}
     found = {"command": " ".join(command), "commit": repository_commit(), "effort": common["effort"], "steps": steps}
-    found |= {"period": list(period), "slots": test_slots, "split": split} | _found(measured)
+    found |= {"period": list(period), "slots": test_slots, "split": split, "light": common.get("light")}
+    found |= _found(measured)
     write_json(found, files[0], overwrite=overwrite)
     write_text(study_markdown(found), files[1], overwrite=overwrite)
     study_figures(found, out, overwrite=overwrite)
@@ -160,6 +162,13 @@ def _common(train: Sequence[str], work: Path, bands: int, period: tuple[int, int
     }
     common = {"bands": bands, "period": list(period), "effort": vars(effort), "seed": 0, "exposures": 1}
     return {**{name: str(path) for name, path in learned.items()}, **common, "source": source_digest()}
+
+
+def _light(scenes: Sequence[str], bands: int) -> float:
+    """Mean irradiance of scenes, share of white: what a light meter would say."""
+    from tmca.experiments.scenes import load_scene
+
+    return sum(float(load_scene(name, bands=bands).mean()) for name in scenes) / len(scenes)
 
 
 def _grid_cells(common: Settings, slots: Sequence[int]) -> list[Settings]:

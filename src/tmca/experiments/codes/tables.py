@@ -10,6 +10,7 @@ import numpy as np
 from tmca.experiments.results import markdown_table
 
 STATIC = "static, designed"
+_FOR_LIGHT = " for the light"
 _GRID = (
     ("noise", "noise", ""),
     ("kind", "codes", ""),
@@ -30,6 +31,7 @@ _TEST = (
     ("gain", "over static designed (dB)", "+.2f"),
     ("expected", "expected gain (dB)", "+.2f"),
     ("predicted", "gain, prior of the others (dB)", "+.2f"),
+    ("there", "the same in the scenes' light (dB)", "+.2f"),
     ("scenes", "gain scene by scene (dB)", ""),
     ("throughput", "light", ".1%"),
 )
@@ -49,6 +51,7 @@ _RANK = (
     ("decoder", "decoder", ""),
     ("codes", "codes", "d"),
     ("rank_correlation", "rank correlation", ".2f"),
+    ("rank_correlation_there", "expected in the test scenes' light", ".2f"),
     ("mixture_rank_correlation", "by the mixture's expected error", ".2f"),
 )
 _CODES = (
@@ -56,6 +59,7 @@ _CODES = (
     ("codes", "codes", ""),
     ("throughput", "light", ".1%"),
     ("expected", "expected (dB)", ".2f"),
+    ("expected_there", "in the test scenes' light (dB)", ".2f"),
     ("expected_mixture", "expected, mixture (dB)", ".2f"),
     ("lmmse", "LMMSE (dB)", ".2f"),
     ("unrolled", "unrolled (dB)", ".2f"),
@@ -71,7 +75,10 @@ def study_markdown(found: dict[str, Any]) -> str:
         lines += [markdown_table(grid_rows(found, times), _PER_SLOT)]
     if found["test"]:
         lines += ["## On test scenes", "", "Whole images by the patch LMMSE, means over scenes and seeds. The gain "
-                  "under the prior of the others is what `tmca design` says beforehand.", ""]  # fmt: skip
+                  "under the prior of the others is what `tmca design` says beforehand of scenes as bright as the "
+                  "examples, and of these scenes with `--light` (their mean irradiance, white = 1: "
+                  f"{found['light']:.3f} on average). Codes designed for this light, and the prior behind them, know "
+                  "that number; their gain is over the static ones that know it.", ""]  # fmt: skip
         lines += [markdown_table(test_rows(found["test"]), _TEST)]
     if found["network"]:
         lines += ["## In trained networks", "", f"An unrolled network for each code, noise and seed, {found['steps']} "
@@ -121,12 +128,14 @@ def test_rows(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     for noise in dict.fromkeys(cell["noise"] for cell in cells):
         own = [cell for cell in cells if cell["noise"] == noise]
         for codes in own[0]["metrics"]:
-            values, base = ([cell["metrics"][name] for cell in own] for name in (codes, STATIC))
+            static = STATIC + _FOR_LIGHT * codes.endswith(_FOR_LIGHT)
+            values, base = ([cell["metrics"][name] for cell in own] for name in (codes, static))
             pairs = list(zip(values, base, strict=True))
             gains, ahead = ([v[key] - b[key] for v, b in pairs] for key in ("psnr", "expected_psnr"))
             scenes = [cell["scene"] for cell in own]
             row = {"noise": noise, "codes": codes, "psnr": _mean(values, "psnr"), "gain": float(np.mean(gains))}
             row |= {"expected": float(np.mean(ahead)), "predicted": _mean(values, "predicted_gain")}
+            row["there"] = _mean(values, "predicted_there")
             rows.append({**row, "scenes": _by(scenes, gains), "throughput": _mean(values, "throughput")})
     return rows
 

@@ -36,9 +36,16 @@ class Task:
         self.bands = list(next(iter(examples.scenes.values())).wavelengths or ())
 
     @classmethod
-    def of(cls, cell: Settings) -> Task:
-        """The task of a cell: its examples are read, its sensor's noise is worked out."""
+    def of(cls, cell: Settings, light: float | None = None) -> Task:
+        """The task of a cell: its examples are read, its sensor's noise is worked out.
+
+        Args:
+            cell: settings.
+            light: mean irradiance that the examples are brought to; as they are if None.
+        """
         found = load_examples(Path(cell["examples"]))
+        if light is not None:
+            found, cell = found.under(light), {**cell, "under": light}
         noise, times = Sensor(**cell["sensor"]).noise(float(found.model.block[0])), cell["exposures"]
         return cls(found, Noise(noise.read / times, noise.shot / times), cell)
 
@@ -56,6 +63,7 @@ class Task:
         """The best codes of a kind, searched once with the same effort for all kinds; free ones contain the others."""
         own = {"kind": kind, "slots": slots, "seed": self.seed, "effort": vars(self.effort), "period": self.period}
         own |= {"examples": Path(self.cell["examples"]).name, "source": self.cell["source"], "noise": vars(self.noise)}
+        own |= {"light": self.cell["under"]} if "under" in self.cell else {}
         file = Path(self.cell["designs"]) / f"{kind}-{slots}-{cell_key(own)}.nc"
         if file.exists():
             return self._kept(file, kind)
