@@ -59,7 +59,7 @@ def test_time_per_slot_is_less_noise(found):
 
 
 def test_designs_are_measured_on_test_scenes(found):
-    rows = rows_of_tests(found["test"])
+    rows = rows_of_tests(found["test"], found["light"])
     assert len(rows) == len(CORNERS) * 8
     designed = [row for row in rows if row["codes"] in ("static, designed", "static, designed for the light")]
     assert all(row["gain"] == row["there"] == 0 for row in designed)
@@ -121,7 +121,7 @@ def test_a_design_is_searched_once(tmp_path, monkeypatch):
 
 def test_networks_learn_behind_their_codes_and_tune_them_if_told(tmp_path):
     common = _common(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0))
-    common |= {"prior": str(prior_file(SCENES, tmp_path, 3)), "light": 0.1}
+    common |= {"prior": str(prior_file(SCENES, tmp_path, 3))}
     trained = {"train": SCENES, "validation": ["motorcycle"]}
     cells = _network_cells(common, ["coffee"], trained, tmp_path, 2, 2, 1)
     found = []

@@ -4,6 +4,7 @@ from tmca.decoders.adapted import AdaptedLMMSE
 from tmca.decoders.admm import ADMMTV, admm_tv, default_weight
 from tmca.decoders.blending import Estimate
 from tmca.decoders.data_step import Result
+from tmca.decoders.decoding import Decoded
 from tmca.decoders.denoisers import (
     chambolle_denoiser,
     module_denoiser,
@@ -17,7 +18,7 @@ from tmca.decoders.network import Network, build_network
 from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.decoders.pnp import PnPADMM, pnp_admm
 from tmca.decoders.shipped import find_weights
-from tmca.decoders.spectral import METHODS, Decoded, decode
+from tmca.decoders.spectral import METHODS, decode
 from tmca.decoders.start import first_estimate
 from tmca.decoders.tv import total_variation, tv_prox
 

@@ -11,9 +11,10 @@ import numpy as np
 import torch
 
 from tmca.cameras import Snapshot, SpectralCamera, moving_scene
+from tmca.decoders.decoding import Decoded, needs_prior
 from tmca.decoders.neural import Weights
 from tmca.decoders.shipped import find_weights
-from tmca.decoders.spectral import Decoded, decode, needs_prior
+from tmca.decoders.spectral import decode
 from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
 from tmca.experiments.figures import save_figure

@@ -10,7 +10,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.spectral import OtherCodes
+from tmca.decoders.decoding import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral_rows import CODES, NETWORKS, NOISES, POOL, scenes_of
@@ -89,7 +89,7 @@ def coded_camera(cell: Settings, bands: Any, size: tuple[int, int]) -> SpectralC
 
 def sweep_cell(cell: Settings) -> Measured:
     """One combination of a sweep on one scene; a network is trained, and a prior learned, once for all scenes."""
-    from tmca.decoders.spectral import needs_prior
+    from tmca.decoders.decoding import needs_prior
     from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
 
     size = None if cell["size"] is None else (cell["size"][0], cell["size"][1])

@@ -14,7 +14,7 @@ from tmca.experiments.figures import add_bar, grid, plain_axes, save_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOURS = ("#9aa5b1", "#00798c", "#d1495b", "#edae49")
+_COLOURS = ("#9aa5b1", "#5b6770", "#00798c", "#d1495b", "#edae49")
 
 
 def files_of(out: Path) -> list[Path]:
@@ -62,7 +62,7 @@ def _short(noise: str) -> str:
 
 def gains_figure(found: dict[str, Any]) -> Figure:
     """Gain of designed time-multiplexed codes over the static design: said beforehand, and measured on test scenes."""
-    rows, networks = test_rows(found["test"]), network_rows(found["network"])
+    rows, networks = test_rows(found["test"], found["light"]), network_rows(found["network"])
     figure, axes = grid(1, 2, width=5.2, aspect=0.62)
     for axis, kind in zip(axes[0], ("free", "one-hot"), strict=True):
         own = {row["noise"]: row for row in rows if row["codes"] == f"{kind}, designed"}
@@ -70,6 +70,7 @@ def gains_figure(found: dict[str, Any]) -> Figure:
         bars = {
             "expected": {noise: row["expected"] for noise, row in own.items()},
             "prior of the other scenes": {noise: row["predicted"] for noise, row in own.items()},
+            "the same in the scenes' light": {noise: row["there"] for noise, row in own.items()},
             "LMMSE, test scenes": {noise: row["gain"] for noise, row in own.items()},
             "unrolled, test scenes": {row["noise"]: row["gain"] for row in networks if row["codes"] == designed},
         }

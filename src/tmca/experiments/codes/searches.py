@@ -43,19 +43,24 @@ def design_ahead(cell: Settings) -> Measured:
 
 
 def on_test_scene(cell: Settings) -> Measured:
-    """PSNR of the LMMSE on one test scene behind random and designed codes, static and time-multiplexed.
-
-    Designs for the light know the mean irradiance of the test scenes, as a light meter tells it, and so does the prior
-    behind them; gains are foretold both for the light of the examples and for that of the scene.
-    """
-    scene = load_scene(cell["path"], bands=cell["bands"])
-    here, there, lit = Task.of(cell), Task.of(cell, float(scene.mean())), Task.of(cell, cell["light"])
+    """PSNR of the LMMSE on one test scene behind random and designed codes, static and time-multiplexed."""
+    task = Task.of(cell)
     prior = GaussianPrior.load(cell["prior"])
-    found = _compared(cell, _cameras(here, cell["slots"][0]), {"predicted_gain": here, "predicted_there": there}, prior)
-    slots = {"static": 1, "free": cell["slots"][0]}
-    designs = {f"{kind}, designed for the light": lit.design(kind, k).camera for kind, k in slots.items()}
+    return {"metrics": _compared(cell, task, _cameras(task, cell["slots"][0]), prior)}
+
+
+def in_the_light(cell: Settings) -> Measured:
+    """What knowing the light of a test scene changes: the gains foretold for its own mean irradiance, and codes
+    designed for the mean irradiance of the test scenes, as a light meter tells it, decoded by a prior that knows it."""
+    scene, slots = load_scene(cell["path"], bands=cell["bands"]), cell["slots"][0]
+    there, lit = Task.of(cell, float(scene.mean())), Task.of(cell, cell["light"])
+    cameras = _cameras(Task.of(cell), slots)
+    prior = GaussianPrior.load(cell["prior"])
     metered = prior.scaled(cell["light"] / float(prior.mean.mean()))
-    return {"metrics": found | _compared(cell, designs, {"predicted_gain": lit, "predicted_there": there}, metered)}
+    designs = {f"{kind}, designed for the light": lit.design(kind, k).camera
+               for kind, k in {"static": 1, "free": slots}.items()}  # fmt: skip
+    foretold = _foretold(there, cameras) | _foretold(there, designs)
+    return {"metrics": _compared(cell, lit, designs, metered), "there": foretold}
 
 
 def _cameras(task: Task, slots: int) -> dict[str, CodedCamera]:
@@ -67,20 +72,25 @@ def _cameras(task: Task, slots: int) -> dict[str, CodedCamera]:
     return cameras
 
 
-def _compared(
-    cell: Settings, cameras: dict[str, CodedCamera], tasks: dict[str, Task], prior: GaussianPrior
-) -> dict[str, Any]:
-    """What cameras reach on the scene, and the gains over the first of them that each of the tasks foretells."""
-    found: dict[str, Any] = {}
-    base = {said: task.left_out(next(iter(cameras.values()))) for said, task in tasks.items()}
+def _foretold(task: Task, cameras: dict[str, CodedCamera]) -> dict[str, float]:
+    """Gain of cameras over the first of them under the prior of the other examples, dB."""
+    base, found = task.left_out(next(iter(cameras.values()))), {}
     for name, camera in cameras.items():
-        own = {said: task.left_out(camera) for said, task in tasks.items()}
-        found[name] = {
-            **_measured(cell, camera, prior), "expected_psnr": tasks["predicted_gain"].psnr(camera),
-            **{said: mean({s: own[said][s] - base[said][s] for s in own[said]}) for said in tasks},
-            "throughput": camera.throughput(),
-        }  # fmt: skip
+        own = task.left_out(camera)
+        found[name] = mean({scene: own[scene] - base[scene] for scene in own})
     return found
+
+
+def _compared(
+    cell: Settings, task: Task, cameras: dict[str, CodedCamera], prior: GaussianPrior
+) -> dict[str, dict[str, float]]:
+    """What cameras reach on the scene, and what was expected and foretold of them."""
+    foretold = _foretold(task, cameras)
+    return {
+        name: {**_measured(cell, camera, prior), "expected_psnr": task.psnr(camera), "predicted_gain": foretold[name],
+               "throughput": camera.throughput()}
+        for name, camera in cameras.items()
+    }  # fmt: skip
 
 
 def _measured(cell: Settings, camera: CodedCamera, prior: GaussianPrior) -> dict[str, float]:

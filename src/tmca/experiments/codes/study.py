@@ -12,8 +12,8 @@ from tmca.experiments.cells import Failures, Measured, Progress, Settings, cell_
 from tmca.experiments.codes.ablation import ablation
 from tmca.experiments.codes.figures import files_of, study_figures
 from tmca.experiments.codes.learned import examples_folder, mixture_file, prior_file
-from tmca.experiments.codes.ranking import RANKED, correlations, networks, ranking
-from tmca.experiments.codes.searches import design_ahead, grid, on_test_scene
+from tmca.experiments.codes.ranking import RANKED, correlations, networks, ranked_there, ranking
+from tmca.experiments.codes.searches import design_ahead, grid, in_the_light, on_test_scene
 from tmca.experiments.codes.tables import study_markdown
 from tmca.experiments.results import check_new, repository_commit
 from tmca.experiments.scenes import identity_of
@@ -27,7 +27,8 @@ _NETWORK_NOISE = _RANKED_NOISES[1]
 """Where every ranked code gets a network of its own."""
 _KEPT = {
     "test": ("noise", "scene", "seed", "metrics"),
-    "ranking": ("noise", "codes", "expected", "expected_there", "expected_mixture", "lmmse", "unrolled", "throughput"),
+    "light": ("noise", "scene", "seed", "metrics", "there"),
+    "ranking": ("noise", "codes", "expected", "expected_mixture", "lmmse", "unrolled", "throughput"),
     "network": ("noise", "codes", "seed", "expected", "lmmse", "unrolled", "throughput"),
     "ablation": ("noise", "rows"),
 }
@@ -113,17 +114,21 @@ def study_codes(
         ahead = _design_cells(common, test_slots, seeds)
         run_cells(ahead, compute, work, jobs=jobs, progress=progress, failures=failures)
         common["prior"] = str(prior_file(train, work, bands))
-        common["light"] = _light(test, bands)
+        light = _light(test, bands)
         trained: Settings = {"train": list(train), "validation": list(validation)}
         trained["learned"] = [identity_of(name) for name in (*train, *validation)]
         cells += _test_cells(common, test, test_slots, seeds)
+        cells += [{**cell, "kind": "light", "name": f"{cell['name']} · in its light", "light": light}
+                  for cell in _test_cells(common, test, test_slots, seeds)]  # fmt: skip
+        cells += _there_cells(common, light)
         cells += _ranking_cells(common, test, trained, work, steps)
         cells += _network_cells(common, test, trained, work, steps, test_slots, seeds)
     measured += run_cells(cells, compute, work, jobs=jobs, progress=progress, failures=failures)
     failures.check()
     split = {"train": [Path(n).name for n in train], "test": [Path(n).name for n in test]}
     found = {"command": " ".join(command), "commit": repository_commit(), "effort": common["effort"], "steps": steps}
-    found |= {"period": list(period), "slots": test_slots, "split": split, "light": common.get("light")}
+    found |= {"period": list(period), "slots": test_slots, "split": split}
+    found |= {"mean_irradiance": light if test else None}
     found |= _found(measured)
     write_json(found, files[0], overwrite=overwrite)
     write_text(study_markdown(found), files[1], overwrite=overwrite)
@@ -134,7 +139,7 @@ def study_codes(
 def compute(cell: Settings) -> Measured:
     """One cell of any kind."""
     kinds = {"grid": grid, "test": on_test_scene, "ranking": ranking, "network": ranking}
-    kinds |= {"ablation": ablation, "design": design_ahead}
+    kinds |= {"ablation": ablation, "design": design_ahead, "light": in_the_light, "there": ranked_there}
     return kinds[cell["kind"]](cell)
 
 
@@ -146,6 +151,9 @@ def _found(measured: Sequence[Measured]) -> dict[str, Any]:
     }
     for kind, kept in _KEPT.items():
         found[kind] = [{key: c[key] for key in kept if key in c} for c in measured if c["kind"] == kind]
+    there = {cell["noise"]: cell["expected_there"] for cell in measured if cell["kind"] == "there"}
+    for row in found["ranking"]:
+        row["expected_there"] = there[row["noise"]][row["codes"]]
     return found | {"rank_correlation": correlations(found["ranking"])}
 
 
@@ -224,6 +232,15 @@ def _ranking_cells(common: Settings, test: Sequence[str], trained: Settings, wor
         for name, code in RANKED.items():
             cells.append(_with_folder({**shared, **network, "codes": name, "code": code}, work))
     return cells
+
+
+def _there_cells(common: Settings, light: float) -> list[Settings]:
+    """The order of the ranked codes in the light of the test scenes."""
+    return [
+        {**common, "kind": "there", "name": f"order in the light · {noise}", "noise": noise, "sensor": CORNERS[noise],
+         "light": light}
+        for noise in _RANKED_NOISES
+    ]  # fmt: skip
 
 
 def _network_cells(

@@ -77,9 +77,9 @@ def study_markdown(found: dict[str, Any]) -> str:
         lines += ["## On test scenes", "", "Whole images by the patch LMMSE, means over scenes and seeds. The gain "
                   "under the prior of the others is what `tmca design` says beforehand of scenes as bright as the "
                   "examples, and of these scenes with `--light` (their mean irradiance, white = 1: "
-                  f"{found['light']:.3f} on average). Codes designed for this light, and the prior behind them, know "
-                  "that number; their gain is over the static ones that know it.", ""]  # fmt: skip
-        lines += [markdown_table(test_rows(found["test"]), _TEST)]
+                  f"{found['mean_irradiance']:.3f} on average). Codes designed for this light, and the prior behind "
+                  "them, know that number; their gain is over the static ones that know it.", ""]  # fmt: skip
+        lines += [markdown_table(test_rows(found["test"], found["light"]), _TEST)]
     if found["network"]:
         lines += ["## In trained networks", "", f"An unrolled network for each code, noise and seed, {found['steps']} "
                   "steps each; means over the middle of the test scenes.", ""]  # fmt: skip
@@ -122,22 +122,32 @@ def grid_rows(found: dict[str, Any], exposures: int) -> list[dict[str, Any]]:
     return rows
 
 
-def test_rows(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Means over scenes and seeds of every kind of codes, with the gain over the designed static ones."""
+def test_rows(cells: Sequence[dict[str, Any]], lit: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Means over scenes and seeds of every kind of codes, with the gain over the designed static ones.
+
+    Args:
+        cells: of the test scenes.
+        lit: what knowing their light changes.
+    """
     rows = []
     for noise in dict.fromkeys(cell["noise"] for cell in cells):
-        own = [cell for cell in cells if cell["noise"] == noise]
-        for codes in own[0]["metrics"]:
-            static = STATIC + _FOR_LIGHT * codes.endswith(_FOR_LIGHT)
-            values, base = ([cell["metrics"][name] for cell in own] for name in (codes, static))
-            pairs = list(zip(values, base, strict=True))
-            gains, ahead = ([v[key] - b[key] for v, b in pairs] for key in ("psnr", "expected_psnr"))
-            scenes = [cell["scene"] for cell in own]
-            row = {"noise": noise, "codes": codes, "psnr": _mean(values, "psnr"), "gain": float(np.mean(gains))}
-            row |= {"expected": float(np.mean(ahead)), "predicted": _mean(values, "predicted_gain")}
-            row["there"] = _mean(values, "predicted_there")
-            rows.append({**row, "scenes": _by(scenes, gains), "throughput": _mean(values, "throughput")})
+        own, there = ([cell for cell in part if cell["noise"] == noise] for part in (cells, lit))
+        for part, static in ((own, STATIC), (there, STATIC + _FOR_LIGHT)):
+            for codes in part[0]["metrics"]:
+                row = {"noise": noise, "codes": codes, **_test_row(part, codes, static)}
+                rows.append({**row, "there": float(np.mean([cell["there"][codes] for cell in there]))})
     return rows
+
+
+def _test_row(cells: Sequence[dict[str, Any]], codes: str, static: str) -> dict[str, Any]:
+    values, base = ([cell["metrics"][name] for cell in cells] for name in (codes, static))
+    pairs = list(zip(values, base, strict=True))
+    gains, ahead = ([v[key] - b[key] for v, b in pairs] for key in ("psnr", "expected_psnr"))
+    return {
+        "psnr": _mean(values, "psnr"), "gain": float(np.mean(gains)), "expected": float(np.mean(ahead)),
+        "predicted": _mean(values, "predicted_gain"), "scenes": _by([cell["scene"] for cell in cells], gains),
+        "throughput": _mean(values, "throughput"),
+    }  # fmt: skip
 
 
 def network_rows(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -1,0 +1,160 @@
+"""What decoders of every camera share: checks of what is given, priors, total variation, plug-and-play."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf
+from typing import Any
+
+from torch import Tensor
+
+from tmca.cameras import CodedCamera, Snapshot
+from tmca.decoders.adapted import AdaptedLMMSE
+from tmca.decoders.admm import admm_tv, default_weight
+from tmca.decoders.denoisers import nl_means_denoiser, tv_denoiser
+from tmca.decoders.lmmse import PatchLMMSE
+from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.pnp import pnp_admm
+from tmca.errors import SettingError
+from tmca.operators import TapOperator
+from tmca.priors import GaussianMixturePrior, GaussianPrior
+
+_ITERATIONS, _PNP_ITERATIONS, _LEAST_NOISE = 300, 100, 1e-3
+Progress = Callable[[float], None]
+Prior = GaussianPrior | GaussianMixturePrior
+
+
+@dataclass
+class Decoded:
+    """What a decoder returns.
+
+    Args:
+        estimate: (B, L, H, W) cube, or (B, V, U, H, W) light field.
+        deviation: standard deviation of each entry, if the decoder knows it.
+        seconds: wall time.
+        notes: what the decoder says of itself (iterations, weight, …).
+    """
+
+    estimate: Tensor
+    deviation: Tensor | None = None
+    seconds: float = 0.0
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+def needs_prior(method: str) -> bool:
+    """Whether a decoder needs a prior."""
+    return method in ("lmmse", "lmmse-adapted", "mixture")
+
+
+class OtherCodes(UserWarning):
+    """A network that is not told the codes, behind other codes than it was trained for."""
+
+
+def check_arguments(
+    method: str, methods: tuple[str, ...], prior: object, weights: object, tv_weight: float | None
+) -> None:
+    """Raises SettingError for an unknown method, or arguments that it does not take."""
+    if method not in methods:
+        raise SettingError("decoder", repr(method), f"one of {', '.join(methods)}")
+    if prior is not None and not needs_prior(method) and method != "network":
+        raise SettingError(
+            "prior", f"one for {method}", "none: only lmmse, lmmse-adapted and mixture use it", "leave it out"
+        )
+    if (weights is None) == (method == "network"):
+        there, wanted = ("none", "those of the network") if weights is None else (f"some for {method}", "none")
+        raise SettingError("weights", there, wanted, "weights and the decoder network go together")
+    if tv_weight is not None and not method.startswith("admm"):
+        raise SettingError("tv_weight", f"{tv_weight} for {method}", "none: only admm-tv uses it", "leave it out")
+
+
+def finished(found: Decoded, method: str, start: float) -> Decoded:
+    """The estimate without negative irradiance, and how long it took since ``start`` (``time.perf_counter``)."""
+    if method != "dagger":
+        found.estimate = found.estimate.clamp_min(0)
+    found.seconds = time.perf_counter() - start
+    return found
+
+
+def tap_operator(camera: CodedCamera, method: str) -> TapOperator:
+    """The camera's operator, where one code stands for all slots.
+
+    Raises:
+        SettingError: relay blur.
+    """
+    operator = camera.operator()
+    if not isinstance(operator, TapOperator):
+        raise SettingError("relay blur", str(getattr(camera, "relay_blur", "")), f"0 for {method}", "use admm-tv")
+    return operator
+
+
+def by_prior(
+    snapshot: Snapshot[Any],
+    method: str,
+    prior: Prior | None,
+    uncertainty: bool,
+    progress: Progress | None,
+) -> Decoded:
+    """Scenes by a patch prior; (B, L, H, W).
+
+    Raises:
+        SettingError: no prior, or one of the wrong kind.
+    """
+    operator, noise = tap_operator(snapshot.camera, "lmmse and mixture"), snapshot.camera.noise
+    if method == "mixture" and isinstance(prior, GaussianMixturePrior):
+        decoder: PatchLMMSE | AdaptedLMMSE | MixtureLMMSE = MixtureLMMSE(prior)
+    elif method == "lmmse" and isinstance(prior, GaussianPrior):
+        decoder = PatchLMMSE(prior)
+    elif method == "lmmse-adapted" and isinstance(prior, GaussianPrior):
+        decoder = AdaptedLMMSE(prior)
+    else:
+        kinds = {
+            GaussianPrior: "a Gaussian prior",
+            GaussianMixturePrior: "a Gaussian-mixture prior",
+            type(None): "none",
+        }
+        wanted, how = ("a Gaussian-mixture prior", " --mixture") if method == "mixture" else ("a Gaussian prior", "")
+        remedy = f"learn one with `tmca prior learn …{how}`"
+        raise SettingError("prior", kinds.get(type(prior), "something else"), f"{wanted} for {method}", remedy)
+    found = decoder(snapshot.values, operator.taps, noise.read, noise.shot, uncertainty=uncertainty, progress=progress)
+    return Decoded(found.estimate, found.deviation)
+
+
+def by_variation(snapshot: Snapshot[Any], joint: bool, weight: float | None, progress: Progress | None) -> Decoded:
+    """Scenes by ADMM with total variation, each channel's or of all together; (B, L, H, W)."""
+    camera = snapshot.camera
+    if weight is None:
+        # the weight was chosen at equal exposure; K times the light is K² times the data term
+        gain = camera.full_scale / float(camera.response.sum())
+        level = float(camera.noise.variance(snapshot.values).mean().sqrt())
+        weight = default_weight(level / gain) * gain**2
+    told = None if progress is None else lambda iteration, primal, dual: progress(iteration / _ITERATIONS)
+    result = admm_tv(
+        camera.operator(),
+        snapshot.values,
+        weight,
+        joint=joint,
+        bounds=(0.0, inf),
+        max_iterations=_ITERATIONS,
+        progress=told,
+    )
+    notes = {"tv_weight": weight, "iterations": result.iterations, "converged": result.converged}
+    return Decoded(result.estimate, notes=notes)
+
+
+def by_denoiser(snapshot: Snapshot[Any], method: str, progress: Progress | None) -> Decoded:
+    """Scenes by plug-and-play ADMM; (B, L, H, W)."""
+    camera = snapshot.camera
+    denoise = tv_denoiser() if method == "pnp-tv" else nl_means_denoiser()
+    level = float(camera.noise.variance(snapshot.values).mean().sqrt())
+    told = None if progress is None else lambda iteration, primal, dual: progress(iteration / _PNP_ITERATIONS)
+    result = pnp_admm(
+        camera.operator(),
+        snapshot.values,
+        denoise,
+        noise_sigma=max(level, _LEAST_NOISE),
+        max_iterations=_PNP_ITERATIONS,
+        progress=told,
+    )
+    return Decoded(result.estimate, notes={"iterations": result.iterations, "converged": result.converged})
