@@ -49,8 +49,10 @@ def error_moments(prior: GaussianPrior, posterior: BlockPosterior) -> Tensor:
     Raises:
         SettingError: a prior that is not stationary.
     """
-    if not prior.stationary:
-        raise SettingError("prior", "plain moments of random blocks", "a stationary prior", "learn one anew")
+    if not prior.mirrored:
+        raise SettingError(
+            "prior", "one that is not the same in mirror image", "a stationary prior of cubes", "learn one anew"
+        )
     (bands, h, _), (first, last) = prior.block, posterior.model.judged
     width = last - first
     known = torch.zeros(bands, bands, h, width, dtype=torch.float64, device=prior.moments.device)

@@ -12,7 +12,15 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
-from tmca.priors.statistics import autocovariance, sample_moments, scenes, toeplitz, toeplitz_rows
+from tmca.priors.statistics import (
+    autocovariance,
+    directed_autocovariance,
+    sample_moments,
+    scenes,
+    toeplitz,
+    toeplitz_rows,
+    two_sided,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +36,8 @@ class GaussianPrior:
     Args:
         mean: (L, h, w) mean irradiance, float64.
         moments: (n, n) covariance of the flattened block, n = L·h·w; or (L, L, h, w) covariance of two pixels by
-            their distance in rows and columns, for a prior that is the same everywhere and in mirror image.
+            their distance in rows and columns, for a prior that is the same everywhere and in mirror image; or
+            (L, L, 2h-1, 2w-1) by their displacement, for one that is the same everywhere.
         wavelengths: of the L channels, in metres, or None.
         sources: names (and checksums) of the scenes it was learned from.
     """
@@ -40,12 +49,10 @@ class GaussianPrior:
 
     def __post_init__(self) -> None:
         n, lags = self.mean.numel(), (self.mean.shape[0], *self.mean.shape)
-        if self.mean.ndim != 3 or tuple(self.moments.shape) not in ((n, n), lags):
-            raise ShapeError(
-                "prior",
-                f"mean {tuple(self.mean.shape)} with moments {tuple(self.moments.shape)}",
-                f"{(n, n)} or {lags}",
-            )
+        both = (*lags[:2], *(2 * side - 1 for side in lags[2:]))
+        if self.mean.ndim != 3 or tuple(self.moments.shape) not in ((n, n), lags, both):
+            found = f"mean {tuple(self.mean.shape)} with moments {tuple(self.moments.shape)}"
+            raise ShapeError("prior", found, f"{(n, n)}, {lags} or {both}")
         if self.wavelengths is not None and len(self.wavelengths) != self.mean.shape[0]:
             raise ShapeError("wavelengths", f"{len(self.wavelengths)}", f"{self.mean.shape[0]}, one per channel")
 
@@ -57,26 +64,37 @@ class GaussianPrior:
 
     @property
     def stationary(self) -> bool:
-        """Whether the covariance depends on distance only."""
+        """Whether the covariance is the same everywhere."""
         return self.moments.ndim == 4
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether it is so in mirror image too: it depends on distance only."""
+        return self.stationary and self.moments.shape[2:] == self.mean.shape[1:]
+
+    @property
+    def displaced(self) -> Tensor:
+        """(L, L, 2h-1, 2w-1) covariance by displacement of a stationary prior."""
+        return two_sided(self.moments) if self.mirrored else self.moments
 
     @cached_property
     def covariance(self) -> Tensor:
         """(n, n) covariance of the flattened block, float64."""
-        return toeplitz(self.moments) if self.stationary else self.moments
+        return toeplitz(self.displaced) if self.stationary else self.moments
 
     @property
     def variance(self) -> Tensor:
         """(n,) variance of the flattened block, float64."""
         if not self.stationary:
             return self.moments.diagonal()
-        return self.moments[:, :, 0, 0].diagonal().repeat_interleave(self.mean[0].numel())
+        row, column = (0, 0) if self.mirrored else (self.block[1] - 1, self.block[2] - 1)
+        return self.moments[:, :, row, column].diagonal().repeat_interleave(self.mean[0].numel())
 
     def rows(self, pixels: Tensor, dtype: torch.dtype) -> Tensor:
         """(..., n) rows of the covariance that belong to the flat indices ``pixels`` (...), without the whole of it."""
         if not self.stationary:
             return self.moments.to(dtype)[pixels]
-        return toeplitz_rows(self.moments.to(dtype), pixels)
+        return toeplitz_rows(self.displaced.to(dtype), pixels)
 
     @classmethod
     def learn(
@@ -85,6 +103,7 @@ class GaussianPrior:
         block: tuple[int, int] = (12, 36),
         *,
         stationary: bool = True,
+        views: tuple[int, int] | None = None,
         samples: int = 24000,
         seed: int = 0,
         floor: float = FLOOR,
@@ -96,6 +115,8 @@ class GaussianPrior:
         Args:
             stationary: average over every position and its mirror images, which uses all the examples' pixels; else
                 plain moments of ``samples`` random blocks, half of them mirrored on each axis.
+            views: (V, U) of light fields, whose views are the channels, row by row; averaged over every position, and
+                over mirror images of pixels and views together.
             floor: variance added to every pixel.
 
         Raises:
@@ -105,7 +126,12 @@ class GaussianPrior:
         examples = scenes(cubes, block)
         if floor < 0 or samples < 2:
             raise SettingError("learn", f"floor {floor}, samples {samples}", "floor ≥ 0 and samples ≥ 2")
-        if stationary:
+        if views is not None:
+            if views[0] * views[1] != len(examples[0]):
+                raise ShapeError("views", f"{views[0]}×{views[1]}", f"{len(examples[0])} in all, as the examples have")
+            mean, moments = directed_autocovariance(examples, block, views)
+            moments[:, :, block[0] - 1, block[1] - 1] += floor * torch.eye(len(moments), dtype=moments.dtype)
+        elif stationary:
             mean, moments = autocovariance(examples, block)
             moments[:, :, 0, 0] += floor * torch.eye(len(moments), dtype=moments.dtype)
         else:

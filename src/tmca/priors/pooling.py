@@ -26,7 +26,7 @@ def pooled(priors: Sequence[GaussianPrior], weights: Sequence[float] | None = No
     """
     if not priors or any(not prior.stationary for prior in priors):
         raise SettingError("pooled", f"{len(priors)} priors", "one stationary prior at least")
-    if len({prior.block for prior in priors}) > 1:
+    if len({(prior.block, prior.mirrored) for prior in priors}) > 1:
         raise ShapeError("pooled", f"blocks {sorted({prior.block for prior in priors})}", "one block for all")
     shares = torch.ones(len(priors)) if weights is None else torch.tensor(list(weights))
     if len(shares) != len(priors) or not bool((shares > 0).all()):
@@ -52,5 +52,8 @@ def cropped(prior: GaussianPrior, rows: int, columns: int) -> GaussianPrior:
     """
     if not prior.stationary or rows > prior.block[1] or columns > prior.block[2]:
         raise ShapeError("prior", f"blocks {prior.block}", f"a stationary prior of at least {rows}×{columns} pixels")
-    mean, moments = prior.mean[:, :rows, :columns], prior.moments[:, :, :rows, :columns]
+    mean, (height, width) = prior.mean[:, :rows, :columns], prior.block[1:]
+    moments = prior.moments[:, :, :rows, :columns]
+    if not prior.mirrored:
+        moments = prior.moments[:, :, height - rows : height + rows - 1, width - columns : width + columns - 1]
     return replace(prior, mean=mean.contiguous(), moments=moments.contiguous())

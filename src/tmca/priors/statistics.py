@@ -55,22 +55,62 @@ def autocovariance(examples: list[Tensor], block: tuple[int, int]) -> tuple[Tens
     return mean[:, None, None].expand(-1, h, w).clone(), total
 
 
+def directed_autocovariance(
+    examples: list[Tensor], block: tuple[int, int], views: tuple[int, int]
+) -> tuple[Tensor, Tensor]:
+    """Mean (L, h, w) and covariance (L, L, 2h-1, 2w-1) by displacement of light fields whose views are the channels.
+
+    ``moments[c, o, h-1 + dy, w-1 + dx]`` is that of channel c at one pixel with channel o dy rows and dx columns on:
+    what parallax couples depends on the direction. Averaged over every position and over what turns a light field into
+    another one of the same depths: mirroring pixels and views together along an axis and, where views and block are
+    square, exchanging the axes. Each example is dark beyond its frame, around its mean, which keeps the block
+    covariance positive semidefinite.
+
+    Args:
+        examples: (V·U, H, W), views row by row.
+        block: (h, w).
+        views: (V, U).
+    """
+    (h, w), pixels = block, sum(cube[0].numel() for cube in examples)
+    turned = h == w and views[0] == views[1]
+    mean = sum((cube.sum((1, 2)) for cube in examples), torch.zeros(())) / pixels
+    mean = _symmetric(mean.reshape(views), [(0,), (1,)], [1, 0] if turned else None).flatten()
+    total = torch.zeros(len(mean), len(mean), 2 * h - 1, 2 * w - 1, dtype=torch.float64)
+    rows, columns = torch.arange(1 - h, h), torch.arange(1 - w, w)
+    for cube in examples:
+        frame = (cube.shape[1] + h - 1, cube.shape[2] + w - 1)
+        spectrum = torch.fft.rfft2(cube - mean[:, None, None], s=frame)
+        for channel, own in enumerate(spectrum):
+            total[channel] += torch.fft.irfft2(spectrum * own.conj(), s=frame)[:, rows[:, None], columns]
+    grid = total.unflatten(1, views).unflatten(0, views) / pixels
+    grid = _symmetric(grid, [(0, 2, 4), (1, 3, 5)], [1, 0, 3, 2, 5, 4] if turned else None)
+    return mean[:, None, None].expand(-1, h, w).clone(), grid.flatten(2, 3).flatten(0, 1)
+
+
+def _symmetric(values: Tensor, mirrors: list[tuple[int, ...]], exchange: list[int] | None) -> Tensor:
+    """The mean over mirror images along groups of axes, and over an exchange of axes."""
+    for axes in mirrors:
+        values = (values + values.flip(axes)) / 2
+    return values if exchange is None else (values + values.permute(exchange)) / 2
+
+
+def two_sided(moments: Tensor) -> Tensor:
+    """Covariance by distance (L, L, h, w) as one by displacement (L, L, 2h-1, 2w-1)."""
+    both = torch.cat([moments[:, :, 1:].flip(2), moments], 2)
+    return torch.cat([both[..., 1:].flip(3), both], 3)
+
+
 def toeplitz(moments: Tensor) -> Tensor:
-    """(n, n) covariance of a block from its covariance by distance (L, L, h, w)."""
-    channels, _, h, w = moments.shape
-    rows, columns = torch.arange(h), torch.arange(w)
-    dy, dx = (rows[:, None] - rows).abs(), (columns[:, None] - columns).abs()
-    full = moments[:, :, dy[:, None, :, None], dx[None, :, None, :]]
-    return full.permute(0, 2, 3, 1, 4, 5).reshape(channels * h * w, -1)
+    """(n, n) covariance of a block from its covariance by displacement (L, L, 2h-1, 2w-1)."""
+    channels, h, w = moments.shape[0], (moments.shape[2] + 1) // 2, (moments.shape[3] + 1) // 2
+    return toeplitz_rows(moments, torch.arange(channels * h * w, device=moments.device))
 
 
 def toeplitz_rows(moments: Tensor, pixels: Tensor) -> Tensor:
     """Rows (..., n) of ``toeplitz`` that belong to the flat indices ``pixels`` (...)."""
-    channels, _, h, w = moments.shape
-    both = torch.cat([moments[:, :, 1:].flip(2), moments], 2)
-    both = torch.cat([both[..., 1:].flip(3), both], 3)
+    channels, h, w = moments.shape[0], (moments.shape[2] + 1) // 2, (moments.shape[3] + 1) // 2
     channel, row, column = torch.unravel_index(pixels, (channels, h, w))
-    return both.unfold(2, h, 1).unfold(3, w, 1)[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
+    return moments.unfold(2, h, 1).unfold(3, w, 1)[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
 
 
 def random_blocks(examples: list[Tensor], block: tuple[int, int], count: int, seed: int, mirrored: bool) -> Tensor:

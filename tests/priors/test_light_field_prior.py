@@ -1,0 +1,118 @@
+"""Priors of light fields: what parallax couples has a direction."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+import torch
+
+from tmca.cameras import LightFieldCamera
+from tmca.decoders import PatchLMMSE
+from tmca.errors import ShapeError
+from tmca.priors import GaussianPrior, cropped, pooled
+
+VIEWS = (3, 3)
+
+
+def parallax(disparity, size=(14, 17), seed=0, views=VIEWS):
+    """(V·U, H, W) a textured plane: what the centre view shows at (y, x), view (v, u) shows at (y - v·d, x - u·d)."""
+    reach = abs(disparity) * max(views)
+    wide = torch.rand(size[0] + 2 * reach, size[1] + 2 * reach, generator=torch.Generator().manual_seed(seed))
+    rows, columns = (range(-(n // 2), n // 2 + 1) for n in views)
+    shown = [
+        wide[reach + v * disparity : reach + v * disparity + size[0], reach + u * disparity :][:, : size[1]]
+        for v in rows
+        for u in columns
+    ]
+    return torch.stack(shown).double()
+
+
+def mirrored(field, views=VIEWS):
+    grid = field.unflatten(0, views)
+    return [grid, grid.flip(0, 2), grid.flip(1, 3), grid.flip(0, 1, 2, 3)]
+
+
+@pytest.mark.parametrize("block", [(3, 3), (2, 4)])
+def test_covariances_are_those_of_slow_loops_over_mirror_images(block):
+    fields = [parallax(1), parallax(-1, (11, 12), seed=1)]
+    prior = GaussianPrior.learn(fields, block, views=VIEWS, floor=0.0)
+    images = [image.reshape(9, *image.shape[2:]) for field in fields for image in mirrored(field)]
+    if block[0] == block[1]:
+        images += [image.unflatten(0, VIEWS).permute(1, 0, 3, 2).flatten(0, 1) for image in images]
+    pixels = sum(image[0].numel() for image in images)
+    mean = sum(image.sum((1, 2)) for image in images) / pixels
+    h, w = block
+    for c, o, dy, dx in product((0, 4, 5), (1, 4, 8), range(1 - h, h), range(1 - w, w)):
+        total = 0.0
+        for image in images:
+            one, other = image[c] - mean[c], image[o] - mean[o]
+            height, width = one.shape
+            for y, x in product(range(height), range(width)):
+                if 0 <= y + dy < height and 0 <= x + dx < width:
+                    total += float(one[y, x] * other[y + dy, x + dx])
+        assert float(prior.moments[c, o, h - 1 + dy, w - 1 + dx]) == pytest.approx(total / pixels, abs=1e-10)
+    torch.testing.assert_close(prior.mean[:, 0, 0], mean)
+
+
+def test_a_blocks_covariance_is_symmetric_and_positive():
+    prior = GaussianPrior.learn([parallax(2), parallax(0, seed=3)], (4, 5), views=VIEWS)
+    covariance = prior.covariance
+    torch.testing.assert_close(covariance, covariance.mT)
+    assert torch.linalg.eigvalsh(covariance).min() > 0
+    torch.testing.assert_close(covariance.diagonal(), prior.variance)
+    pixels = torch.tensor([[0, 7], [33, 120]])
+    torch.testing.assert_close(prior.rows(pixels, torch.float64), covariance[pixels])
+
+
+def test_the_prior_knows_which_way_near_things_move():
+    """Neighbouring views of a plane at disparity 1 agree one pixel apart, on one side only."""
+    prior = GaussianPrior.learn([parallax(1, (40, 40))], (3, 3), views=VIEWS)
+    centre, right = 4, 5
+    along = prior.moments[centre, right, 2]
+    assert float(along[1]) > 10 * float(along[3].abs())
+
+
+def test_light_fields_mirrored_with_their_views_teach_the_same():
+    field = parallax(1)
+    flipped = mirrored(field)[2].reshape(9, *field.shape[1:])
+    one, other = (GaussianPrior.learn([f], (3, 4), views=VIEWS) for f in (field, flipped))
+    torch.testing.assert_close(one.moments, other.moments)
+
+
+def test_pooled_and_cropped_priors_are_those_learned_so():
+    fields = [parallax(1), parallax(-1, seed=2)]
+    whole = GaussianPrior.learn(fields, (4, 5), views=VIEWS, floor=0.0)
+    parts = [GaussianPrior.learn([f], (4, 5), views=VIEWS, floor=0.0) for f in fields]
+    near = pooled(parts)
+    # each around its own mean, beyond whose frame it is dark
+    torch.testing.assert_close(near.moments, whole.moments, atol=2e-3, rtol=0)
+    small = GaussianPrior.learn(fields, (2, 3), views=VIEWS, floor=0.0)
+    torch.testing.assert_close(cropped(whole, 2, 3).moments, small.moments)
+    torch.testing.assert_close(cropped(whole, 2, 3).covariance, small.covariance)
+
+
+def test_it_comes_back_from_its_file(tmp_path):
+    prior = GaussianPrior.learn([parallax(1)], (3, 4), views=VIEWS, sources=["plane"])
+    back = GaussianPrior.load(prior.save(tmp_path / "prior.nc"))
+    assert torch.equal(back.moments, prior.moments)
+    assert not back.mirrored
+    assert back.sources == ("plane",)
+
+
+def test_the_estimate_is_that_of_dense_matrices():
+    prior = GaussianPrior.learn([parallax(1), parallax(0, seed=5)], (5, 6), views=VIEWS)
+    camera = LightFieldCamera(3, (5, 6), 2, seed=3)
+    snapshot = camera.A(parallax(1, (5, 6), seed=9).unflatten(0, VIEWS)[None].float()).double()
+    found = PatchLMMSE(prior, dtype=torch.float64)(snapshot, camera.taps(), 0.05).estimate
+    matrix = torch.zeros(30, 9 * 30, dtype=torch.float64)
+    for view, place in product(range(9), range(30)):
+        matrix[place, view * 30 + place] = camera.taps().code[view].flatten()[place]
+    mean, covariance = prior.mean.flatten(), prior.covariance
+    gram = matrix @ covariance @ matrix.mT + 0.05**2 * torch.eye(30, dtype=torch.float64)
+    expected = mean + covariance @ matrix.mT @ torch.linalg.solve(gram, snapshot.flatten() - matrix @ mean)
+    np.testing.assert_allclose(found.flatten(), expected, atol=1e-6)
+
+
+def test_another_number_of_views_is_refused():
+    with pytest.raises(ShapeError, match="views"):
+        GaussianPrior.learn([parallax(0)], (3, 3), views=(3, 5))
