@@ -27,8 +27,9 @@ class DictionaryDecoder:
     What a patch sees of the dictionary is ``A D``, atoms behind its own part of the code, and one constant atom for
     its mean, which is taken first (OMP) or free of penalty (LASSO). Measurements are weighed by their deviation: of
     the noise, and of what sparse codes leave of the scene, which is all there is in a snapshot without noise. The
-    penalty of an atom is the inverse of its typical coefficient, so that a weight of 1 is the most probable code
-    under Laplacian coefficients.
+    penalty of an atom is the inverse of its typical coefficient. A weight of 1 would be the most probable code under
+    Laplacian coefficients; those of patches have heavier tails, and what codes leave is not independent from entry
+    to entry, so that far less is best.
 
     Args:
         dictionary: of patches (L, h, w).
@@ -50,11 +51,11 @@ class DictionaryDecoder:
         dictionary: PatchDictionary,
         method: str = "lasso",
         *,
-        stride: tuple[int, int] = (2, 2),
+        stride: tuple[int, int] = (3, 3),
         merge: str = "median",
         sparsity: int | None = None,
         slack: float = 1.0,
-        weight: float = 1.0,
+        weight: float = 0.03,
         tolerance: float = 1e-2,
         max_iterations: int = 200,
         dtype: torch.dtype = torch.float32,
@@ -132,8 +133,8 @@ class DictionaryDecoder:
         m = measured.shape[-1]
         if self.method == "omp":
             return batch_omp(atoms, measured, min(self.sparsity or m // 4, m), self.slack * m, kept=1)
-        settings = {"max_iterations": self.max_iterations, "tolerance": self.tolerance}
-        return lasso_admm(atoms, measured, self.weight, 1, **settings).codes
+        most, tolerance = self.max_iterations, self.tolerance
+        return lasso_admm(atoms, measured, self.weight, 1, max_iterations=most, tolerance=tolerance).codes
 
 
 class _Sight:

@@ -157,9 +157,7 @@ def lasso_admm(
     basis, triangle = torch.linalg.qr(matrices[..., :free])
     others, across = matrices[..., free:], basis.mT @ matrices[..., free:]
     inside = measured @ basis
-    found = _iterate(
-        _Split(others - basis @ across, measured - inside @ basis.mT, weights), max_iterations, tolerance
-    )
+    found = _iterate(_Split(others - basis @ across, measured - inside @ basis.mT, weights), max_iterations, tolerance)
     first = torch.linalg.solve_triangular(triangle, (inside - found.codes @ across.mT).mT, upper=True).mT
     return found._replace(codes=torch.cat([first, found.codes], -1))
 
@@ -225,9 +223,14 @@ def _length(values: Tensor) -> Tensor:
 
 
 def _check_shapes(matrices: Tensor, measured: Tensor) -> None:
-    if matrices.ndim != 3 or measured.ndim != 3 or (len(matrices), matrices.shape[1]) != (
-        len(measured),
-        measured.shape[2],
+    if (
+        matrices.ndim != 3
+        or measured.ndim != 3
+        or (len(matrices), matrices.shape[1])
+        != (
+            len(measured),
+            measured.shape[2],
+        )
     ):
         found = f"matrices {tuple(matrices.shape)}, signals {tuple(measured.shape)}"
         raise ShapeError("sparse recovery", found, "(G, m, K) and (G, P, m)")

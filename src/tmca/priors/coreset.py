@@ -13,7 +13,9 @@ from tmca.errors import SettingError
 def patch_variance(cube: Tensor, patch: tuple[int, int]) -> Tensor:
     """(H - h + 1, W - w + 1) variance of all entries of the patch (L, h, w) at each place of a cube (L, H, W)."""
     pool = torch.nn.functional.avg_pool2d
-    first, second = (pool(values[None, None], patch, stride=1)[0, 0] for values in (cube.mean(0), cube.square().mean(0)))
+    first, second = (
+        pool(values[None, None], patch, stride=1)[0, 0] for values in (cube.mean(0), cube.square().mean(0))
+    )
     return (second - first.square()).clamp_min(0)
 
 

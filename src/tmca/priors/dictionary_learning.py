@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tmca.errors import DataError
 from tmca.priors.coreset import coreset, even_sample
 
 _JUDGES, _SWEEPS = 2048, 200
@@ -54,12 +55,18 @@ def learn_atoms(
     """Atoms of the patches of cubes (L, H, W), each patch less its own mean.
 
     Light-field patches lie close to a subspace of far fewer dimensions than they have entries: inside it the learner
-    takes minutes for what would take hours, and nothing that a dictionary could use is left out.
+    takes minutes for what would take hours.
+
+    Raises:
+        DataError: no patch that varies.
+        SettingError: more patches than there are places.
     """
     told = progress or (lambda share: None)
     chosen = _centred(coreset(cubes, patch, patches, seed))
     basis = _leading(chosen, rank)
     inside = np.ascontiguousarray((chosen @ basis).numpy(), dtype=np.float64)
+    if not inside.any():
+        raise DataError("light fields", "no texture", "patches that vary", "learn from other scenes")
     strength = penalty * float(np.sqrt(np.square(inside).sum(1).mean()))
     told(0.1)
     found = _fit(inside, atoms, strength, passes, batch, seed, lambda share: told(0.1 + 0.8 * share))
@@ -90,7 +97,8 @@ def _fit(
 
     random = np.random.default_rng(seed)
     lengths = np.linalg.norm(inside, axis=1)
-    first = random.choice(len(inside), atoms, replace=atoms > np.count_nonzero(lengths), p=lengths / lengths.sum())
+    scarce = bool(atoms > np.count_nonzero(lengths))
+    first = random.choice(len(inside), atoms, replace=scarce, p=lengths / lengths.sum())
     start = inside[first] / lengths[first, None]
     learner = MiniBatchDictionaryLearning(
         atoms,
