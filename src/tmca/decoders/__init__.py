@@ -12,13 +12,15 @@ from tmca.decoders.denoisers import (
     per_band,
     tv_denoiser,
 )
+from tmca.decoders.dictionary import DictionaryDecoder
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
 from tmca.decoders.network import Network, build_network
 from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.decoders.pnp import PnPADMM, pnp_admm
 from tmca.decoders.shipped import find_weights
-from tmca.decoders.spectral import METHODS, decode
+from tmca.decoders.sparse import LassoResult, batch_omp, lasso_admm
+from tmca.decoders.spectral import METHODS, Decoded, decode
 from tmca.decoders.start import first_estimate
 from tmca.decoders.tv import total_variation, tv_prox
 
@@ -27,7 +29,9 @@ __all__ = [
     "METHODS",
     "AdaptedLMMSE",
     "Decoded",
+    "DictionaryDecoder",
     "Estimate",
+    "LassoResult",
     "MixtureLMMSE",
     "Network",
     "NeuralDecoder",
@@ -36,12 +40,14 @@ __all__ = [
     "Result",
     "Weights",
     "admm_tv",
+    "batch_omp",
     "build_network",
     "chambolle_denoiser",
     "decode",
     "default_weight",
     "find_weights",
     "first_estimate",
+    "lasso_admm",
     "module_denoiser",
     "nl_means_denoiser",
     "per_band",

@@ -38,6 +38,10 @@ def _figure(path: Path, variable: str | None) -> Figure:
         from tmca.priors import load_prior
 
         return load_prior(path).figure()
+    if {"atom", "scale"} <= names:
+        from tmca.priors import PatchDictionary
+
+        return PatchDictionary.load(path).figure()
     if found["kind"] == "cube":
         cube = read(path, variable=variable, negative="keep")
         return cube_figure(cube.values, cube["wavelength"].values.tolist(), path.name)

@@ -1,6 +1,7 @@
-"""Gaussian and Gaussian-mixture priors of small scene blocks."""
+"""Gaussian and Gaussian-mixture priors of small scene blocks, and dictionaries of light-field patches."""
 
 from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.priors.dictionary import PatchDictionary
 from tmca.priors.expected_error import expected_mse, expected_psnr
 from tmca.priors.figures import draw_prior
 from tmca.priors.gaussian import GaussianPrior
@@ -13,6 +14,7 @@ __all__ = [
     "BlockModel",
     "GaussianMixturePrior",
     "GaussianPrior",
+    "PatchDictionary",
     "Prior",
     "block_for",
     "cache_folder",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from tmca.errors import DataError
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tmca.priors.dictionary import PatchDictionary
     from tmca.priors.mixture import GaussianMixturePrior
 
 FORMAT = "tmca prior 1"
@@ -27,6 +29,8 @@ DIMENSIONS = {
     "kind_scale": ("kind",),
     "gain_level": ("gain",),
     "weight": ("kind", "gain"),
+    "atom": ("number", "view", "y", "x"),
+    "scale": ("number",),
 }
 REQUIRED = {
     "gaussian": ("mean",),
@@ -39,6 +43,7 @@ REQUIRED = {
         "gain_level",
         "weight",
     ),
+    "dictionary": ("atom", "scale"),
 }
 
 
@@ -84,7 +89,7 @@ def write_prior(
 
 
 def kind_of(path: str | Path) -> str:
-    """``"gaussian"`` or ``"gaussian mixture"``, as the file says.
+    """``"gaussian"``, ``"gaussian mixture"`` or ``"dictionary"``, as the file says.
 
     Raises:
         DataError: no such file, or no prior in it.
@@ -106,6 +111,49 @@ def read_prior(path: str | Path, kind: str) -> tuple[dict[str, Tensor], tuple[fl
     return arrays, lengths, sources
 
 
+def write_dictionary(path: str | Path, dictionary: PatchDictionary, *, overwrite: bool = False) -> Path:
+    """Write a dictionary as NetCDF4, whole or not at all; atoms in single precision.
+
+    Raises:
+        OutputError: the file exists, or cannot be written.
+    """
+    import xarray as xr
+
+    from tmca.data import write_dataset
+
+    atoms, scales = dictionary.atoms.cpu().numpy(), dictionary.scales.cpu().numpy()
+    variables = {
+        "atom": (DIMENSIONS["atom"], atoms.astype(np.float32)),
+        "scale": (DIMENSIONS["scale"], scales, {"long_name": "mean absolute coefficient"}),
+    }
+    attrs = {"format": FORMAT, "kind": "dictionary", "sources": "\n".join(dictionary.sources)}
+    data = xr.Dataset(variables, attrs=attrs)
+    data.attrs |= {"views": list(dictionary.views), "residual": dictionary.residual}
+    data.attrs["notes"] = json.dumps(dictionary.notes)
+    return write_dataset(data, path, overwrite=overwrite)
+
+
+def read_dictionary(path: str | Path) -> PatchDictionary:
+    """The dictionary in a file.
+
+    Raises:
+        DataError: no such file, no dictionary in it, or damaged content.
+    """
+    from tmca.priors.dictionary import PatchDictionary
+
+    data = _open(path)
+    _check(path, data, "dictionary")
+    atoms, scales = (torch.from_numpy(data[name].values.astype(np.float64)) for name in ("atom", "scale"))
+    try:
+        v, u = (int(number) for number in data.attrs["views"])
+        notes, residual = json.loads(data.attrs["notes"]), float(data.attrs["residual"])
+        sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
+        atoms = torch.nn.functional.normalize(atoms.flatten(1), dim=1).reshape(atoms.shape)
+        return PatchDictionary(atoms, scales, (v, u), residual, sources, notes)
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(path, f"a damaged description ({error})", "views, residual, notes", "copy it again") from error
+
+
 def _open(path: str | Path) -> xr.Dataset:
     from tmca.data import read_dataset
 
@@ -120,7 +168,7 @@ def _check(path: str | Path, data: xr.Dataset, kind: str) -> None:
     if data.attrs.get("kind") != kind:
         raise DataError(path, f"a {data.attrs.get('kind')} prior", f"a {kind} prior", "load it with its own class")
     missing = [name for name in REQUIRED[kind] if name not in data]
-    if not {"covariance", "autocovariance"} & set(data):
+    if kind != "dictionary" and not {"covariance", "autocovariance"} & set(data):
         missing.append("covariance")
     if missing:
         raise DataError(path, f"no {', '.join(missing)}", "every part of the prior", "copy the file again")

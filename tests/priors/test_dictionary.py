@@ -1,0 +1,162 @@
+"""A dictionary finds the atoms that made its examples, and is the same after a file."""
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tmca.errors import DataError, OutputError, SettingError, ShapeError
+from tmca.experiments.pictures import picture_of
+from tmca.priors import GaussianPrior, PatchDictionary, load_prior
+from tmca.priors.coreset import coreset, patch_variance, sample_places
+from tmca.priors.dictionary_figures import atom_mosaic
+from tmca.priors.files import kind_of
+
+VIEWS = (3, 3)
+
+
+def light_field(h=30, w=33, disparity=1, seed=0):
+    """(3, 3, h, w) shifted copies of one texture, half of it flat."""
+    generator = torch.Generator().manual_seed(seed)
+    wide = torch.rand(1, 1, (h + 8) // 2 + 1, (w + 8) // 2 + 1, generator=generator)
+    plane = torch.nn.functional.interpolate(wide, size=(h + 8, w + 8), mode="bilinear", align_corners=True)[0, 0]
+    plane[:, : w // 2] = 0.4
+    shifts = [(4 + v * disparity, 4 + u * disparity) for v in (-1, 0, 1) for u in (-1, 0, 1)]
+    return torch.stack([plane[y : y + h, x : x + w] for y, x in shifts]).reshape(3, 3, h, w)
+
+
+SMALL = {"patch": (4, 5), "atoms": 24, "coreset": 300, "rank": 40, "batch": 50}
+
+
+@pytest.fixture(scope="module")
+def learned():
+    return PatchDictionary.learn([light_field(), light_field(25, 40, 0, 1)], **SMALL, sources=("a", "b"))
+
+
+def test_atoms_are_of_unit_norm_zero_mean_and_sorted_by_use(learned):
+    assert learned.block == (9, 4, 5)
+    assert learned.views == VIEWS
+    flat = learned.atoms.flatten(1)
+    torch.testing.assert_close(torch.linalg.vector_norm(flat, dim=1), torch.ones(24, dtype=torch.float64))
+    assert flat.mean(1).abs().max() < 1e-6
+    assert (learned.scales.diff() <= 0).all()
+    assert learned.notes["coreset"] == 300
+
+
+def test_the_same_seed_gives_the_same_dictionary_and_another_another():
+    fields = [light_field(20, 20)]
+    first, again, other = (
+        PatchDictionary.learn(fields, (4, 4), atoms=8, coreset=60, rank=10, batch=30, seed=seed) for seed in (0, 0, 1)
+    )
+    torch.testing.assert_close(first.atoms, again.atoms)
+    assert not torch.allclose(first.atoms, other.atoms)
+
+
+def test_the_learner_finds_the_atoms_that_made_the_patches():
+    generator = np.random.default_rng(0)
+    true = generator.standard_normal((12, 9 * 16))
+    true -= true.mean(1, keepdims=True)
+    true /= np.linalg.norm(true, axis=1, keepdims=True)
+    fields = []
+    for _ in range(500):  # as many light fields of one patch each, of two atoms and a mean of its own
+        patch = 0.5 + generator.choice([-1, 1], 2) @ true[generator.choice(12, 2, replace=False)]
+        fields.append(torch.from_numpy(patch.reshape(3, 3, 4, 4)))
+    found = PatchDictionary.learn(fields, (4, 4), atoms=12, coreset=500, rank=144, penalty=0.05, passes=8, batch=50)
+    alike = (found.atoms.flatten(1) @ torch.from_numpy(true).mT).abs().amax(0)
+    assert (alike > 0.98).sum() >= 11
+    assert found.residual < 0.02 * 2 / 144
+
+
+def test_the_variance_of_a_patch_is_numpys():
+    cube = light_field().flatten(0, 1).double()
+    found = patch_variance(cube, (4, 5))
+    assert found.shape == (27, 29)
+    np.testing.assert_allclose(found[3, 20], cube[:, 3:7, 20:25].numpy().var(), atol=1e-12)
+
+
+def test_places_are_drawn_once_each_and_as_often_as_their_weight_says():
+    maps = [torch.tensor([[1.0, 3.0]]), torch.tensor([[4.0], [0.0]])]
+    draws = [sample_places(maps, 1, torch.Generator().manual_seed(seed))[0] for seed in range(2000)]
+    shares = [draws.count(place) / 2000 for place in ((0, 0, 0), (0, 0, 1), (1, 0, 0), (1, 1, 0))]
+    np.testing.assert_allclose(shares, [0.125, 0.375, 0.5, 0], atol=0.04)
+    assert len(set(sample_places(maps, 4, torch.Generator().manual_seed(0)))) == 4
+
+
+def test_a_coreset_has_more_texture_than_the_scene_but_flat_ground_too():
+    cube = light_field().flatten(0, 1).double()
+    found = coreset([cube], (4, 5), 200, 0).flatten(1).var(1)
+    assert found.mean() > 1.3 * patch_variance(cube, (4, 5)).mean()
+    assert (found < 1e-9).any()
+
+
+def test_a_file_gives_the_dictionary_back(learned, tmp_path):
+    path = learned.save(tmp_path / "atoms.nc")
+    again = PatchDictionary.load(path)
+    torch.testing.assert_close(again.atoms, learned.atoms, atol=1e-7, rtol=0)
+    torch.testing.assert_close(again.scales, learned.scales)
+    assert (again.views, again.sources, again.notes) == (VIEWS, ("a", "b"), learned.notes)
+    assert again.residual == pytest.approx(learned.residual)
+    assert kind_of(path) == "dictionary"
+    with pytest.raises(OutputError):
+        learned.save(path)
+
+
+def test_files_of_another_kind_or_damaged_are_refused(learned, tmp_path):
+    path = learned.save(tmp_path / "atoms.nc")
+    with pytest.raises(DataError, match="a dictionary prior"):
+        load_prior(path)
+    gaussian = GaussianPrior.learn([light_field().flatten(0, 1)], (3, 3)).save(tmp_path / "gaussian.nc")
+    with pytest.raises(DataError, match="a gaussian prior"):
+        PatchDictionary.load(gaussian)
+    data = xr.load_dataset(path)
+    data.drop_vars("scale").to_netcdf(tmp_path / "short.nc")
+    with pytest.raises(DataError, match="no scale"):
+        PatchDictionary.load(tmp_path / "short.nc")
+    (data * np.nan).assign_attrs(data.attrs).to_netcdf(tmp_path / "nan.nc")
+    with pytest.raises(DataError, match="finite"):
+        PatchDictionary.load(tmp_path / "nan.nc")
+    data.assign_attrs(notes="{").to_netcdf(tmp_path / "notes.nc")
+    with pytest.raises(DataError, match="damaged description"):
+        PatchDictionary.load(tmp_path / "notes.nc")
+    data.assign_attrs(views=[2, 2]).to_netcdf(tmp_path / "views.nc")
+    with pytest.raises(DataError, match="damaged description"):
+        PatchDictionary.load(tmp_path / "views.nc")
+
+
+def test_an_atom_is_drawn_as_its_views_side_by_side():
+    atom = torch.arange(6 * 4.0).reshape(6, 2, 2)
+    mosaic = atom_mosaic(atom, (2, 3))
+    assert mosaic.shape == (5, 8)
+    assert torch.equal(mosaic[3:, 3:5], atom[4])
+    assert mosaic[2].isnan().all()
+    assert mosaic[:, 2].isnan().all()
+
+
+def test_a_picture_of_the_file_shows_the_atoms(learned, tmp_path):
+    path = learned.save(tmp_path / "atoms.nc")
+    assert picture_of(path, tmp_path / "atoms.png").stat().st_size > 5000
+    assert len(learned.figure(atoms=10).axes) == 11
+
+
+def test_progress_is_told_to_the_end():
+    shares = []
+    PatchDictionary.learn([light_field(15, 15)], (4, 4), atoms=4, coreset=40, rank=8, batch=20, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_what_cannot_teach_is_refused():
+    with pytest.raises(ShapeError, match="none"):
+        PatchDictionary.learn([])
+    with pytest.raises(ShapeError, match="light field 1"):
+        PatchDictionary.learn([light_field(), light_field()[:1]], **SMALL)
+    with pytest.raises(ShapeError, match="smaller block"):
+        PatchDictionary.learn([light_field()], (40, 4))
+    with pytest.raises(SettingError, match="coreset"):
+        PatchDictionary.learn([light_field()], **SMALL | {"coreset": 10**6})
+    with pytest.raises(SettingError, match="atoms"):
+        PatchDictionary.learn([light_field()], **SMALL | {"atoms": 0})
+    with pytest.raises(SettingError, match="penalty"):
+        PatchDictionary.learn([light_field()], **SMALL, penalty=0.0)
+    with pytest.raises(DataError, match="texture"):
+        PatchDictionary.learn([torch.full((3, 3, 20, 20), 0.5)], **SMALL | {"coreset": 50})
