@@ -163,7 +163,7 @@ def test_the_derivative_by_the_codes_is_that_of_finite_differences():
 
     def estimate(code):
         changed = TapOperator(replace(camera.taps, code=code))
-        return decoded(network, changed, changed.A(scene))
+        return network(changed.A(scene), changed, Noise(0.01), scene.flip(-1))
 
     assert torch.autograd.gradcheck(estimate, code, fast_mode=True, rtol=1e-3, atol=1e-6)
     reached = torch.autograd.grad(estimate(code).square().sum(), code)[0]

@@ -81,6 +81,9 @@ class SpatialAngularBody(nn.Module):
         self.enter = nn.Conv2d(inputs * gather**2, width, 3, padding=1)
         self.blocks = nn.ModuleList(SpatialAngularBlock(width * (i + 1), width, views) for i in range(blocks))
         self.leave = nn.Conv2d(width * (blocks + 1), gather**2, 3, padding=1)
+        for layer in self.modules():
+            if isinstance(layer, nn.Conv2d | nn.Conv3d):  # else the signal fades from layer to layer
+                nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
         nn.init.zeros_(self.leave.weight)
         nn.init.zeros_(self.leave.bias)  # type: ignore[arg-type]
 
@@ -103,9 +106,9 @@ class SpatialAngular(Network):
     With ``stages=0`` it is the plain sub-network that the thesis takes as its deep decoder (3.2): one body adds to the
     first estimate what it has learned; it is told neither codes nor noise. With stages, each one first does
     ``x ← x + Aᵀ(A Aᵀ + R/τ²)⁻¹(y - A x)`` on the exact operator, closed because ``A Aᵀ`` is diagonal, then adds what
-    its body makes of x, of that step, of each view's code and of the noise, all relative to the local brightness. R is
-    the noise variance of each sensor pixel and τ the error of x, a learned share of the brightness. The same step
-    closes the chain: without noise the estimate explains the snapshot.
+    its body makes of x, of how each view differs from their mean, of that step, of each view's code and of the noise,
+    all relative to the local brightness. R is the noise variance of each sensor pixel and τ the error of x, a learned
+    share of the brightness. The same step closes the chain: without noise the estimate explains the snapshot.
 
     The thesis says of its decoder only "the deep spatial-angular convolutional sub-network of (Guo et al., 2020)".
     Assumed here: number of blocks and width as below, 3×3 kernels, ReLU, start from ``"dagger"`` (the adjoint, which it
@@ -149,7 +152,7 @@ class SpatialAngular(Network):
             "width": width, "blocks": blocks, "gather": gather,
         }  # fmt: skip
         self.stages, self.codes = stages, stages > 0
-        inputs, count = (5, 1 if shared else stages) if stages else (1, 1)
+        inputs, count = (6, 1 if shared else stages) if stages else (1, 1)
         bodies = [SpatialAngularBody(inputs, self.views, width, blocks, gather) for _ in range(count)]
         self.bodies = nn.ModuleList(bodies)
         if stages:
@@ -177,7 +180,9 @@ class SpatialAngular(Network):
         for stage in range(self.stages):
             change = self._step(snapshot, operator, estimate, floor, stage)
             estimate = estimate + change
-            seen = torch.stack((estimate / level, change / level, *known), dim=2)
+            parallax = estimate - estimate.mean(1, keepdim=True)
+            fine = (parallax / (RESIDUAL * level), change / (RESIDUAL * level))
+            seen = torch.stack((estimate / level, *fine, *known), dim=2)
             found = self.bodies[stage % len(self.bodies)](seen)
             estimate = estimate + RESIDUAL * level * found.to(estimate.dtype)
         return estimate + self._step(snapshot, operator, estimate, floor, self.stages)
