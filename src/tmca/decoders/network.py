@@ -19,6 +19,8 @@ RESIDUAL = 0.1
 """Size of what a network adds to an estimate, relative to the local level: first steps then do no harm."""
 _SIDE = 33  # pixels, of the neighbourhood that says how bright the scene is
 LEVEL_REACH = _SIDE // 2
+TILE = 512
+"""Pixels: rows of a scene that pass a network at once, as a rule."""
 _DARKEST = 0.01  # relative irradiance
 
 
@@ -32,7 +34,8 @@ class Network(nn.Module):
         start: first estimate it wants, see ``first_estimate``.
 
     ``reach`` is the distance in pixels beyond which nothing of the input changes an output pixel, ``multiple`` the
-    step by which a window may be moved without changing what the network computes.
+    step by which a window may be moved without changing what the network computes, ``tile`` the side in pixels of
+    what should pass at once to keep the memory bounded.
     """
 
     kind: str
@@ -44,7 +47,7 @@ class Network(nn.Module):
         if bands < 1:
             raise SettingError("bands", str(bands), "at least 1")
         self.bands, self.start = bands, start
-        self.reach, self.multiple = 0, 1
+        self.reach, self.multiple, self.tile = 0, 1, TILE
         self.settings: dict[str, Any] = {}
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
@@ -80,7 +83,7 @@ def noise_maps(noise: Noise, level: Tensor) -> Tensor:
 
 
 def build_network(kind: str, **settings: Any) -> Network:
-    """A network by name: ``"unet"`` or ``"unrolled"``.
+    """A network by name: ``"unet"``, ``"unrolled"`` or ``"spatial-angular"``.
 
     Args:
         kind: which one.
@@ -89,10 +92,11 @@ def build_network(kind: str, **settings: Any) -> Network:
     Raises:
         SettingError: unknown kind or argument.
     """
+    from tmca.decoders.spatial_angular import SpatialAngular
     from tmca.decoders.unet import UNet
     from tmca.decoders.unrolled import Unrolled
 
-    kinds: dict[str, type[Network]] = {"unet": UNet, "unrolled": Unrolled}
+    kinds: dict[str, type[Network]] = {"unet": UNet, "unrolled": Unrolled, "spatial-angular": SpatialAngular}
     if not isinstance(kind, str) or kind not in kinds:
         raise SettingError("decoder", repr(kind), f"one of {', '.join(kinds)}")
     known = [name for name in inspect.signature(kinds[kind]).parameters if name != "self"]

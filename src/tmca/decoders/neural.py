@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +131,8 @@ class NeuralDecoder:
     Args:
         network: trained.
         prior: of the first estimate; None where it needs none.
-        tile: rows of the scene that pass the network at once, None for all; the estimate is the same to rounding.
+        tile: rows of the scene that pass the network at once, no more than its own ``tile``, and as many columns where
+            the optics mix no columns; None for all. The estimate is the same to rounding.
 
     Raises:
         SettingError: tiles of less than one row.
@@ -163,24 +165,39 @@ class NeuralDecoder:
         start = first_estimate(
             self.network.start, snapshot, operator, noise, self.prior, progress=lambda share: told(_FIRST * share)
         )
-        height = start.shape[2]
-        rows, parts = self.tile or height, []
-        for top in range(0, height, rows):
-            parts.append(self._rows(snapshot, operator, noise, start, top, rows))
-            told(_FIRST + (1 - _FIRST) * min(1.0, (top + rows) / height))
-        return torch.cat(parts, dim=2)
-
-    def _rows(
-        self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor, top: int, rows: int
-    ) -> Tensor:
-        """Some rows of the estimate, computed with a margin as wide as the network sees; the optics mix no rows."""
         height, width = start.shape[2:]
-        margin = -(-self.network.reach // self.network.multiple) * self.network.multiple
-        first = max(0, (top - margin) // self.network.multiple * self.network.multiple)
-        last = min(height, top + rows + margin)
-        part = TapOperator(operator.taps.window(first, 0, last - first, width))
-        found = self.network(snapshot[:, :, first:last], part, noise, start[:, :, first:last])
-        return found[:, :, top - first : min(top + rows, height) - first]
+        side = max(height, width) if self.tile is None else min(self.tile, self.network.tile)
+        across = side if _keeps_columns(operator) else width
+        lefts, tops = range(0, width, across), range(0, height, side)
+        parts = []
+        for done, (top, left) in enumerate(product(tops, lefts), start=1):
+            place = (top, min(top + side, height), left, min(left + across, width))
+            parts.append(self._part(snapshot, operator, noise, start, place))
+            told(_FIRST + (1 - _FIRST) * done / (len(tops) * len(lefts)))
+        rows = [torch.cat(parts[i : i + len(lefts)], dim=3) for i in range(0, len(parts), len(lefts))]
+        return torch.cat(rows, dim=2)
+
+    def _part(
+        self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor, place: tuple[int, int, int, int]
+    ) -> Tensor:
+        """One tile (top, bottom, left, right) of the estimate, with a margin as wide as the network sees."""
+        (first, last), (near, far) = self._seen(*place[:2], start.shape[2]), self._seen(*place[2:], start.shape[3])
+        part = TapOperator(operator.taps.window(first, near, last - first, far - near))
+        light = snapshot[:, :, first:last, near : near + part.snapshot_shape[2]]
+        found = self.network(light, part, noise, start[:, :, first:last, near:far])
+        return found[:, :, place[0] - first : place[1] - first, place[2] - near : place[3] - near]
+
+    def _seen(self, begin: int, end: int, length: int) -> tuple[int, int]:
+        """First and last (exclusive) row or column that a tile needs."""
+        step = self.network.multiple
+        margin = -(-self.network.reach // step) * step
+        return max(0, (begin - margin) // step * step), min(length, end + margin)
+
+
+def _keeps_columns(operator: TapOperator) -> bool:
+    """Whether the light of every scene column falls on the sensor column of its own."""
+    taps = operator.taps
+    return not any(taps.offsets) and taps.snapshot_width == taps.scene_shape[2]
 
 
 def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:
