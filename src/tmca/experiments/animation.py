@@ -13,7 +13,8 @@ from tmca.experiments.views import brightest, colour_views, shown
 if TYPE_CHECKING:
     from PIL import Image
 
-_LONGEST = 480
+_PIXELS = 2.4e6
+"""Of all frames together."""
 _COLOURS = 64
 
 
@@ -32,7 +33,8 @@ def border_walk(rows: int, columns: int) -> list[tuple[int, int]]:
 def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6, overwrite: bool = False) -> Path:
     """Write an animated GIF that goes once round the border views and starts again.
 
-    Views are at most 480 pixels long and share 64 colours without dithering, which keeps the file small.
+    The views share 64 colours without dithering, and are made smaller where they have more than 2.4 million pixels in
+    all: the file stays near a megabyte.
 
     Args:
         light_field: ``(V, U, H, W)``, or ``(3, V, U, H, W)`` with colours first.
@@ -51,7 +53,9 @@ def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6
     if Path(path).suffix.lower() != ".gif":
         raise OutputError(path, f"the suffix {Path(path).suffix!r}", ".gif", "rename the animation")
     views, white = colour_views(light_field), brightest(light_field)
-    frames = [_frame(views[place], white) for place in border_walk(*views.shape[:2])]
+    walk = border_walk(*views.shape[:2])
+    scale = min(1.0, (_PIXELS / (len(walk) * views[0, 0, ..., 0].size)) ** 0.5)
+    frames = [_frame(views[place], white, scale) for place in walk]
     palette = Image.fromarray(np.hstack([np.asarray(f) for f in frames[:: max(1, len(frames) // 4)]]))
     palette = palette.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
     drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
@@ -61,11 +65,10 @@ def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6
     return Path(path)
 
 
-def _frame(view: np.ndarray, white: float) -> Image.Image:
-    """A view ``(H, W, C)`` as an 8-bit image of at most the longest side."""
+def _frame(view: np.ndarray, white: float, scale: float) -> Image.Image:
+    """A view ``(H, W, C)`` as an 8-bit image, made smaller by ``scale``."""
     from PIL import Image
 
     frame = Image.fromarray((255 * shown(view, white)).round().astype(np.uint8))
-    if max(frame.size) > _LONGEST:
-        frame.thumbnail((_LONGEST, _LONGEST), Image.Resampling.LANCZOS)
-    return frame
+    size = (max(1, round(scale * frame.width)), max(1, round(scale * frame.height)))
+    return frame if scale == 1 else frame.resize(size, Image.Resampling.LANCZOS)

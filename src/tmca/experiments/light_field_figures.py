@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _UNIT = "relative irradiance"
 _DISPARITY = "px per view step"
-_MARK = "#ffd166"
+_MARK = "#ff3ea5"
 _ERROR_TOP = 0.5
 
 
@@ -75,7 +75,8 @@ def _errors(axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.nda
     top = float(np.quantile(np.stack(list(maps.values())), 0.99)) or 1.0
     for axis, values in zip(axes, maps.values(), strict=True):
         axis.set_axis_on()
-        image(axis, values, "error (rms over views)", "magma", top, bar=_UNIT)
+        image(axis, values, "error (rms over views)", "magma", top)
+    add_bar(axes[-1], axes[-1].images[0], _UNIT)
 
 
 def _rms(difference: np.ndarray) -> np.ndarray:
@@ -147,12 +148,12 @@ def disparity_figure(
     for axis, (name, values) in zip(axes[0], panels.items(), strict=True):
         drawn = axis.imshow(values, cmap="viridis", vmin=low, vmax=max(high, low + 0.1), interpolation="nearest")
         bare(axis, name)
-        add_bar(axis, drawn, f"disparity ({_DISPARITY})")
+    add_bar(axes[0, -1], drawn, f"disparity ({_DISPARITY})")
     if truth is not None:
         axes[1, 0].set_axis_off()
         for axis, values in zip(axes[1, 1:], maps.values(), strict=True):
-            error = np.abs(values - truth)
-            image(axis, error, _numbers(values, truth, mask), "magma", _ERROR_TOP, bar=f"error ({_DISPARITY})")
+            image(axis, np.abs(values - truth), _numbers(values, truth, mask), "magma", _ERROR_TOP)
+        add_bar(axes[1, -1], axes[1, -1].images[0], f"error ({_DISPARITY})")
     return figure
 
 

@@ -11,9 +11,9 @@ from tmca.metrics._subpixel import interpolated, overlap
 
 Values = NDArray[np.float32]
 
-_GRADIENT_WEIGHT = np.float32(2.0)
-_TRUNCATION = np.float32(0.03)
-_REGULARISATION = 1e-3
+_GRADIENT_WEIGHT = np.float32(3.0)
+_TRUNCATION = np.float32(0.025)
+_REGULARISATION = np.float32(1e-3)
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ def _add_view(
         moved = interpolated(view, row_part / labels.per_pixel, 0)
         moved = _features(interpolated(moved, column_part / labels.per_pixel, 1))
         for turn, index in enumerate(range(start, labels.count, labels.per_pixel)):
-            y, from_y = overlap(shape[0], row - turn * place[0])
-            x, from_x = overlap(shape[1], column - turn * place[1])
+            y, from_y = overlap(shape[0], row - turn * place[0], row_part > 0)
+            x, from_x = overlap(shape[1], column - turn * place[1], column_part > 0)
             gain = _TRUNCATION - np.abs(moved[:, from_y, from_x] - centre[:, y, x]).sum(axis=0)
             np.maximum(gain, 0, out=gain)
             for half in halves:
@@ -81,11 +81,11 @@ def _features(image: Values) -> Values:
 def filtered(scores: Values, guide: Values, radius: int) -> Values:
     """Guided filter of every plane of ``(..., H, W)`` along the edges of the guide ``(H, W)``."""
     mean = _box(guide, radius)
-    variance: Values = _box(guide * guide, radius) - mean * mean + np.float32(_REGULARISATION)
+    variance = np.subtract(_box(guide * guide, radius), mean * mean, dtype=np.float32) + _REGULARISATION
     result = np.empty_like(scores)
     for plane in np.ndindex(scores.shape[:-2]):
         level = _box(scores[plane], radius)
-        slope: Values = (_box(guide * scores[plane], radius) - mean * level) / variance
+        slope = np.divide(_box(guide * scores[plane], radius) - mean * level, variance, dtype=np.float32)
         result[plane] = _box(slope, radius) * guide + _box(level - slope * mean, radius)
     return result
 

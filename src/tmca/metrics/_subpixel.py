@@ -36,10 +36,13 @@ def _keys(f: float) -> tuple[float, float, float, float]:
     )
 
 
-def overlap(length: int, offset: int) -> tuple[slice, slice]:
-    """Where ``target[i] = source[i + offset]`` has a source: the two slices, empty if nowhere."""
+def overlap(length: int, offset: int, between: bool = False) -> tuple[slice, slice]:
+    """Where ``target[i] = source[i + offset]`` has a source: the two slices, empty if nowhere.
+
+    With ``between``, the source lies between pixel i + offset and the next one, which has to exist, too.
+    """
     first = min(max(0, -offset), length)
-    last = max(first, min(length, length - offset))
+    last = max(first, min(length, length - offset - between))
     return slice(first, last), slice(first + offset, last + offset) if last > first else slice(0, 0)
 
 
@@ -57,7 +60,8 @@ def moved_view(view: Image, place: tuple[int, int], disparity: float) -> tuple[I
     slices = []
     for axis, step in zip((-2, -1), place, strict=True):
         offset = int(np.floor(-step * disparity))
-        view = interpolated(view, -step * disparity - offset, axis % view.ndim)
-        slices.append(overlap(view.shape[axis], offset))
+        fraction = -step * disparity - offset
+        view = interpolated(view, fraction, axis % view.ndim)
+        slices.append(overlap(view.shape[axis], offset, fraction > 0))
     (y, from_y), (x, from_x) = slices
     return view[..., from_y, from_x], (y, x)
