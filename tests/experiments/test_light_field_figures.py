@@ -1,0 +1,113 @@
+"""Pictures of light fields: slices, refocusing, codes at the mask, files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from tmca.errors import OutputError, ShapeError
+from tmca.experiments.animation import border_walk, views_gif
+from tmca.experiments.light_field_figures import disparity_figure, light_field_figure, view_psnr_figure
+from tmca.experiments.refocus import refocus, refocus_strip
+from tmca.experiments.sub_images import at_mask, sub_images, sub_images_figure
+from tmca.experiments.views import colour_views, horizontal_slice, liveliest, vertical_slice
+
+
+def dot_field(views=(3, 5), size=(15, 21), disparity=1, place=(7, 10)):
+    """A white dot at ``place`` of the centre view, whole pixels of disparity."""
+    field = np.zeros((*views, *size), dtype=np.float32)
+    for v, u in np.ndindex(*views):
+        field[v, u, place[0] - (v - views[0] // 2) * disparity, place[1] - (u - views[1] // 2) * disparity] = 1
+    return field
+
+
+def test_a_dot_draws_a_line_in_both_slices():
+    field = dot_field(disparity=2)
+    row, column = liveliest(field)
+    assert abs(row - 7) <= 2
+    assert abs(column - 10) <= 2
+    views = colour_views(field)
+    np.testing.assert_array_equal(horizontal_slice(views, 7)[..., 0].argmax(axis=1), [14, 12, 10, 8, 6])
+    np.testing.assert_array_equal(vertical_slice(views, 10)[..., 0].argmax(axis=0), [9, 7, 5])
+
+
+def test_refocusing_on_a_dot_brings_it_together():
+    field = dot_field()
+    np.testing.assert_allclose(refocus(field, 1), field[1, 2], atol=1e-6)
+    assert refocus(field, 0).max() == pytest.approx(1 / 15)
+    ramp = np.broadcast_to(np.arange(21.0), (1, 3, 15, 21)) + 0.5 * np.arange(-1, 2)[None, :, None, None]
+    np.testing.assert_allclose(refocus(ramp, 0.5)[:, 3:-3], ramp[0, 1, :, 3:-3], atol=1e-5)
+    coloured = np.stack([field, 2 * field, 3 * field])
+    np.testing.assert_allclose(refocus(coloured, 0.3), np.multiply.outer([1, 2, 3], refocus(field, 0.3)), rtol=1e-5)
+
+
+def test_border_pixels_average_the_views_that_reach_them():
+    np.testing.assert_allclose(refocus(np.full((3, 3, 6, 7), 0.25), 1.7), 0.25, rtol=1e-6)
+
+
+@pytest.mark.parametrize("shear", [(1, 1), (2, -1), (0, 1)])
+def test_a_static_mask_answers_alike_to_all_angles(shear):
+    rng = np.random.default_rng(0)
+    mask, border = rng.random((20, 22)), 4
+    code = np.empty((3, 5, 12, 14))
+    for v, u in np.ndindex(3, 5):
+        y, x = border + shear[0] * (v - 1), border + shear[1] * (u - 2)
+        code[v, u] = mask[y : y + 12, x : x + 14]
+    seen = at_mask(code, shear)
+    rows, columns = abs(shear[0]), 2 * abs(shear[1])
+    expected = mask[border + rows : border + 12 - rows, border + columns : border + 14 - columns]
+    np.testing.assert_array_equal(seen, np.broadcast_to(expected, seen.shape))
+
+
+def test_each_sub_image_holds_the_angles_of_one_point():
+    code = np.random.default_rng(1).random((3, 5, 4, 6))
+    sheet = sub_images(code)
+    assert sheet.shape == (4 * 4 - 1, 6 * 6 - 1)
+    np.testing.assert_array_equal(sheet[2 * 4 : 2 * 4 + 3, 3 * 6 : 3 * 6 + 5], code[:, :, 2, 3])
+    assert np.isnan(sheet[3]).all()
+    with pytest.raises(ShapeError, match="more than 4"):
+        at_mask(np.zeros((5, 5, 4, 4)), (1, 1))
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 5), (3, 1), (3, 3), (5, 9)])
+def test_the_walk_is_closed_and_goes_by_single_steps(rows, columns):
+    walk = border_walk(rows, columns)
+    steps = [abs(a - c) + abs(b - d) for (a, b), (c, d) in zip(walk, walk[1:] + walk[:1], strict=True)]
+    assert set(steps) <= ({0} if rows * columns == 1 else {1})
+    border = {(v, u) for v in range(rows) for u in range(columns) if v in (0, rows - 1) or u in (0, columns - 1)}
+    assert set(walk) == border
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 11, 40), (3, 3, 5, 41, 17)])
+def test_a_gif_has_a_frame_for_each_view_of_the_walk(tmp_path, shape):
+    from PIL import Image
+
+    field = np.random.default_rng(0).random(shape)
+    path = views_gif(field, tmp_path / "views.gif")
+    with Image.open(path) as stored:
+        assert stored.n_frames == len(border_walk(*shape[-4:-2]))
+        assert stored.size == (shape[-1], shape[-2])
+    with pytest.raises(OutputError, match="existing"):
+        views_gif(field, path)
+    with pytest.raises(OutputError, match=r"\.gif"):
+        views_gif(field, tmp_path / "views.png")
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 12, 31), (3, 5, 3, 33, 14)])
+def test_figures_are_drawn_for_grey_and_colour_tall_and_wide(shape):
+    truth = np.random.default_rng(0).random(shape)
+    estimate, flat = truth * 0.9, np.zeros(shape[-2:])
+    figures = [
+        light_field_figure({"a": estimate, "b": truth}, truth, flat),
+        light_field_figure({"a": estimate}),
+        refocus_strip(truth, (1, 0), "strip"),
+        view_psnr_figure({"a": np.full(shape[-4:-2], 30.0), "exact": np.full(shape[-4:-2], np.inf)}),
+        disparity_figure({"a": flat}, np.where(np.eye(*shape[-2:]), np.nan, 0.2)),
+        sub_images_figure({"code": np.random.default_rng(0).random((3, 3, 4, 5))}),
+    ]
+    for figure in figures:
+        FigureCanvasAgg(figure).draw()
+        assert all(np.isfinite(axis.get_position().bounds).all() for axis in figure.axes)
+    assert "30.00 dB" in figures[3].axes[0].get_title()
+    assert "MAE 0.200 px, 100.0% above 0.07 px" in [axis.get_title() for axis in figures[4].axes]
