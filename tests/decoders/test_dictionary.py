@@ -160,8 +160,8 @@ def test_what_cannot_be_decoded_is_refused():
         decoder(y, taps, -0.1)
     with pytest.raises(ShapeError, match="channels"):
         decoder(y, Taps(taps.code[:4], (0, 1, 2, 3), (0,) * 4, 4, 9))
+    dispersed = Taps(taps.code, tuple(range(9)), (0,) * 8 + (1,), 9, 10)
     with pytest.raises(SettingError, match="dispersion"):
-        dispersed = Taps(taps.code, tuple(range(9)), (0,) * 8 + (1,), 9, 10)
         decoder(torch.ones(1, 1, 9, 10, dtype=torch.float64), dispersed)
     for wrong in ({"method": "ksvd"}, {"merge": "mode"}, {"stride": (0, 1)}, {"sparsity": -1}, {"slack": -1.0}):
         with pytest.raises(SettingError):

@@ -16,7 +16,7 @@ from tmca.optics import Dispersion
 from tmca.sensor import Noise
 from tmca.training import settings_from
 from tmca.training.loop import TrainingError
-from tmca.training.starting_camera import starting_camera
+from tmca.training.spectral import starting_camera
 
 
 def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):
@@ -145,7 +145,7 @@ def test_a_loss_that_is_no_number_stops_and_names_batch_and_parameter(tmp_path):
                 group["params"][0].data.fill_(float("nan"))
 
     held = []
-    import tmca.training.spectral_run as room
+    import tmca.training.run as room
 
     original = room.Run
 

@@ -103,6 +103,14 @@ class CodedCamera(nn.Module):
             raise SettingError("relay blur", "some", "none where one code stands for all slots")
         return operator.taps
 
+    def moving_window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
+        """The operator of scenes (B, K, channels, height, width) that move, behind a part of the codes.
+
+        Raises:
+            SettingError: a camera that images moving scenes as a whole only.
+        """
+        raise SettingError("motion", "some", f"none behind a part of a {self.application} camera")
+
     def record(self, irradiance: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
         """What the sensor makes of exact irradiance of any shape: noise, saturation, converter."""
         full_scale, exposures = self._light()

@@ -193,6 +193,13 @@ class SpectralCamera(CodedCamera):
         build = single_disperser if self.disperser == "single" else dual_disperser
         return build(*self.codes(), self.dispersion, self.response, self.exposure)
 
+    def moving_window(self, top: int, left: int, height: int, width: int) -> SlotwiseDisperser:
+        """The operator of scenes (B, K, L, height, width) that move, behind a part of the codes."""
+        aperture, shutter = self.codes()
+        rows, columns = slice(top, top + height), slice(left, left + width)
+        planes = aperture[:, rows, columns], shutter[:, rows, left : left + width + self.dispersion.spread]
+        return SlotwiseDisperser(*planes, self.dispersion, self.response, self.exposure, moving=True)
+
     def _slotwise(self, *, moving: bool) -> SlotwiseDisperser:
         if self.disperser == "dual" or self.coloured is not None:
             found = "'dual'" if self.disperser == "dual" else "a coloured aperture"

@@ -13,6 +13,7 @@ from tmca.decoders.denoisers import (
     tv_denoiser,
 )
 from tmca.decoders.dictionary import DictionaryDecoder
+from tmca.decoders.light_field import LIGHT_FIELD_METHODS, decode_light_field
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
 from tmca.decoders.network import Network, build_network
@@ -20,12 +21,13 @@ from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.decoders.pnp import PnPADMM, pnp_admm
 from tmca.decoders.shipped import find_weights
 from tmca.decoders.sparse import LassoResult, batch_omp, lasso_admm
-from tmca.decoders.spectral import METHODS, Decoded, decode
+from tmca.decoders.spectral import METHODS, decode
 from tmca.decoders.start import first_estimate
 from tmca.decoders.tv import total_variation, tv_prox
 
 __all__ = [
     "ADMMTV",
+    "LIGHT_FIELD_METHODS",
     "METHODS",
     "AdaptedLMMSE",
     "Decoded",
@@ -44,6 +46,7 @@ __all__ = [
     "build_network",
     "chambolle_denoiser",
     "decode",
+    "decode_light_field",
     "default_weight",
     "find_weights",
     "first_estimate",

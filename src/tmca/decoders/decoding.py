@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera, Snapshot
@@ -16,6 +17,7 @@ from tmca.decoders.admm import admm_tv, default_weight
 from tmca.decoders.denoisers import nl_means_denoiser, tv_denoiser
 from tmca.decoders.lmmse import PatchLMMSE
 from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.neural import Weights
 from tmca.decoders.pnp import pnp_admm
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
@@ -75,6 +77,14 @@ def finished(found: Decoded, method: str, start: float) -> Decoded:
         found.estimate = found.estimate.clamp_min(0)
     found.seconds = time.perf_counter() - start
     return found
+
+
+def same_codes(weights: Weights, camera: CodedCamera) -> bool:
+    """Whether a camera shows the codes that a network was trained for."""
+    if camera.size != tuple(weights.camera["size"]) and not weights.camera["period"]:
+        return False
+    own, known = camera.codes(), weights.coded_camera(camera.size).codes()
+    return all(torch.equal(one.detach().cpu(), other) for one, other in zip(own, known, strict=True))
 
 
 def tap_operator(camera: CodedCamera, method: str) -> TapOperator:

@@ -14,12 +14,12 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera, LightFieldCamera, SpectralCamera
 from tmca.decoders.network import Network, build_network
 from tmca.decoders.start import first_estimate
 from tmca.errors import DataError, SettingError
 from tmca.operators import TapOperator
-from tmca.priors import GaussianMixturePrior, GaussianPrior, load_prior, rendered_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, load_prior, rendered_light_field_prior, rendered_prior
 from tmca.sensor import Noise
 
 FORMAT = "tmca weights 1"
@@ -32,13 +32,14 @@ class Weights:
 
     Args:
         network: decoder.
-        wavelengths: of its bands, metres.
+        wavelengths: of its bands, metres; none for views.
         aperture: (K, h, w) codes, one tile of them.
         shutter: (K, h, w') codes.
         camera: settings of the camera that are no codes (``size``, ``period``, ``exposure``, ``dispersion``, …).
         prior: ``"rendered"``, a file beside the weights, or ``""`` where none is needed.
         card: how it was trained and how good it is: JSON values.
         path: file it came from.
+        application: which camera, ``"spectral"`` or ``"light-field"``.
     """
 
     network: Network
@@ -49,9 +50,36 @@ class Weights:
     prior: str = ""
     card: dict[str, Any] = field(default_factory=dict)
     path: Path | None = None
+    application: str = "spectral"
+
+    def coded_camera(self, size: tuple[int, int] | None = None, **changes: Any) -> CodedCamera:
+        """The camera with these codes, whichever it is."""
+        if self.application == "light-field":
+            return self.light_field_camera(size, **changes)
+        return self.spectral_camera(size, **changes)
+
+    def light_field_camera(self, size: tuple[int, int] | None = None, **changes: Any) -> LightFieldCamera:
+        """The light-field camera with these codes; tiled codes fit any ``size`` (H, W).
+
+        Raises:
+            SettingError: weights of another camera.
+        """
+        self._check("light-field")
+        settings = {**self.camera, **changes} | ({} if size is None else {"size": size})
+        return LightFieldCamera(slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings)
+
+    def _check(self, wanted: str) -> None:
+        if self.application != wanted:
+            found = f"those of a {self.application} camera"
+            raise SettingError("weights", found, f"those of a {wanted} camera", "name other weights")
 
     def spectral_camera(self, size: tuple[int, int] | None = None, **changes: Any) -> SpectralCamera:
-        """The camera with these codes; tiled codes fit any ``size`` (H, W)."""
+        """The spectral camera with these codes; tiled codes fit any ``size`` (H, W).
+
+        Raises:
+            SettingError: weights of another camera.
+        """
+        self._check("spectral")
         settings = {**self.camera, **changes} | ({} if size is None else {"size": size})
         return SpectralCamera(
             bands=self.wavelengths, slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings
@@ -70,11 +98,15 @@ class Weights:
             beside = self.path.parent / self.prior if self.path is not None else Path(self.prior)
             found = load_prior(beside)
         else:
-            spread = self.spectral_camera().dispersion.spread
-            found = rendered_prior(self.wavelengths, spread, mixture=mixture)
+            found = self._rendered_prior(mixture)
         if isinstance(found, GaussianMixturePrior) != mixture:
             raise DataError(self.prior, f"a {type(found).__name__}", f"a prior to start from the {self.network.start}")
         return found
+
+    def _rendered_prior(self, mixture: bool) -> GaussianPrior | GaussianMixturePrior:
+        if self.application == "light-field":
+            return rendered_light_field_prior(self.light_field_camera().views[0])
+        return rendered_prior(self.wavelengths, self.spectral_camera().dispersion.spread, mixture=mixture)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the file, whole or not at all; the network in half precision.
@@ -89,7 +121,7 @@ class Weights:
         tensors |= {name: value.detach().cpu().to(torch.uint8).contiguous() for name, value in codes.items()}
         about = {
             "kind": self.network.kind, "settings": self.network.settings, "wavelengths": list(self.wavelengths),
-            "camera": self.camera, "prior": self.prior, "card": self.card,
+            "camera": self.camera, "prior": self.prior, "card": self.card, "application": self.application,
         }  # fmt: skip
         with atomic_path(path, overwrite=overwrite) as temporary:
             temporary.write_bytes(save(tensors, {"format": FORMAT, "tmca": json.dumps(plain(about))}))
@@ -122,7 +154,11 @@ class Weights:
             raise DataError(path, f"tensors that do not fit its network ({error})", "whole weights") from error
         planes = (tensors["aperture"].float(), tensors["shutter"].float())
         camera = {**about["camera"], "size": tuple(about["camera"]["size"])}
-        return cls(network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], path)
+        application = about.get("application", "spectral")
+        return cls(
+            network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], path,
+            application,
+        )  # fmt: skip
 
 
 class NeuralDecoder:

@@ -19,6 +19,7 @@ from tmca.decoders.decoding import (
     check_arguments,
     finished,
     needs_prior,
+    same_codes,
     tap_operator,
 )
 from tmca.decoders.neural import NeuralDecoder, Weights, same_bands
@@ -126,13 +127,6 @@ def _check_camera(weights: Weights, camera: SpectralCamera) -> None:
         if own != known:
             shown = [getattr(value, "displacement", value) for value in (known, own)]
             raise SettingError("weights", f"{name} {shown[0]}", f"the camera's {shown[1]}", "train for this camera")
-    if not getattr(weights.network, "codes", True) and not _same_codes(weights, camera):
+    if not getattr(weights.network, "codes", True) and not same_codes(weights, camera):
         text = f"{weights.path or 'weights'}: this network is not told the codes, and was trained for others"
         warn(text, OtherCodes, stacklevel=2)
-
-
-def _same_codes(weights: Weights, camera: SpectralCamera) -> bool:
-    if camera.size != tuple(weights.camera["size"]) and not weights.camera["period"]:
-        return False
-    own, known = camera.codes(), weights.spectral_camera(camera.size).codes()
-    return all(torch.equal(one.detach().cpu(), other) for one, other in zip(own, known, strict=True))

@@ -28,7 +28,7 @@ def training_pictures(folder: Path) -> list[Path]:
     loss = _LOSSES.get(weights.card.get("training", {}).get("optimiser", {}).get("loss", ""), "mean loss")
     return [
         save_figure(curve_figure(TrainingLog(folder / "log.csv").rows(), loss), folder / "curve.png", overwrite=True),
-        save_figure(codes_figure(weights.spectral_camera()), folder / "codes.png", overwrite=True),
+        save_figure(codes_figure(weights.coded_camera()), folder / "codes.png", overwrite=True),
     ]
 
 

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Load = Callable[[str], "xr.DataArray"]
-"""From the name of a scene to its cube (wavelength, y, x) at the camera's bands."""
+"""From the name of a scene to the scene at the camera's bands or views."""
+Channels = Callable[[str], NDArray[np.float32]]
+"""From the name of a scene to its channels (L, H, W)."""
 
 
 class Patch(NamedTuple):
@@ -44,11 +46,11 @@ class CubeStore:
 
     Args:
         scenes: names that ``load`` understands.
-        load: reads one.
+        load: reads the channels (L, H, W) of one.
         folder: where the arrays are kept; they may be deleted at any time.
     """
 
-    def __init__(self, scenes: Sequence[str], load: Load, folder: str | Path) -> None:
+    def __init__(self, scenes: Sequence[str], load: Channels, folder: str | Path) -> None:
         self.scenes, self.load, self.folder = tuple(scenes), load, make_folder(folder)
         self._mapped = lru_cache(maxsize=256)(self._map)
 
@@ -67,7 +69,7 @@ class CubeStore:
         name = self.scenes[index]
         file = self.folder / f"{Path(name).stem}-{_identity(name)}.npy"
         if not file.exists():
-            values = np.ascontiguousarray(self.load(name).values, dtype=np.float32)
+            values = np.ascontiguousarray(self.load(name), dtype=np.float32)
             with atomic_path(file, overwrite=True) as temporary, temporary.open("wb") as handle:
                 np.save(handle, values)
         try:
@@ -94,6 +96,7 @@ class PatchSource:
         tint: standard deviation of a random smooth change of the spectrum, natural logarithm.
         motion: largest displacement between the ends of the exposure, pixels.
         slots: K, for moving scenes.
+        views: (V, U) where the channels are views, row by row, which turn and are mirrored with the pixels.
     """
 
     def __init__(
@@ -106,7 +109,9 @@ class PatchSource:
         tint: float = 0.0,
         motion: float = 0.0,
         slots: int = 1,
+        views: tuple[int, int] | None = None,
     ) -> None:
+        self.views = views
         self.store, self.patch, self.seed = store, patch, seed
         self.brightness, self.tint, self.motion, self.slots = brightness, tint, motion, slots
 
@@ -124,9 +129,8 @@ class PatchSource:
             name, size = self.store.scenes[which], f"{cube.shape[1]}×{cube.shape[2]} pixels"
             raise DataError(name, size, f"at least {side}×{side}", "use smaller patches or leave the scene out")
         top, left = (int(rng.integers(length - side + 1)) for length in cube.shape[1:])
-        values = torch.from_numpy(
-            _varied(cube[:, top : top + side, left : left + side], rng, self.brightness, self.tint)
-        )
+        part = cube[:, top : top + side, left : left + side]
+        values = torch.from_numpy(_varied(part, rng, self.brightness, self.tint, self.views))
         origin = f"{self.store.scenes[which]} at row {top}, column {left}"
         if not self.motion:
             return Patch(values, values, origin)
@@ -136,14 +140,32 @@ class PatchSource:
         return Patch(scene[..., inner, inner].contiguous(), values[:, inner, inner].contiguous(), origin)
 
 
-def _varied(patch: NDArray[np.float32], rng: np.random.Generator, stops: float, tint: float) -> NDArray[np.float32]:
-    turned = np.rot90(patch, int(rng.integers(4)), axes=(1, 2))
-    turned = turned[:, :, ::-1] if rng.integers(2) else turned
+def _varied(
+    patch: NDArray[np.float32],
+    rng: np.random.Generator,
+    stops: float,
+    tint: float,
+    views: tuple[int, int] | None = None,
+) -> NDArray[np.float32]:
+    turned = _turned(patch, int(rng.integers(4)), bool(rng.integers(2)), views)
     if tint:
         turned = turned * _spectral_gain(len(patch), rng, tint)[:, None, None]
     gain = 2.0 ** rng.uniform(-stops, min(stops, 1.0))
     top = float(turned.max())
     return np.ascontiguousarray(turned * np.float32(min(gain, 1 / top) if top > 0 else 1.0))
+
+
+def _turned(
+    patch: NDArray[np.float32], quarters: int, mirror: bool, views: tuple[int, int] | None
+) -> NDArray[np.float32]:
+    """A patch (L, h, w) after quarter turns and a mirror image; half turns only where the grid of views is oblong."""
+    if views is None:
+        turned = np.rot90(patch, quarters, axes=(1, 2))
+        return turned[:, :, ::-1] if mirror else turned
+    quarters = quarters if views[0] == views[1] else quarters // 2 * 2
+    grid = np.rot90(np.rot90(patch.reshape(*views, *patch.shape[1:]), quarters, axes=(0, 1)), quarters, axes=(2, 3))
+    grid = grid[:, ::-1, :, ::-1] if mirror else grid
+    return grid.reshape(len(patch), *grid.shape[2:])
 
 
 def _spectral_gain(bands: int, rng: np.random.Generator, spread: float) -> NDArray[np.float32]:

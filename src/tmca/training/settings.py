@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -15,11 +15,13 @@ Pixels = Annotated[int, Field(ge=1)]
 Steepness = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Strict(BaseModel):
+class Strict(BaseModel):
+    """Unknown names are refused, values are not changed."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
 
 
-class CameraSettings(_Strict):
+class CameraSettings(Strict):
     """The spectral camera of a run; names as in ``SpectralCamera``.
 
     ``learn`` says which codes are learned. ``period`` tiles them: a tile is seen in every step, a full frame rarely.
@@ -39,7 +41,10 @@ class CameraSettings(_Strict):
     learn: Literal["both", "aperture", "shutter", "none"] = "none"
 
 
-class NoiseSettings(_Strict):
+Kind = TypeVar("Kind", bound="TrainSettings")
+
+
+class NoiseSettings(Strict):
     """One sensor; names as in ``Sensor``."""
 
     read_noise: float = Field(default=0.0, ge=0)
@@ -48,7 +53,7 @@ class NoiseSettings(_Strict):
     bits: int | None = Field(default=None, ge=1, le=32)
 
 
-class CodeSettings(_Strict):
+class CodeSettings(Strict):
     """How codes are learned.
 
     Args:
@@ -73,7 +78,7 @@ class CodeSettings(_Strict):
     decoder: str | None = None
 
 
-class DataSettings(_Strict):
+class DataSettings(Strict):
     """Scenes and patches.
 
     Args:
@@ -107,7 +112,7 @@ class DataSettings(_Strict):
     prior: tuple[str, ...] = ()
 
 
-class OptimiserSettings(_Strict):
+class OptimiserSettings(Strict):
     """Length of the run, learning rates per group, loss.
 
     Args:
@@ -129,7 +134,7 @@ class OptimiserSettings(_Strict):
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l2"
 
 
-class TrainSettings(_Strict):
+class TrainSettings(Strict):
     """A whole run."""
 
     camera: CameraSettings = CameraSettings()
@@ -152,7 +157,7 @@ class TrainSettings(_Strict):
 
     @model_validator(mode="after")
     def _fits(self) -> TrainSettings:
-        if self.data.motion and self.camera.disperser == "dual":
+        if self.data.motion and getattr(self.camera, "disperser", "single") == "dual":
             raise ValueError("motion needs a single disperser")
         if not sum(self.data.shares) > 0:
             raise ValueError(f"shares of {self.data.shares}: at least one above 0")
@@ -198,7 +203,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 def settings_from(
     preset: str | None = None, file: str | Path | None = None, changes: Mapping[str, Any] | None = None
 ) -> TrainSettings:
-    """Settings of a preset, replaced by those of a YAML file, replaced by single changes.
+    """Settings of the spectral camera's run: a preset, replaced by a YAML file, replaced by single changes.
 
     Args:
         preset: name in ``PRESETS``; None starts from the defaults.
@@ -209,37 +214,49 @@ def settings_from(
         SettingError: unknown preset or name, impossible value.
         DataError: the file cannot be read.
     """
+    return settings_of(TrainSettings, PRESETS, preset, file, changes)
+
+
+def settings_of(
+    kind: type[Kind],
+    presets: Mapping[str, dict[str, Any]],
+    preset: str | None,
+    file: str | Path | None,
+    changes: Mapping[str, Any] | None,
+) -> Kind:
+    """Settings of any camera's run; ``kind`` and ``presets`` are its own, the others as in ``settings_from``."""
     described = {} if file is None else _yaml(Path(file))
     name = described.pop("preset", preset) if preset is None else preset
     described.pop("preset", None)
-    if name is not None and name not in PRESETS:
-        raise SettingError("preset", repr(name), f"one of {', '.join(PRESETS)}")
-    merged = _merge({} if name is None else PRESETS[name], described)
+    if name is not None and name not in presets:
+        raise SettingError("preset", repr(name), f"one of {', '.join(presets)}")
+    merged = _merge({} if name is None else presets[name], described)
     for path, value in (changes or {}).items():
         merged = _merge(merged, _nested(path.split("."), value))
-    return parsed(merged, where=str(file or name or "settings"))
+    return parsed(kind, merged, where=str(file or name or "settings"))
 
 
-def parsed(described: Mapping[str, Any], where: str) -> TrainSettings:
+def parsed(kind: type[Kind], described: Mapping[str, Any], where: str) -> Kind:
     """Checked settings.
 
     Raises:
         SettingError: the first thing that is wrong, with its dotted name.
     """
     try:
-        return TrainSettings.model_validate(dict(described))
+        return kind.model_validate(dict(described))
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"]) or where
         if first["type"] == "extra_forbidden":
-            raise SettingError(name, "an unknown name", "one of the documented settings", _names(name)) from None
+            names = _names(name, kind)
+            raise SettingError(name, "an unknown name", "one of the documented settings", names) from None
         expected = first["msg"].removeprefix("Value error, ").replace(" after validation", "")
         raise SettingError(name, repr(first.get("input")), expected) from None
 
 
-def _names(dotted: str) -> str:
+def _names(dotted: str, kind: type[TrainSettings]) -> str:
     """The names that exist beside an unknown one."""
-    model: Any = TrainSettings
+    model: Any = kind
     for part in dotted.split(".")[:-1]:
         field = model.model_fields.get(part)
         if field is None or not hasattr(field.annotation, "model_fields"):

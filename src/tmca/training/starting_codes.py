@@ -1,13 +1,13 @@
-"""The camera that a training run starts from."""
+"""The codes that a training run starts from."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
 from tmca.codes import pattern, read_codes
 from tmca.decoders.neural import Weights
 from tmca.errors import DataError, SettingError
@@ -17,29 +17,32 @@ _SPREAD = 0.9
 """Of the first logits' distances from the threshold: slots that start alike part ways."""
 
 
-def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:
-    """The camera with the codes that the run starts from."""
-    described = settings.camera.model_dump(exclude={"learn"})
+def starting_settings(settings: TrainSettings, shutter_size: Callable[[], tuple[int, int]]) -> dict[str, Any]:
+    """Arguments of the camera with the codes that the run starts from.
+
+    Args:
+        settings: of the run.
+        shutter_size: (H, W) of the shutter's plane, asked for only where a full frame of it has to be made.
+    """
     learn = settings.camera.learn
-    codes = _starting_codes(settings)
-    return SpectralCamera(
-        bands=wavelengths, **{**described, **codes}, spread=_SPREAD if learn != "none" else 0.0,
-        learnable={"both": True, "none": False}.get(learn, learn),
-    )  # fmt: skip
+    described = settings.camera.model_dump(exclude={"learn"})
+    learning = {"spread": _SPREAD if learn != "none" else 0.0}
+    learnable = {"both": True, "none": False}.get(learn, learn)
+    return {**described, **_starting_codes(settings, shutter_size), **learning, "learnable": learnable}
 
 
-def _starting_codes(settings: TrainSettings) -> dict[str, Any]:
+def _starting_codes(settings: TrainSettings, shutter_size: Callable[[], tuple[int, int]]) -> dict[str, Any]:
     """Patterns that take the place of the camera's families."""
     start, camera = settings.codes.start, settings.camera
     if start == "random":
         return {}
     if start == "one-hot":
-        height, width = _pair(camera.period) or _shutter_size(settings)
+        height, width = _pair(camera.period) or shutter_size()
         return {"shutter": pattern("one-hot", camera.slots, (height, width), camera.duty, 2 * camera.seed + 1)}
     if not Path(start).exists():
         raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
     planes, period, disperser = _stored_codes(start)
-    if _pair(period) != _pair(camera.period) or disperser not in (None, camera.disperser):
+    if _pair(period) != _pair(camera.period) or disperser not in (None, getattr(camera, "disperser", None)):
         raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
     slots = len(planes["aperture"])
     if slots not in (1, camera.slots):
@@ -62,9 +65,3 @@ def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
     weights = Weights.load(start)
     planes = {"aperture": weights.aperture, "shutter": weights.shutter}
     return planes, weights.camera.get("period"), weights.camera.get("disperser")
-
-
-def _shutter_size(settings: TrainSettings) -> tuple[int, int]:
-    bands = settings.data.bands
-    camera = SpectralCamera(bands=bands, **settings.camera.model_dump(exclude={"learn"}))
-    return camera.multiplexed.shutter.size

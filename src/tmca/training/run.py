@@ -1,4 +1,4 @@
-"""A whole training run of the spectral camera in a folder: set up, trained or resumed, written as weights."""
+"""A whole training run in a folder: set up, trained or resumed, written as weights; the same for every camera."""
 
 from __future__ import annotations
 
@@ -6,31 +6,56 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
 from tmca.data import make_folder
-from tmca.decoders.network import build_network
+from tmca.decoders.network import Network, build_network
 from tmca.decoders.neural import Weights
 from tmca.decoders.start import NEED_PRIOR
 from tmca.errors import DataError, SettingError
-from tmca.priors import GaussianMixturePrior, GaussianPrior, learn_prior, load_prior, rendered_prior
+from tmca.priors import Prior, load_prior
 from tmca.sensor import Sensor
 from tmca.training.folder import held, open_run
+from tmca.training.imaging import ImagingSystem
 from tmca.training.loop import Progress, Run
 from tmca.training.patches import CubeStore, Load, Patch, PatchSource
 from tmca.training.scenes import RENDERED, SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
-from tmca.training.spectral import SpectralSystem
-from tmca.training.starting_camera import starting_camera
 from tmca.training.starts import KeptStarts, Pool
 
 if TYPE_CHECKING:
+    import xarray as xr
     from lightning_fabric import Fabric
+
+
+class Application(Protocol):
+    """What a run asks of the camera that it trains."""
+
+    name: str
+
+    def camera(self, settings: Any, first: xr.DataArray) -> CodedCamera:
+        """The camera with the codes that the run starts from, for scenes like the first."""
+
+    def array(self, scene: xr.DataArray) -> NDArray[np.float32]:
+        """(L, H, W) channels of a scene."""
+
+    def views(self, camera: CodedCamera) -> tuple[int, int] | None:
+        """(V, U) where the channels are views, which turn with the pixels."""
+
+    def rendered_prior(self, camera: CodedCamera, mixture: bool) -> Prior:
+        """The prior of the rendered scenes."""
+
+    def learn_prior(self, scenes: list[xr.DataArray], camera: CodedCamera, mixture: bool) -> Prior:
+        """The prior of some scenes."""
+
+    def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
+        """Wavelengths, and settings of the camera that weights keep."""
 
 
 @dataclass
@@ -50,7 +75,8 @@ class Trained:
     cpu_seconds: float = 0.0
 
 
-def train_spectral(
+def train(
+    application: Application,
     settings: TrainSettings,
     folder: Path,
     load: Load,
@@ -60,12 +86,13 @@ def train_spectral(
     nodes: int = 1,
     progress: Progress | None = None,
 ) -> Trained:
-    """Train a spectral camera's codes and decoder, or go on with a run that was stopped.
+    """Train a camera's codes and decoder, or go on with a run that was stopped.
 
     Args:
+        application: which camera.
         settings: of the run.
         folder: of the run: ``run.json``, ``log.csv``, ``prior.nc``, ``checkpoints/``, ``weights.safetensors``.
-        load: from a scene's name to its cube at the camera's bands.
+        load: from a scene's name to the scene at the camera's bands or views.
         accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``.
         processes: on each machine; more than one in all must be started by ``torchrun``.
         nodes: machines, which share the run's folder.
@@ -82,33 +109,41 @@ def train_spectral(
         if fabric.is_global_zero:
             open_run(folder, settings, lists)
         fabric.barrier()
-        return _train(settings, folder, load, lists, fabric, progress if fabric.is_global_zero else None)
+        return _train(application, settings, folder, load, lists, fabric, progress if fabric.is_global_zero else None)
 
 
 def _train(
-    settings: TrainSettings, folder: Path, load: Load, lists: SceneLists, fabric: Fabric, progress: Progress | None
+    application: Application,
+    settings: TrainSettings,
+    folder: Path,
+    load: Load,
+    lists: SceneLists,
+    fabric: Fabric,
+    progress: Progress | None,
 ) -> Trained:
     torch.manual_seed(settings.seed)
-    first = load(lists.train[0])
-    wavelengths = first["wavelength"].values.tolist()
-    camera = starting_camera(settings, wavelengths)
-    decoder = dict(settings.decoder)
-    if "bands" in decoder:
-        raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: data.bands says it", "leave it out")
-    network = build_network(decoder.pop("kind", "unrolled"), bands=camera.bands, **decoder)
-    _take_decoder(settings, network)
-    prior = _prior(fabric, folder, lists, load, camera, network.start) if network.start in NEED_PRIOR else None
-    validation = [_middle(load(name).values, settings.camera.size) for name in lists.validation]
+    camera = application.camera(settings, load(lists.train[0]))
+    network = _network(settings, camera.channels)
+    prior = None
+    if network.start in NEED_PRIOR:
+        prior = _prior(application, fabric, folder, lists, load, camera, network.start)
+
+    def channels(name: str) -> NDArray[np.float32]:
+        return application.array(load(name))
+
+    validation = [_middle(channels(name), settings.camera.size) for name in lists.validation]
     sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]
-    system = SpectralSystem(
+    system = ImagingSystem(
         camera, network, sensors, prior, validation, loss=settings.optimiser.loss, codes=settings.codes,
         through_start=settings.codes.through_start, seed=settings.seed,
     )  # fmt: skip
-    patches = _patches(settings, CubeStore(lists.train, load, make_folder(folder / "cubes")))
+    store = CubeStore(lists.train, channels, make_folder(folder / "cubes"))
+    patches = _patches(settings, store, application.views(camera))
     steps = settings.optimiser.steps or _steps_of_epochs(settings, len(lists.train))
 
     def keep(best: dict[str, Any]) -> None:
-        weights_of(system, settings, lists, best, bool(prior)).save(folder / "weights.safetensors", overwrite=True)
+        found = weights_of(application, system, settings, lists, best, bool(prior))
+        found.save(folder / "weights.safetensors", overwrite=True)
 
     pool = _pool(settings, system, patches, steps, folder)
     run = Run(system, patches, settings, steps, folder, fabric, keep, progress, pool)
@@ -118,8 +153,17 @@ def _train(
     return Trained(folder / "weights.safetensors", best, steps, run.cpu_seconds)
 
 
+def _network(settings: TrainSettings, channels: int) -> Network:
+    decoder = dict(settings.decoder)
+    if "bands" in decoder:
+        raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: the data say it", "leave it out")
+    network = build_network(decoder.pop("kind", "unrolled"), bands=channels, **decoder)
+    _take_decoder(settings, network)
+    return network
+
+
 def _pool(
-    settings: TrainSettings, system: SpectralSystem, patches: Callable[[int, int], Patch], steps: int, folder: Path
+    settings: TrainSettings, system: ImagingSystem, patches: Callable[[int, int], Patch], steps: int, folder: Path
 ) -> tuple[Pool, KeptStarts] | None:
     """Patches whose first estimates are worth keeping."""
     if not settings.data.pool or system.network.start not in NEED_PRIOR:
@@ -147,22 +191,25 @@ def _take_decoder(settings: TrainSettings, network: torch.nn.Module) -> None:
 
 
 def weights_of(
-    system: SpectralSystem, settings: TrainSettings, lists: SceneLists, best: dict[str, Any], with_prior: bool
+    application: Application,
+    system: ImagingSystem,
+    settings: TrainSettings,
+    lists: SceneLists,
+    best: dict[str, Any],
+    with_prior: bool,
 ) -> Weights:
     """The present state as a decoder with its codes."""
     camera, codes = system.camera, system.camera.multiplexed
     with torch.no_grad():
         planes = [(plane.tile() if plane.period else plane()).clone() for plane in (codes.aperture, codes.shutter)]
-    kept = {
-        "size": list(camera.size), "period": settings.camera.period, "exposure": camera.exposure,
-        "dispersion": list(camera.dispersion.displacement), "disperser": camera.disperser,
-    }  # fmt: skip
+    wavelengths, optics = application.stored(camera)
+    kept = {"size": list(camera.size), "period": settings.camera.period, "exposure": camera.exposure, **optics}
     card = {
         "training": settings.model_dump(), "scenes": list(map(_short, lists.train)),
         "validation": list(map(_short, lists.validation)), "best": best, **system.figures(),
     }  # fmt: skip
     prior = ("rendered" if lists.prior == RENDERED else "prior.nc") if with_prior else ""
-    return Weights(system.network, camera.wavelengths, planes[0], planes[1], kept, prior, card)
+    return Weights(system.network, wavelengths, planes[0], planes[1], kept, prior, card, application=application.name)
 
 
 def _short(name: str) -> str:
@@ -193,26 +240,30 @@ def _engine(settings: TrainSettings, accelerator: str, processes: int, nodes: in
 
 
 def _prior(
-    fabric: Fabric, folder: Path, lists: SceneLists, load: Load, camera: SpectralCamera, start: str
-) -> GaussianPrior | GaussianMixturePrior:
+    application: Application,
+    fabric: Fabric,
+    folder: Path,
+    lists: SceneLists,
+    load: Load,
+    camera: CodedCamera,
+    start: str,
+) -> Prior:
     """The run's own prior, learned once, or that of the rendered scenes."""
     if lists.prior == RENDERED:
-        return rendered_prior(camera.wavelengths, camera.dispersion.spread, mixture=start == "mixture")
+        return application.rendered_prior(camera, start == "mixture")
     file = folder / "prior.nc"
     if fabric.is_global_zero and not file.exists():
-        spread = camera.dispersion.spread
-        cubes = [load(name) for name in lists.prior or lists.train]
-        mixture = start == "mixture"
-        learn_prior(cubes, spread=spread, mixture=mixture).save(file)
+        scenes = [load(name) for name in lists.prior or lists.train]
+        application.learn_prior(scenes, camera, start == "mixture").save(file)
     fabric.barrier()
     return load_prior(file)
 
 
-def _patches(settings: TrainSettings, store: CubeStore) -> Callable[[int, int], Any]:
+def _patches(settings: TrainSettings, store: CubeStore, views: tuple[int, int] | None) -> Callable[[int, int], Any]:
     data = settings.data
     return PatchSource(
         store, data.patch, settings.seed, brightness=data.brightness, tint=data.tint, motion=data.motion,
-        slots=settings.camera.slots,
+        slots=settings.camera.slots, views=views,
     )  # fmt: skip
 
 
@@ -221,7 +272,7 @@ def _steps_of_epochs(settings: TrainSettings, scenes: int) -> int:
     return settings.optimiser.epochs * max(1, -(-scenes * data.patches_per_scene // data.batch))
 
 
-def _middle(cube: Any, size: tuple[int, int]) -> Tensor:
+def _middle(cube: NDArray[np.float32], size: tuple[int, int]) -> Tensor:
     """(L, H, W) the middle of a validation scene, no larger than the camera."""
     height, width = min(cube.shape[1], size[0]), min(cube.shape[2], size[1])
     top, left = (cube.shape[1] - height) // 2, (cube.shape[2] - width) // 2
