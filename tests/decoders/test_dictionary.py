@@ -85,12 +85,12 @@ def test_patches_that_share_a_code_give_what_each_alone_gives(method, monkeypatc
     dictionary, taps = random_dictionary(residual=1e-4), light_field_taps(13, 14, period=(2, 3))
     scene = torch.rand(2, 9, 13, 14, generator=torch.Generator().manual_seed(3), dtype=torch.float64)
     decoder = DictionaryDecoder(
-        dictionary, method, stride=(2, 3), tolerance=1e-9, max_iterations=4000, dtype=torch.float64
+        dictionary, method, stride=(2, 3), tolerance=1e-5, max_iterations=600, dtype=torch.float64
     )
     shared = decoder(snapshot(taps, scene), taps, 0.05).estimate
     monkeypatch.setattr("tmca.decoders.dictionary.equal_windows", lambda grid, code, places: [[p] for p in places])
     alone = decoder(snapshot(taps, scene), taps, 0.05).estimate
-    torch.testing.assert_close(shared, alone, atol=1e-6, rtol=0)
+    torch.testing.assert_close(shared, alone, atol=1e-4, rtol=0)
 
 
 def test_more_noise_leaves_fewer_atoms_and_a_smoother_scene():

@@ -61,10 +61,10 @@ def test_the_learner_finds_the_atoms_that_made_the_patches():
     for _ in range(500):  # as many light fields of one patch each, of two atoms and a mean of its own
         patch = 0.5 + generator.choice([-1, 1], 2) @ true[generator.choice(12, 2, replace=False)]
         fields.append(torch.from_numpy(patch.reshape(3, 3, 4, 4)))
-    found = PatchDictionary.learn(fields, (4, 4), atoms=12, coreset=500, rank=144, penalty=0.05, passes=8, batch=50)
+    found = PatchDictionary.learn(fields, (4, 4), atoms=16, coreset=500, rank=144, penalty=0.15, passes=20, batch=50)
     alike = (found.atoms.flatten(1) @ torch.from_numpy(true).mT).abs().amax(0)
-    assert (alike > 0.98).sum() >= 11
-    assert found.residual < 0.02 * 2 / 144
+    assert alike.min() > 0.98
+    assert found.residual < 0.1 * 2 / 144
 
 
 def test_the_variance_of_a_patch_is_numpys():
