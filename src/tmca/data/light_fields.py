@@ -253,6 +253,8 @@ def _coloured(pixels: NDArray[np.float32], colour: bool, stored: Stored) -> NDAr
 
 def _reduced(pixels: NDArray[np.float32], scale: int) -> NDArray[np.float32]:
     """The mean over blocks of ``scale × scale`` pixels of ``(H, W, C)``."""
+    if scale == 1:
+        return pixels
     height, width, channels = pixels.shape
     blocks = pixels.reshape(height // scale, scale, width // scale, scale, channels)
     return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32), dtype=np.float32)
