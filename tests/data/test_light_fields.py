@@ -28,7 +28,7 @@ from tmca.data import (
 )
 from tmca.data.formats.images import read_picture
 from tmca.data.formats.view_names import find_views
-from tmca.data.view_shifts import agreement
+from tmca.data.shifts import agreement
 from tmca.errors import DataError, SettingError, ShapeError
 
 VIEWS = shifted_plane()
@@ -87,7 +87,6 @@ def test_a_pattern_names_rows_and_columns(tmp_path, pattern, name):
     np.testing.assert_allclose(read_light_field(folder, pattern=pattern).values, VIEWS / 255, atol=1e-6)
 
 
-
 def test_the_centre_views_are_those_around_the_middle(tmp_path):
     folder = write_folder(tmp_path, VIEWS, NAMES["plain"])
     field = read_light_field(folder, views=3)
@@ -103,7 +102,9 @@ def test_scale_is_a_mean_over_areas_and_crop_the_middle_of_the_result(tmp_path):
     whole = read_light_field(folder, scale=3)
     assert whole.shape == (5, 5, 13, 15)
     np.testing.assert_allclose(whole.values[2, 3], slow / 255, atol=1e-6)
-    np.testing.assert_allclose(read_light_field(folder, scale=3, crop=(5, 7)).values[2, 3], slow[4:9, 4:11] / 255, atol=1e-6)
+    np.testing.assert_allclose(
+        read_light_field(folder, scale=3, crop=(5, 7)).values[2, 3], slow[4:9, 4:11] / 255, atol=1e-6
+    )
 
 
 def test_grey_is_the_luminance_of_the_stored_values(tmp_path):
@@ -242,8 +243,9 @@ def missing(folder):
 
 
 def missing_row(folder):
+    bad = plain(folder)
     for u in range(5):
-        (plain(folder) / f"2_{u}.png").unlink() if u == 0 else (folder / "bad" / f"2_{u}.png").unlink()
+        (bad / f"2_{u}.png").unlink()
 
 
 def extra(folder):
@@ -438,8 +440,7 @@ def test_true_disparity_brings_real_views_onto_the_centre_view(real_data):
 def test_in_the_real_capture_the_foreground_is_nearer(real_data):
     field = read_light_field(real_data / "lf/lytro_books_5x5_stride2")
     board, wall = field[:, :, 100:300, 180:430], field[:, :, 20:160, 480:600]
-    assert np.median(view_shifts(board)) > 0.5
-    assert np.median(view_shifts(wall)) < 0
+    assert np.median(view_shifts(board)) > np.median(view_shifts(wall)) + 0.4
 
 
 def test_light_field_splits_hold(real_data):

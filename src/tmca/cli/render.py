@@ -60,7 +60,12 @@ def render(
 
 
 def _rendered(
-    scene: str, size: tuple[int, int] | None, illuminant: str | None, seed: int, views: int | None, disparity: str | None
+    scene: str,
+    size: tuple[int, int] | None,
+    illuminant: str | None,
+    seed: int,
+    views: int | None,
+    disparity: str | None,
 ) -> xr.Dataset:
     """The spectral scene, or the light field where views are asked for."""
     from tmca.cli.options import pair
@@ -72,5 +77,5 @@ def _rendered(
         return rendered_scene(scene, size=size, illuminant=illuminant, seed=seed)
     if illuminant is not None:
         raise SettingError("--illuminant", illuminant, "none beside --views: a light field is grey")
-    given = {} if disparity is None else {"disparity": pair(disparity, "--disparity")}
-    return rendered_light_field(scene, views=views, size=size, seed=seed, **given)
+    ends = (-2.0, 2.0) if disparity is None else pair(disparity, "--disparity")
+    return rendered_light_field(scene, views=views, size=size, seed=seed, disparity=ends)

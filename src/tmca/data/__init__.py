@@ -16,9 +16,9 @@ from tmca.data.rendering import (
     split_rendered,
     split_rendered_light_fields,
 )
+from tmca.data.shifts import view_shifts
 from tmca.data.splits import checksum_of, read_split, write_split
 from tmca.data.tiff import write_tiff
-from tmca.data.view_shifts import view_shifts
 from tmca.data.write import atomic_path, check_target, make_folder, plain, write_dataset, write_json, write_text
 
 __all__ = [

@@ -8,7 +8,7 @@ from tmca.data.datasets import SUFFIXES as LABELLED
 from tmca.data.disparity import find_disparity, read_disparity
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.light_fields import VIEW_DIMS, load_light_field
-from tmca.data.view_shifts import shift_facts
+from tmca.data.shifts import shift_facts
 from tmca.errors import DataError
 
 

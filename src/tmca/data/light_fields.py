@@ -123,7 +123,9 @@ def load_light_field(
     colour: bool = False,
     divide_by: float | None = None,
 ) -> xarray.DataArray:
-    """The chosen views of an open light field; arguments as in `read_light_field`, ``divide_by`` as ``scale`` of `read`.
+    """The chosen views of an open light field; arguments as in `read_light_field`.
+
+    ``divide_by`` is the divisor to relative irradiance, where it is not the usual one.
 
     Raises:
         DataError, SettingError: as `read_light_field`.
@@ -179,13 +181,15 @@ def write_light_field(light_field: xarray.DataArray, path: str | Path, *, overwr
         OutputError: see `atomic_path`.
     """
     if light_field.dims not in (VIEW_DIMS, ("colour", *VIEW_DIMS)):
-        raise ShapeError("light field", f"dims {light_field.dims}", f"{VIEW_DIMS}, with colour before them if it has any")
+        raise ShapeError(
+            "light field", f"dims {light_field.dims}", f"{VIEW_DIMS}, with colour before them if it has any"
+        )
     return write_dataset(light_field, path, overwrite=overwrite)
 
 
 def centred(count: int) -> NDArray[np.float64]:
     """View coordinates -(n-1)/2 … (n-1)/2."""
-    return np.arange(count) - (count - 1) / 2
+    return np.arange(count, dtype=np.float64) - (count - 1) / 2
 
 
 def centre_views(grid: tuple[int, int], views: int | None, where: object) -> tuple[range, range]:
@@ -228,9 +232,7 @@ def centre_window(
     return slice(top, top + height * step), slice(left, left + width * step)
 
 
-def _view(
-    stored: Stored, v: int, u: int, colour: bool, window: tuple[slice, slice], scale: int
-) -> NDArray[np.float32]:
+def _view(stored: Stored, v: int, u: int, colour: bool, window: tuple[slice, slice], scale: int) -> NDArray[np.float32]:
     """One view ``(H, W, C)`` with C = 3 in colour and 1 in grey, in stored units."""
     at: dict[str, int | slice] = {"view_v": v, "view_u": u, "y": window[0], "x": window[1]}
     pixels = stored.load(tuple(at.get(dim, slice(None)) for dim in stored.dims)).astype(np.float32)

@@ -36,9 +36,7 @@ def light_field_picture(path: str | Path, variable: str | None = None) -> Figure
     return light_field_views(centre, small, read_disparity(path) if known else None, Path(path).name)
 
 
-def light_field_views(
-    centre: xr.DataArray, mosaic: xr.DataArray, disparity: xr.DataArray | None, title: str
-) -> Figure:
+def light_field_views(centre: xr.DataArray, mosaic: xr.DataArray, disparity: xr.DataArray | None, title: str) -> Figure:
     """Centre view, mosaic of views and disparity beside one another.
 
     Args:

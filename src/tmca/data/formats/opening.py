@@ -16,7 +16,7 @@ _TIFF = (".tif", ".tiff")
 _PICTURE = (".png", ".jpg", ".jpeg", ".bmp")
 _ENVI = (".hdr", *envi.DATA_SUFFIXES[1:])
 SUFFIXES = (".mat", ".npy", ".zarr", *_HDF5, *_TIFF, ".hdr", *_PICTURE)
-"""What `read` and `read_array` know by suffix, besides CAVE folders, folders of views and ENVI data files with their header."""
+"""What `read` and `read_array` know by suffix, besides folders of bands or views and ENVI data with their header."""
 
 
 def is_picture(path: Path) -> bool:

@@ -10,7 +10,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from math import isqrt
 from pathlib import Path
 
@@ -121,7 +121,9 @@ def _gridded(
     found: dict[Place, Path] = {}
     for file, place in places:
         if place in found:
-            raise DataError(file, f"a second picture of one view beside {found[place].name}", "one of each", "remove it")
+            raise DataError(
+                file, f"a second picture of one view beside {found[place].name}", "one of each", "remove it"
+            )
         found[place] = file
     rows, columns = (sorted({place[axis] for place in found}) for axis in (0, 1))
     _require_complete(folder, found, rows, columns)
@@ -136,7 +138,9 @@ def _by_index(folder: Path, numbers: dict[Path, int], side: Place | None) -> lis
     """Rows and columns of views that are numbered row after row from 0."""
     count = len(numbers)
     if side is None:
-        nearest = isqrt(count) if isqrt(count) ** 2 == count else min(range(1, 100, 2), key=lambda n: abs(n * n - count))
+        nearest = (
+            isqrt(count) if isqrt(count) ** 2 == count else min(range(1, 100, 2), key=lambda n: abs(n * n - count))
+        )
         side = (nearest, nearest)
     wanted = set(range(side[0] * side[1]))
     gone, extra = sorted(wanted - set(numbers.values())), sorted(set(numbers.values()) - wanted)
@@ -155,7 +159,7 @@ def _require_complete(folder: Path, found: dict[Place, Path], rows: list[int], c
     """Refuse a grid with holes: places without a picture, or whole rows and columns left out."""
     gone = [f"row {r} column {c}" for r in rows for c in columns if (r, c) not in found]
     for word, numbers in (("row", rows), ("column", columns)):
-        steps = {b - a for a, b in zip(numbers, numbers[1:], strict=False)}
+        steps = {b - a for a, b in pairwise(numbers)}
         if len(steps) > 1:
             between = (f"{word} {n}" for n in range(numbers[0], numbers[-1], min(steps)) if n not in numbers)
             gone += islice(between, 9)

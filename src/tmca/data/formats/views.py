@@ -93,7 +93,9 @@ def read_parameters(path: Path) -> dict[str, float]:
         parser.read_string(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ConfigError) as error:
         raise DataError(path, f"an unreadable file ({error})", "a parameters.cfg of the HCI benchmark") from error
-    numbers = {key: number for s in parser.sections() for key, v in parser.items(s) if (number := _number(v)) is not None}
+    numbers = {
+        key: number for s in parser.sections() for key, v in parser.items(s) if (number := _number(v)) is not None
+    }
     gone = [f"[{s}] {key}" for s, keys in NEEDED.items() for key in keys if key not in numbers]
     if gone:
         remedy = "fetch it again, or take it away to go by the pictures alone"

@@ -167,9 +167,7 @@ def _fitted(
     return Relief(level, relief.slope, relief.waves, relief.middle)
 
 
-def _background_texture(
-    coefficients: NDArray[np.float32], frame: tuple[int, int], rng: np.random.Generator
-) -> Texture:
+def _background_texture(coefficients: NDArray[np.float32], frame: tuple[int, int], rng: np.random.Generator) -> Texture:
     """A part of the photograph, upright, as large as the frame where it can be."""
     shape = coefficients.shape[1:]
     finest = min(_FINEST, max(1.0, min(n / m for n, m in zip(shape, frame, strict=True))))

@@ -45,8 +45,9 @@ def drawn(rng: np.random.Generator) -> NDArray[np.float32]:
         field = 1 - np.maximum(abs(x), abs(y) / (0.2 * narrow))
     else:
         angle = np.arctan2(y, x)
-        lobes = sum(a * np.cos(n * angle + p) for n, a, p in zip((2, 3, 5), rng.uniform(0.02, 0.12, 3), rng.uniform(0, 6, 3)))
-        field = 0.75 + lobes - np.hypot(x, y)
+        size, phase = rng.uniform(0.02, 0.12, 3), rng.uniform(0, 6, 3)
+        lobes = [size[i] * np.cos(count * angle + phase[i]) for i, count in enumerate((2, 3, 5))]
+        field = 0.75 + sum(lobes) - np.hypot(x, y)
     return np.asarray(field, dtype=np.float32)
 
 

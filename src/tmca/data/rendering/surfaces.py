@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 Fields = tuple[Array, Array]
 
 _STEPS = 4
-"""Of the iteration for waves: each leaves a share ``(|v|+|u|)·slope of the waves`` of the error, a twentieth or less."""
+"""Of the iteration for waves: each leaves a share ``(|v|+|u|)·slope of the waves`` of the error."""
 STEEPEST = 0.04
 """Largest change of disparity per px over a surface; by waves at most half of it."""
 
@@ -96,7 +96,7 @@ class Outline:
         from scipy.ndimage import map_coordinates
 
         at = np.stack([self.turn[i, 0] * y + self.turn[i, 1] * x + self.origin[i] for i in (0, 1)])
-        covered = np.all([(0 <= a) & (a <= n - 1) for a, n in zip(at, self.field.shape, strict=True)], axis=0)
+        covered = np.all([(a >= 0) & (a <= n - 1) for a, n in zip(at, self.field.shape, strict=True)], axis=0)
         covered[covered] = map_coordinates(self.field, at[:, covered], order=1) > 0
         return np.asarray(covered)
 
