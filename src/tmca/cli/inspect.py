@@ -21,10 +21,10 @@ def inspect(
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Say what FILE holds: variables, size, wavelengths, range of values, and for a snapshot its camera.
+    """Say what FILE holds: variables, size, wavelengths or views, range of values, and for a snapshot its camera.
 
     Args:
-        file: a cube, capture, snapshot, prior or any array file.
+        file: a cube, light field (file or folder of views), capture, snapshot, prior or any array file.
         variable: which one, where the file holds several.
         conditioning: for a snapshot file, rank, condition number and coherence of a corner of its matrix.
         figure: write a picture of it (PNG).
@@ -73,6 +73,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     if waves:
         spread = f"{waves['first_nm']:.6g} to {waves['last_nm']:.6g} nm"
         lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
+    if found.get("light_field"):
+        lines += _light_field(found["light_field"])
     if "matrix" in found:
         corner = found["matrix"]
         lines.append(
@@ -84,6 +86,22 @@ def _lines(found: dict[str, Any]) -> list[str]:
         if found.get(key) is not None and not (key == "note" and (captured or prior)):
             lines.append(f"  {key}: {found[key]}")
     return lines + [f"  {key}: {value}" for key, value in found.get("attrs", {}).items()]
+
+
+def _light_field(about: dict[str, Any]) -> list[str]:
+    """Views, what tells them apart, how far they are shifted, and the true disparity."""
+    (rows, columns), (height, width) = about["views"], about["size"]
+    kind = "colour" if about["colour"] else "grey"
+    lines = [f"  views: {rows} × {columns} of {height} × {width} pixels, {kind} (from: {about['pattern']})"]
+    shifts = about["shifts"]
+    if shifts:
+        spread = f"{shifts['low']:.2f} to {shifts['high']:.2f} px per view, nearer is positive"
+        lines.append(f"  shifts between views: {spread}; rows and columns agree to {shifts['agreement']:.2f}")
+    truth = about["disparity"]
+    if truth is None:
+        return [*lines, "  true disparity: none"]
+    spread = truth.get("note") or f"{truth['min']:.3g} to {truth['max']:.3g} px per view"
+    return [*lines, f"  true disparity: {spread} ({truth['source']})"]
 
 
 def _levels(variable: dict[str, Any]) -> str:

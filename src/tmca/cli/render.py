@@ -1,13 +1,17 @@
-"""``tmca render``: a rendered scene as a file."""
+"""``tmca render``: a rendered scene or light field as a file."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from tmca.cli.numbers import Whole
+from tmca.cli.numbers import Whole, whole
+from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def render(
@@ -18,30 +22,60 @@ def render(
     size: str | None = None,
     illuminant: str | None = None,
     seed: Whole = 0,
+    views: Annotated[int | None, Parameter(converter=whole)] = None,
+    disparity: str | None = None,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Write a rendered SCENE: radiance and reflectance in 31 bands of 400–700 nm, illuminant, depth.
+
+    With --views a light field in grey with its true disparity instead.
 
     Args:
         scene: astronaut, chelsea, coffee, motorcycle, retina, rocket, tissue.
         out: NetCDF file to write; the scene's name with .nc without it.
         size: HEIGHTxWIDTH, by averaging over areas; the photograph's own without it.
         illuminant: of colour-science (D65, A, LED-B2, …); the scene's own without it.
-        seed: of the metamers.
+        seed: of the metamers; of a light field's arrangement.
+        views: n for a light field of n×n views, n odd.
+        disparity: LOWEST,HIGHEST of a light field, px per view. [default: -2,2]
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
     """
     from tmca.cli.options import check_figure
     from tmca.cli.options import size as parsed_size
-    from tmca.data import rendered_scene, write_dataset
+    from tmca.data import check_target, write_dataset
 
     check_figure(figure, overwrite)
     target = out or Path(f"{scene}.nc")
-    data = rendered_scene(scene, size=parsed_size(size), illuminant=illuminant, seed=seed)
+    check_target(target, overwrite)
+    data = _rendered(scene, parsed_size(size), illuminant, seed, views, disparity)
     write_dataset(data, target, overwrite=overwrite)
     if figure is not None:
         from tmca.experiments.pictures import picture_of
 
         picture_of(target, figure, overwrite=overwrite)
-    print(f"{target}: {data.sizes['y']}×{data.sizes['x']} pixels, illuminant {data.attrs['illuminant']}")
+    about = f"{views}×{views} views" if views is not None else f"illuminant {data.attrs['illuminant']}"
+    print(f"{target}: {data.sizes['y']}×{data.sizes['x']} pixels, {about}")
+
+
+def _rendered(
+    scene: str,
+    size: tuple[int, int] | None,
+    illuminant: str | None,
+    seed: int,
+    views: int | None,
+    disparity: str | None,
+) -> xr.Dataset:
+    """The spectral scene, or the light field where views are asked for."""
+    from tmca.cli.options import pair
+    from tmca.data import rendered_light_field, rendered_scene
+
+    if views is None:
+        if disparity is not None:
+            raise SettingError("--disparity", disparity, "--views beside it: only a light field has disparity")
+        return rendered_scene(scene, size=size, illuminant=illuminant, seed=seed)
+    if illuminant is not None:
+        raise SettingError("--illuminant", illuminant, "none beside --views: a light field is grey")
+    ends = (-2.0, 2.0) if disparity is None else pair(disparity, "--disparity")
+    return rendered_light_field(scene, views=views, size=size, seed=seed, disparity=ends)

@@ -5,9 +5,18 @@ from tmca.data.checks import Negative
 from tmca.data.cubes import label, read, read_array
 from tmca.data.datasets import read_dataset
 from tmca.data.describe import describe
+from tmca.data.disparity import find_disparity, read_disparity
 from tmca.data.formats.known import KNOWN_SETS, KnownSet
 from tmca.data.formats.wavelengths import metres_to_nm, nm_to_metres
-from tmca.data.rendering import rendered_names, rendered_scene, split_rendered
+from tmca.data.light_fields import label_light_field, read_light_field, write_light_field
+from tmca.data.rendering import (
+    rendered_light_field,
+    rendered_names,
+    rendered_scene,
+    split_rendered,
+    split_rendered_light_fields,
+)
+from tmca.data.shifts import view_shifts
 from tmca.data.splits import checksum_of, read_split, write_split
 from tmca.data.tiff import write_tiff
 from tmca.data.write import atomic_path, check_target, make_folder, plain, write_dataset, write_json, write_text
@@ -20,7 +29,9 @@ __all__ = [
     "check_target",
     "checksum_of",
     "describe",
+    "find_disparity",
     "label",
+    "label_light_field",
     "make_folder",
     "metres_to_nm",
     "nearest_bands",
@@ -29,13 +40,19 @@ __all__ = [
     "read",
     "read_array",
     "read_dataset",
+    "read_disparity",
+    "read_light_field",
     "read_split",
+    "rendered_light_field",
     "rendered_names",
     "rendered_scene",
     "select_bands",
     "split_rendered",
+    "split_rendered_light_fields",
+    "view_shifts",
     "write_dataset",
     "write_json",
+    "write_light_field",
     "write_split",
     "write_text",
     "write_tiff",

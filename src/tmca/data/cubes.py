@@ -1,4 +1,4 @@
-"""`read`: a spectral cube from any supported file, labelled and in relative irradiance."""
+"""`read`: a spectral cube or a light field from any supported file, labelled and in relative irradiance."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from tmca.data.formats.wavelengths import (
     read_sidecar,
     sidecar_paths,
 )
+from tmca.data.light_fields import find_light_field, load_light_field
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -38,11 +39,12 @@ def read(
     bands: Sequence[int] | None = None,
     negative: Negative = "error",
 ) -> xarray.DataArray:
-    """Read a spectral cube as relative irradiance with its wavelengths.
+    """Read a spectral cube as relative irradiance with its wavelengths, or a light field in grey.
 
     Reads CAVE folders, MATLAB 5 and 7.3, ENVI, multi-page TIFF, ``.npy``, NetCDF, HDF5 and Zarr, and finds
     the variable and the spectral axis. Integers are divided by their type's maximum, ICVL's 12-bit ``rad`` by
-    4095, floats above 1 by their maximum over all bands.
+    4095, floats above 1 by their maximum over all bands. What has views instead of bands is read as by
+    `tmca.data.read_light_field` with its defaults, which has the options of light fields.
 
     Args:
         path: the file or folder.
@@ -56,7 +58,8 @@ def read(
 
     Returns:
         dims ``(wavelength, y, x)``, float32; coordinates ``wavelength`` (m) and ``wavelength_nm``; attrs
-        ``source``, ``variable``, ``scale`` (the divisor) and ``scale_from``, ``wavelengths_from``.
+        ``source``, ``variable``, ``scale`` (the divisor) and ``scale_from``, ``wavelengths_from``. Of a light field:
+        see `tmca.data.read_light_field`.
 
     Raises:
         DataError: the file is missing, damaged, no cube, without wavelengths, or has NaN, infinite or
@@ -65,6 +68,10 @@ def read(
     """
     given = None if wavelengths is None else np.asarray(list(wavelengths), dtype=np.float64)
     with open_contents(path) as contents:
+        views = find_light_field(contents, variable)
+        if views is not None:
+            _no_bands(path, given, bands)
+            return load_light_field(contents, views, divide_by=scale)
         stored = find_cube(contents, variable, None if given is None else given.size)
         sidecar = None if given is not None else read_sidecar(contents.path)
         axis = _axis(contents, stored, given if given is not None else sidecar)
@@ -84,6 +91,12 @@ def read(
         "wavelengths_from": origin,
     }
     return label(pixels, metres[chosen], about, coords)
+
+
+def _no_bands(path: str | Path, wavelengths: object, bands: object) -> None:
+    for name, value in (("wavelengths", wavelengths), ("bands", bands)):
+        if value is not None:
+            raise SettingError(name, f"some for {path}", "none: it is a light field", "leave them out")
 
 
 def label(

@@ -13,6 +13,8 @@ from tmca.data.formats.axes import find_cube, spectral_axis
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.wavelengths import metres_to_nm, read_sidecar
+from tmca.data.light_field_facts import describe_light_field
+from tmca.data.light_fields import find_light_field
 from tmca.data.write import plain
 from tmca.errors import DataError
 
@@ -28,10 +30,11 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
         variable: the array to put first, where the file has several.
 
     Returns:
-        Plain JSON types: ``kind`` ("cube", "dataset" with named axes, "array" or "arrays"), ``format``,
+        Plain JSON types: ``kind`` ("cube", "light field", "dataset" with named axes, "array" or "arrays"), ``format``,
         ``variables``, ``attrs``; for a cube or a single array its own entry of ``variables`` again at the top
-        level, with ``wavelengths`` (None without). ``note`` says why a file with a three-axis array is no
-        cube.
+        level, with ``wavelengths`` (None without), and for a light field ``light_field``: its ``views``, ``size``,
+        ``colour``, naming, ``shifts`` between views and ``disparity`` (None without). ``note`` says why a file with
+        a three-axis array is no cube, or a light field cannot be read whole.
 
     Raises:
         DataError: missing, damaged or unknown file, or no such variable.
@@ -49,7 +52,10 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
 
 
 def _main(contents: Contents, variable: str | None) -> dict[str, Any]:
-    """Kind, main variable and wavelengths: a cube if `read` would take it, else why not."""
+    """Kind, main variable and wavelengths: a light field or cube if `read` would take it, else why not."""
+    views = find_light_field(contents, variable)
+    if views is not None:
+        return describe_light_field(contents, views)
     sidecar = read_sidecar(contents.path)
     try:
         stored = find_cube(contents, variable, None if sidecar is None else sidecar.size)

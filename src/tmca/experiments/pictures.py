@@ -11,13 +11,14 @@ from tmca.cameras.snapshots import Snapshot, holds_snapshot
 from tmca.errors import DataError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.experiments.figures import cube_figure, image_figure, save_figure
+from tmca.experiments.light_field_views import light_field_picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite: bool = False) -> Path:
-    """Write a PNG of a snapshot, a prior, a cube or an image.
+    """Write a PNG of a snapshot, a prior, a cube, a light field or an image.
 
     Raises:
         DataError: nothing in the file can be drawn.
@@ -42,6 +43,8 @@ def _figure(path: Path, variable: str | None) -> Figure:
         from tmca.priors import PatchDictionary
 
         return PatchDictionary.load(path).figure()
+    if found["kind"] == "light field":
+        return light_field_picture(path, variable)
     if found["kind"] == "cube":
         cube = read(path, variable=variable, negative="keep")
         return cube_figure(cube.values, cube["wavelength"].values.tolist(), path.name)

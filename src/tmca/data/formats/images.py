@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats import wavelengths
+from tmca.data.formats.png16 import sixteen_bit_colour
 from tmca.data.formats.stored import Contents, Index, Stored, from_array
 from tmca.errors import DataError
 
@@ -56,8 +57,8 @@ def open_cave(folder: Path) -> Contents:
     if not files:
         raise DataError(
             folder,
-            "an empty folder" if not any(folder.iterdir()) else "a folder without band images",
-            "a CAVE scene (*_ms_01.png … *_ms_31.png) or a Zarr store",
+            "an empty folder" if not any(folder.iterdir()) else "a folder without band images or views",
+            "a CAVE scene (*_ms_01.png … *_ms_31.png), a light field (a picture per view) or a Zarr store",
         )
     first = _grey(files[0])
 
@@ -91,17 +92,39 @@ def _grey(file: Path) -> NDArray[Any]:
 
 
 def read_picture(file: Path) -> NDArray[Any]:
-    """The pixels of a PNG, JPEG or BMP in their own depth, palette resolved.
+    """The pixels of a PNG, JPEG, BMP or PFM in their own depth, palette resolved.
 
     Raises:
         DataError: the picture cannot be read whole.
     """
     from PIL import Image
 
-    try:
+    with _whole_picture(file):
+        deep = sixteen_bit_colour(file)
+        if deep is not None:
+            return deep
         with Image.open(file) as image:
             image.load()
             return np.asarray(image.convert() if image.mode == "P" else image)
+
+
+def picture_size(file: Path) -> tuple[int, int]:
+    """Height and width of a picture, from its header alone.
+
+    Raises:
+        DataError: it is no picture.
+    """
+    from PIL import Image
+
+    with _whole_picture(file), Image.open(file) as image:
+        return image.height, image.width
+
+
+@contextmanager
+def _whole_picture(file: Path) -> Iterator[None]:
+    """Pillow's errors as one of ours."""
+    try:
+        yield
     except (OSError, SyntaxError, ValueError) as error:
         raise DataError(file, f"an unreadable or truncated image ({error})", "a whole PNG, JPEG or BMP") from error
 

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from tmca.data.formats import arrays, envi, images, matlab
+from tmca.data.formats import arrays, envi, images, lenslet, matlab, views
 from tmca.data.formats.stored import Contents
 from tmca.errors import DataError
 
@@ -16,7 +16,12 @@ _TIFF = (".tif", ".tiff")
 _PICTURE = (".png", ".jpg", ".jpeg", ".bmp")
 _ENVI = (".hdr", *envi.DATA_SUFFIXES[1:])
 SUFFIXES = (".mat", ".npy", ".zarr", *_HDF5, *_TIFF, ".hdr", *_PICTURE)
-"""What `read` and `read_array` know by suffix, besides CAVE folders and ENVI data files with their header."""
+"""What `read` and `read_array` know by suffix, besides folders of bands or views and ENVI data with their header."""
+
+
+def is_picture(path: Path) -> bool:
+    """Whether the suffix is that of a single picture."""
+    return path.suffix.lower() in _PICTURE
 
 
 @contextmanager
@@ -44,7 +49,7 @@ def _opener(path: Path) -> Any:
     if path.is_dir():
         marks = ("zarr.json", ".zgroup", ".zarray")
         is_zarr = suffix == ".zarr" or any((path / mark).exists() for mark in marks)
-        return arrays.open_zarr(path) if is_zarr else images.open_cave(path)
+        return arrays.open_zarr(path) if is_zarr else _folder_of_pictures(path)
     if path.stat().st_size == 0:
         raise DataError(path, "an empty file (0 bytes)", "a file with data", "fetch or write it again")
     if suffix == ".mat":
@@ -56,7 +61,13 @@ def _opener(path: Path) -> Any:
     if suffix in _TIFF:
         return images.open_tiff(path)
     if suffix in _PICTURE:
-        return images.open_picture(path)
+        return lenslet.open_lenslet(path) if lenslet.is_lenslet(path) else images.open_picture(path)
     if suffix in _ENVI or envi.header_of(path) is not None:
         return envi.open_envi(path)
     raise DataError(path, f"the unknown suffix {suffix!r}", f"one of {' '.join(SUFFIXES)}, or a CAVE folder")
+
+
+def _folder_of_pictures(path: Path) -> Contents:
+    """The bands of a CAVE scene, or the views of a light field."""
+    opened = None if images.band_files(path) else views.open_views(path)
+    return images.open_cave(path) if opened is None else opened

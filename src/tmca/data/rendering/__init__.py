@@ -1,8 +1,15 @@
-"""Rendered scenes: real photographs, measured spectra, nothing to download."""
+"""Rendered scenes and light fields: real photographs, measured spectra, nothing to download."""
 
 from __future__ import annotations
 
+from tmca.data.rendering.light_field import rendered_light_field, split_rendered_light_fields
 from tmca.data.rendering.photographs import rendered_names, split_rendered
 from tmca.data.rendering.scene import rendered_scene
 
-__all__ = ["rendered_names", "rendered_scene", "split_rendered"]
+__all__ = [
+    "rendered_light_field",
+    "rendered_names",
+    "rendered_scene",
+    "split_rendered",
+    "split_rendered_light_fields",
+]

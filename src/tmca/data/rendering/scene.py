@@ -26,7 +26,7 @@ from tmca.errors import SettingError
 if TYPE_CHECKING:
     import xarray as xr
 
-_FINE, _COARSE = (100.0, 60, 1), (300.0, 300, 2)
+_FINE, COARSE = (100.0, 60, 1), (300.0, 300, 2)
 
 
 def rendered_scene(
@@ -109,14 +109,14 @@ def _render(
     """Bands ``(C, H, W)`` and depth ``(H, W)`` of the cropped photograph at its own resolution."""
     entry, rgb = photograph(name), linear_rgb(name)
     rng = _generator(name, seed)
-    labels, model = _regions(name, *_FINE), _model(entry.split)
+    labels, model = regions(name, *_FINE), _model(entry.split)
     materials = region_materials(model, rgb.astype(np.float64), labels, rng)
     amplitudes = black_amplitudes(labels, rng)
     spectral = project(model, rgb[crop], labels[crop], materials, amplitudes[crop], bands)
     if entry.depth == "measured":
         depth = motorcycle_depth()
     else:
-        depth = staged_depth(rgb, _regions(name, *_COARSE), entry, rng)
+        depth = staged_depth(rgb, regions(name, *COARSE), entry, rng)
     return spectral, depth[crop]
 
 
@@ -132,7 +132,7 @@ def _model(split: Any) -> ColourModel:
 
 
 @lru_cache(maxsize=4)
-def _regions(name: str, scale: float, smallest: int, step: int) -> NDArray[np.intp]:
+def regions(name: str, scale: float, smallest: int, step: int) -> NDArray[np.intp]:
     """Regions of the photograph, numbered from 0, found on every ``step``-th pixel.
 
     Source: Felzenszwalb & Huttenlocher's graph-based segmentation, IJCV 59(2), 2004.

@@ -1,0 +1,278 @@
+"""`read_light_field`: the views of a light field from any supported file or folder, labelled, in one orientation.
+
+Disparity d (px per view step, positive = nearer than the plane in focus) has the sign of the HCI benchmark along both
+axes: what the centre view shows at (y, x), view (v, u) shows at (y - v·d, x - u·d).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data.checks import divisor
+from tmca.data.formats import lenslet, views
+from tmca.data.formats.arrays import QUANTITY
+from tmca.data.formats.opening import is_picture, open_contents
+from tmca.data.formats.stored import Contents, Stored
+from tmca.data.write import write_dataset
+from tmca.errors import DataError, SettingError, ShapeError
+
+if TYPE_CHECKING:
+    import xarray
+
+VIEW_DIMS = views.DIMS
+COLOURS = ("red", "green", "blue")
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+"""Weights of ITU-R BT.709."""
+NAMES = ("light_field", "estimate")
+"""Under which tmca's own files keep a light field, beside others that also run over views."""
+
+
+def read_light_field(
+    path: str | Path,
+    *,
+    views: int | None = None,
+    crop: tuple[int, int] | None = None,
+    scale: int | None = None,
+    colour: bool = False,
+    pattern: str | None = None,
+    lens: tuple[int, int] = lenslet.LENS,
+    variable: str | None = None,
+) -> xarray.DataArray:
+    """Read a light field as relative irradiance.
+
+    Reads folders with one picture per view (HCI benchmark with or without ``parameters.cfg``, Stanford's archive,
+    INRIA's and plain names with row and column), lenslet pictures (``*_eslf.png``; of their 14×14 views the centre 7×7
+    that are not vignetted unless ``views`` asks for others), and labelled files (NetCDF, HDF5, Zarr). Values stay as
+    stored, without a change of gamma: integers are divided by their type's maximum, floats above 1 by theirs.
+
+    Args:
+        path: the folder, picture or file.
+        views: n for the centre n×n views, n odd; all of a square odd grid by default. An even grid has no centre
+            view: of its two middle rows and columns the later ones are the centre.
+        crop: centre (H, W) in pixels of the result, after ``scale``.
+        scale: whole number of pixels per axis that are averaged into one; what is left over at the end is dropped.
+        colour: red, green and blue instead of their luminance (Rec. 709 weights of the stored values).
+        pattern: of a folder's file names where they are not recognised, such as ``view_{row}_{column}.png``; see
+            `tmca.data.formats.view_names.find_views`.
+        lens: views under a lens of a lenslet picture, (rows, columns).
+        variable: which array, where a labelled file has several light fields.
+
+    Returns:
+        dims ``(view_v, view_u, y, x)``, or ``(colour, view_v, view_u, y, x)``, float32; coordinates ``view_v`` and
+        ``view_u`` centred on 0; attrs ``name``, ``source``, ``pattern`` and ``grid`` (rows and columns of the source).
+
+    Raises:
+        DataError: missing, extra, broken or unequal views, a grid that is not square or even, or not-finite pixels.
+        SettingError: impossible ``views``, ``crop``, ``scale``, ``pattern`` or ``lens``.
+    """
+    with open_light_field(path, pattern, lens) as contents:
+        stored = find_light_field(contents, variable)
+        if stored is None:
+            raise _no_light_field(contents, variable)
+        return load_light_field(contents, stored, views=views, crop=crop, scale=scale, colour=colour)
+
+
+@contextmanager
+def open_light_field(
+    path: str | Path, pattern: str | None = None, lens: tuple[int, int] = lenslet.LENS
+) -> Iterator[Contents]:
+    """Look into a light field without loading it; arguments as in `read_light_field`."""
+    path = Path(path)
+    if pattern is not None and not path.is_dir():
+        raise SettingError("pattern", f"{pattern!r} for {path}", "a folder of views")
+    if pattern is not None and (opened := views.open_views(path, pattern)) is not None:
+        yield opened
+    elif is_picture(path) and path.is_file():
+        yield lenslet.open_lenslet(path, lens)
+    else:
+        with open_contents(path) as contents:
+            yield contents
+
+
+def find_light_field(contents: Contents, variable: str | None = None) -> Stored | None:
+    """The array that runs over views, or None: the one asked for, one of `NAMES`, or the only one.
+
+    Raises:
+        DataError: several run over views and none is named.
+    """
+    over = [s for s in contents.arrays.values() if set(VIEW_DIMS) <= set(s.dims) and s.numeric and s.size]
+    if variable is not None:
+        return next((s for s in over if s.name == variable), None)
+    named = [s for s in over if s.name in NAMES]
+    if len(over) < 2 or named:
+        return next(iter(named or over), None)
+    names = ", ".join(s.name for s in over)
+    raise DataError(
+        contents.path, f"{len(over)} light fields ({names})", "one", "choose it with variable= (--variable)"
+    )
+
+
+def load_light_field(
+    contents: Contents,
+    stored: Stored,
+    *,
+    views: int | None = None,
+    crop: tuple[int, int] | None = None,
+    scale: int | None = None,
+    colour: bool = False,
+    divide_by: float | None = None,
+) -> xarray.DataArray:
+    """The chosen views of an open light field; arguments as in `read_light_field`.
+
+    ``divide_by`` is the divisor to relative irradiance, where it is not the usual one.
+
+    Raises:
+        DataError, SettingError: as `read_light_field`.
+    """
+    size = {dim: stored.shape[stored.dims.index(dim)] for dim in VIEW_DIMS}
+    grid = size["view_v"], size["view_u"]
+    wanted = stored.attrs.get("default_views") if views is None else views
+    rows, columns = centre_views(grid, wanted, contents.path)
+    window = centre_window((size["y"], size["x"]), crop, scale, contents.path)
+    by, scaled = divisor(stored, 0, divide_by, None)
+    pixels = np.stack([np.stack([_view(stored, v, u, colour, window, scale or 1) for u in columns]) for v in rows])
+    pixels /= np.float32(by)
+    _require_finite(pixels, contents.path)
+    about = {
+        "name": stored.attrs.get("name") or (contents.path.name if contents.path.is_dir() else contents.path.stem),
+        "source": str(contents.path),
+        "pattern": contents.attrs.get("pattern") or stored.attrs.get("pattern") or contents.format,
+        "grid": list(grid),
+        "scale": by,
+        "scale_from": scaled,
+    }
+    kept = {key: value for key, value in contents.attrs.items() if key.endswith("_m") and isinstance(value, float)}
+    return label_light_field(np.moveaxis(pixels, -1, 0) if colour else pixels[..., 0], {**kept, **about})
+
+
+def label_light_field(pixels: NDArray[Any], attrs: dict[str, Any] | None = None) -> xarray.DataArray:
+    """A labelled light field from ``(V, U, H, W)`` or ``(3, V, U, H, W)`` pixels in relative irradiance.
+
+    Raises:
+        ShapeError: another number of axes or of colours.
+    """
+    import xarray
+
+    pixels = np.ascontiguousarray(pixels, dtype=np.float32)
+    if pixels.ndim not in (4, 5) or (pixels.ndim == 5 and len(pixels) != len(COLOURS)):
+        raise ShapeError("light field", f"shape {pixels.shape}", "(V, U, H, W) or (3, V, U, H, W)")
+    dims = ("colour", *VIEW_DIMS)[-pixels.ndim :]
+    coords: dict[str, Any] = {
+        dim: (dim, centred(pixels.shape[dims.index(dim)]), {"units": "1", "long_name": f"view {word} from the centre"})
+        for dim, word in (("view_v", "rows"), ("view_u", "columns"))
+    }
+    if pixels.ndim == 5:
+        coords["colour"] = ("colour", list(COLOURS))
+    units = {"quantity": QUANTITY, "units": "1", "long_name": QUANTITY}
+    return xarray.DataArray(pixels, coords, dims, name="light_field", attrs={**units, **(attrs or {})})
+
+
+def write_light_field(light_field: xarray.DataArray, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a light field as NetCDF4/HDF5 (``.nc``, ``.h5``) or Zarr, whole or not at all; see `write_dataset`.
+
+    Raises:
+        ShapeError: dims other than those of `read_light_field`.
+        OutputError: see `atomic_path`.
+    """
+    if light_field.dims not in (VIEW_DIMS, ("colour", *VIEW_DIMS)):
+        raise ShapeError(
+            "light field", f"dims {light_field.dims}", f"{VIEW_DIMS}, with colour before them if it has any"
+        )
+    return write_dataset(light_field, path, overwrite=overwrite)
+
+
+def centred(count: int) -> NDArray[np.float64]:
+    """View coordinates -(n-1)/2 … (n-1)/2."""
+    return np.arange(count, dtype=np.float64) - (count - 1) / 2
+
+
+def centre_views(grid: tuple[int, int], views: int | None, where: object) -> tuple[range, range]:
+    """Rows and columns of the centre n×n views of a grid.
+
+    Raises:
+        DataError: all views are wanted of a grid that is not square or even.
+        SettingError: n even, below 1 or larger than the grid.
+    """
+    if views is None:
+        if grid[0] != grid[1] or grid[0] % 2 == 0:
+            most = min(grid) - (min(grid) % 2 == 0)
+            remedy = f"take the centre n×n of them, n odd, with views= (--views), such as {most}"
+            raise DataError(where, f"{grid[0]}×{grid[1]} views", "a square grid with an odd number a side", remedy)
+        views = grid[0]
+    if isinstance(views, bool) or not isinstance(views, (int, np.integer)) or views < 1 or views % 2 == 0:
+        raise SettingError("views", repr(views), "an odd number n, for the centre n×n views")
+    if views > min(grid):
+        raise SettingError("views", str(views), f"at most {min(grid)}, of the {grid[0]}×{grid[1]} views of {where}")
+    top, left = ((n - views + 1) // 2 for n in grid)
+    return range(top, top + views), range(left, left + views)
+
+
+def centre_window(
+    size: tuple[int, int], crop: tuple[int, int] | None, scale: int | None, where: object
+) -> tuple[slice, slice]:
+    """The stored pixels behind a centre crop of ``crop`` pixels after reduction by ``scale``.
+
+    Raises:
+        SettingError: not a whole number above 0, or a crop larger than the views.
+    """
+    step = 1 if scale is None else scale
+    if isinstance(step, bool) or not isinstance(step, (int, np.integer)) or not 1 <= step <= min(size):
+        raise SettingError("scale", repr(scale), f"a whole number from 1 to {min(size)}", "views are never enlarged")
+    reduced = size[0] // step, size[1] // step
+    height, width = reduced if crop is None else crop
+    if not (1 <= height <= reduced[0] and 1 <= width <= reduced[1]):
+        raise SettingError("crop", f"{height}×{width}", f"at most the {reduced[0]}×{reduced[1]} pixels of {where}")
+    top, left = (reduced[0] - height) // 2 * step, (reduced[1] - width) // 2 * step
+    return slice(top, top + height * step), slice(left, left + width * step)
+
+
+def _view(stored: Stored, v: int, u: int, colour: bool, window: tuple[slice, slice], scale: int) -> NDArray[np.float32]:
+    """One view ``(H, W, C)`` with C = 3 in colour and 1 in grey, in stored units."""
+    at: dict[str, int | slice] = {"view_v": v, "view_u": u, "y": window[0], "x": window[1]}
+    pixels = stored.load(tuple(at.get(dim, slice(None)) for dim in stored.dims)).astype(np.float32)
+    others = [dim for dim in stored.dims if dim not in ("view_v", "view_u")]
+    pixels = np.moveaxis(pixels, (others.index("y"), others.index("x")), (0, 1))
+    if pixels.ndim > 3:
+        raise DataError(stored.name, f"dims {stored.dims}", f"{VIEW_DIMS} and at most colour")
+    return _reduced(_coloured(np.atleast_3d(pixels), colour, stored), scale)
+
+
+def _coloured(pixels: NDArray[np.float32], colour: bool, stored: Stored) -> NDArray[np.float32]:
+    """Three colours or their luminance; an alpha channel is dropped."""
+    pixels = pixels[..., : 1 if pixels.shape[2] < 3 else 3]
+    if colour and pixels.shape[2] == 1:
+        raise DataError(stored.name, "grey views", "red, green and blue", "read them without colour= (--colour)")
+    if colour or pixels.shape[2] == 1:
+        return pixels
+    return pixels @ np.array(LUMINANCE, dtype=np.float32)[:, None]
+
+
+def _reduced(pixels: NDArray[np.float32], scale: int) -> NDArray[np.float32]:
+    """The mean over blocks of ``scale × scale`` pixels of ``(H, W, C)``."""
+    if scale == 1:
+        return pixels
+    height, width, channels = pixels.shape
+    blocks = pixels.reshape(height // scale, scale, width // scale, scale, channels)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32), dtype=np.float32)
+
+
+def _require_finite(pixels: NDArray[np.float32], where: object) -> None:
+    bad = ~np.isfinite(pixels)
+    if bad.any():
+        v, u, y, x, _ = (int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape))
+        first = f"view row {v}, column {u}, y {y}, x {x}"
+        found = f"{int(bad.sum())} NaN or infinite pixels, the first at {first}"
+        raise DataError(where, found, "finite values", "mask or repair them first")
+
+
+def _no_light_field(contents: Contents, variable: str | None) -> DataError:
+    there = ", ".join(f"{s.name} {s.dims or s.shape}" for s in list(contents.arrays.values())[:4]) or "nothing"
+    found = f"no light field{'' if variable is None else f' {variable!r}'} ({contents.format}: {there})"
+    expected = "pictures named by row and column, a lenslet picture, or a file with view_v and view_u"
+    return DataError(contents.path, found, expected, "give the names' pattern= (--pattern) for a folder of views")
