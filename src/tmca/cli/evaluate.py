@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import SceneOptions, assumed, check_figure
+from tmca.cli.options import SceneOptions, assumed, check_figure, views_reading
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = SceneOptions()
@@ -27,17 +27,24 @@ def evaluate(
 ) -> None:
     """PSNR, SSIM, UIQI, SAM, ERGAS and DD of ESTIMATE against TRUTH; bands are matched by wavelength.
 
+    Of a light field PSNR, SSIM and, where the true disparity is known, the error of the disparity that the views show.
+
     Args:
-        estimate: a cube file, such as one written by `tmca reconstruct`.
-        truth: a cube file or the name of a rendered scene; a larger truth is cropped to its middle.
+        estimate: a cube or light-field file, such as one written by `tmca reconstruct`.
+        truth: a file, a folder of views, or the name of a rendered scene; a larger truth is cropped to its middle.
         figure: write a picture of both with error map and spectra (PNG).
         overwrite: replace the picture if it exists.
         json: print JSON instead of text.
     """
+    from tmca.data import describe
+    from tmca.experiments.light_field import evaluate_light_field
     from tmca.experiments.spectral import evaluate_files
 
     check_figure(figure, overwrite, estimate)
-    found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, told=assumed, **reading.reading())
+    if describe(estimate)["kind"] == "light field":
+        found = evaluate_light_field(estimate, truth, figure=figure, overwrite=overwrite, **views_reading(reading))
+    else:
+        found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, told=assumed, **reading.reading())
     if json:
         print(json_module.dumps(found, indent=1))
         return
@@ -45,4 +52,5 @@ def evaluate(
         print(f"{name:6s} {value:.4f}")
 
 
-app.command(evaluate, name="spectral", help="The same, for the spectral camera.")
+for _camera in ("spectral", "light-field"):
+    app.command(evaluate, name=_camera, help=f"The same, for the {_camera} camera.")

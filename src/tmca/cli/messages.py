@@ -32,9 +32,11 @@ _EXTRA = (
 
 def options() -> dict[str, str]:
     """Python's name of an argument → the option that sets it."""
-    from tmca.cli.options import SceneOptions, SensorOptions, SpectralOptions
+    from tmca.cli.cameras import LightFieldOptions, SpectralOptions
+    from tmca.cli.options import LightFieldSceneOptions, SceneOptions, SensorOptions
 
-    names = [field.name for kind in (SceneOptions, SensorOptions, SpectralOptions) for field in fields(kind)]
+    kinds = (SceneOptions, LightFieldSceneOptions, SensorOptions, SpectralOptions, LightFieldOptions)
+    names = [field.name for kind in kinds for field in fields(kind)]
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 
 

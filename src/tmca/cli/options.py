@@ -11,20 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Group, Parameter
 
 from tmca.cli.numbers import whole
-from tmca.cli.patterns import codes_argument, coloured_argument, fitted
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tmca.cameras import SpectralCamera
-    from tmca.sensor import Sensor
-
-_CAMERA = Group("Camera", sort_key=1)
 _SENSOR = Group("Sensor", sort_key=2)
 _OUTPUT = Group("Output", sort_key=3)
 _SCENE = Group("Reading the scene", sort_key=0)
-_MOST_CODES = 2**33
 
 
 @Parameter(name="*")
@@ -51,79 +45,21 @@ class SceneOptions:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class SpectralOptions:
-    """The spectral camera."""
+class LightFieldSceneOptions:
+    """How a light field is read."""
 
-    preset: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "Start from a named camera: thesis, cassi, one-hot. Other options replace its values."
-    slots: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
-    "Time slots K within the exposure; those of the patterns where a file is given. [default: 8]"
-    aperture: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns. [default: random]"
-    shutter: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "Shutter codes: random, open, one-hot, complementary, blue-noise, or a file of patterns. [default: random]"
-    exposure: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "equal: the slots share one exposure time; per-slot: each has its own. [default: equal]"
-    dispersion: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "Pixels per band, or the displacement of every band separated by commas. [default: 1]"
-    disperser: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "single or dual. [default: single]"
-    relay_blur: Annotated[float | None, Parameter(group=_CAMERA)] = None
-    "Blur of the relay optics, standard deviation in pixels. [default: 0]"
-    transmittance: Annotated[float | None, Parameter(group=_CAMERA)] = None
-    "Share of open aperture pixels. [default: 0.5]"
-    duty: Annotated[float | None, Parameter(group=_CAMERA)] = None
-    "Share of open shutter pixels. [default: 0.5]"
-    coloured: Annotated[Path | None, Parameter(group=_CAMERA)] = None
-    "File of a static coloured aperture, bands × rows × columns, in the place of the codes."
-    period: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
-    "Tile of the codes in pixels; full frame without it."
-    weights: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "Learned codes: a file or run of `tmca train`, or default, which comes with tmca (static for --slots 1, or K = 8)."
-    codes: Annotated[Path | None, Parameter(group=_CAMERA)] = None
-    "Both planes from a file of `tmca design` (codes.nc), with their period."
-    seed: Annotated[int, Parameter(group=_CAMERA, converter=whole)] = 0
-    "Of the codes and the noise."
+    views: Annotated[int, Parameter(group=_SCENE, converter=whole)] = 5
+    "n for the centre n×n views, odd."
+    scale: Annotated[int | None, Parameter(group=_SCENE, converter=whole)] = None
+    "Whole number of pixels per axis that are averaged into one."
+    colour: Annotated[bool, Parameter(group=_SCENE, negative="")] = False
+    "Red, green and blue, a snapshot of each, instead of their luminance."
+    pattern: Annotated[str | None, Parameter(group=_SCENE)] = None
+    "File names of a folder of views where they are not recognised, such as view_{row}_{column}.png."
 
-    def chosen(self) -> dict[str, Any]:
-        """Camera arguments that were given, files read and numbers parsed."""
-        if not 0 <= self.seed < 2**30:
-            raise SettingError("--seed", str(self.seed), "0 or more, below 2^30")
-        for name in ("transmittance", "duty"):
-            share = getattr(self, name)
-            if share is not None and not 0 <= share <= 1:
-                raise SettingError(f"--{name}", f"{share:g}", "a share between 0 and 1")
-        given = {
-            name: value
-            for name, value in vars(self).items()
-            if value is not None and name not in ("preset", "weights", "codes")
-        }
-        if self.codes is not None:
-            given |= self._designed(given)
-        for plane in ("aperture", "shutter"):
-            if isinstance(given.get(plane), str):
-                given[plane] = codes_argument(given[plane], f"--{plane}")
-        patterns = [value for value in given.values() if hasattr(value, "shape") and value.ndim == 3]
-        if patterns and "slots" not in given:
-            given["slots"] = len(patterns[0])
-        if "coloured" in given:
-            given["coloured"] = coloured_argument(given["coloured"])
-        if "dispersion" in given:
-            given["dispersion"] = numbers(given["dispersion"], "--dispersion")
-        return given
-
-    def _designed(self, given: dict[str, Any]) -> dict[str, Any]:
-        """Camera arguments of a file of codes, which nothing else may set."""
-        from tmca.codes import read_codes
-
-        found = read_codes(self.codes or "").settings()
-        beside: list[str] = [name for name in ("aperture", "shutter", "period", "coloured") if name in given]
-        beside += ["preset"] if self.preset else ["weights"] if self.weights else []
-        if beside:
-            raise SettingError("--codes", f"--{beside[0]} beside it", "one of them")
-        if given.get("slots", found["slots"]) != found["slots"]:
-            raise SettingError("--slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
-        return found
+    def reading(self) -> dict[str, Any]:
+        """Arguments of ``load_light_field``."""
+        return vars(self)
 
 
 @Parameter(name="*")
@@ -156,39 +92,6 @@ class OutputOptions:
     "Print JSON instead of text."
 
 
-def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: SensorOptions) -> SpectralCamera:
-    """The camera that the options describe, for a scene of this size and these bands."""
-    from tmca.cameras import SpectralCamera
-    from tmca.sensor import Sensor
-
-    if camera.weights:
-        return _learned_camera(scene, camera, Sensor(**vars(sensor)))
-    settings = {
-        **camera.chosen(),
-        "bands": scene["wavelength"].values.tolist(),
-        "size": scene.shape[1:],
-        "sensor": Sensor(**vars(sensor)),
-    }
-    check_memory(camera.slots or 1, scene.shape[1:])
-    for plane in ("aperture", "shutter"):
-        if plane in settings:
-            settings[plane] = fitted(settings[plane], scene.shape[1:], settings, plane)
-    if camera.period and camera.period > min(scene.shape[1:]):
-        print(f"tmca: --period {camera.period} is larger than the scene: the codes do not repeat", file=sys.stderr)
-    made = SpectralCamera.from_preset(camera.preset, **settings) if camera.preset else SpectralCamera(**settings)
-    if made.throughput() == 0:
-        raise SettingError("codes", "none that let light through", "some open pixels in aperture and shutter together")
-    return made
-
-
-def check_memory(slots: int, size: tuple[int, ...]) -> None:
-    """Refuse codes that no machine holds."""
-    needed = 8.0 * slots * size[0] * size[1]
-    if needed > _MOST_CODES:
-        found = f"{slots}: codes of {needed / 2**30:.0f} GiB at {size[0]}×{size[1]} pixels"
-        raise SettingError("--slots", found, f"at most {_MOST_CODES / 2**30:.0f} GiB")
-
-
 def assumed(cube: xr.DataArray) -> None:
     """Say on standard error what was taken for granted about a file."""
     origin, file = str(cube.attrs.get("wavelengths_from", "")), cube.attrs.get("source")
@@ -196,26 +99,6 @@ def assumed(cube: xr.DataArray) -> None:
         print(f"tmca: {file}: no wavelengths in it, taken from the {origin} (--wavelengths)", file=sys.stderr)
     if cube.attrs.get("scale_from") == "maximum":
         print(f"tmca: {file}: divided by its maximum, {cube.attrs['scale']:g} (--scale)", file=sys.stderr)
-
-
-def _learned_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor) -> SpectralCamera:
-    """The camera of some weights, at the size of a scene that has their bands."""
-    from tmca.decoders import find_weights
-    from tmca.decoders.neural import same_bands
-
-    others = sorted(set(camera.chosen()) - {"slots", "seed"} | ({"preset"} if camera.preset else set()))
-    if others:
-        raise SettingError("--weights", f"--{others[0].replace('_', '-')} beside it", "learned codes, or chosen ones")
-    weights = find_weights(camera.weights or "", camera.slots or 8)
-    if camera.slots not in (None, len(weights.aperture)):
-        raise SettingError(
-            "--slots", f"{camera.slots}", f"{len(weights.aperture)}, as these weights have", "leave it out"
-        )
-    own = scene["wavelength"].values.tolist()
-    if not same_bands(weights.wavelengths, own):
-        bands = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
-        raise SettingError("--weights", bands, f"the scene's {len(own)}, {own[0] * 1e9:.4g} nm and on")
-    return weights.spectral_camera((scene.shape[1], scene.shape[2]), sensor=sensor)
 
 
 def check_figure(figure: Path | None, overwrite: bool, source: str | Path = "") -> None:
@@ -275,3 +158,18 @@ def size(text: str | None, option: str = "--size") -> tuple[int, int] | None:
     except ValueError:
         raise SettingError(option, repr(text), "HEIGHTxWIDTH in pixels, such as 256x256") from None
     return height, width
+
+
+def views_reading(reading: SceneOptions) -> dict[str, Any]:
+    """Arguments of ``load_light_field`` where options are shared with the spectral camera.
+
+    Raises:
+        SettingError: options that light fields do not have.
+    """
+    given = {name: value for name, value in vars(reading).items() if value not in (None, "error")}
+    others = sorted(given.keys() - {"scale"})
+    if others:
+        raise SettingError(f"--{others[0]}", str(given[others[0]]), "--scale alone for a light field", "leave it out")
+    if "scale" in given and not float(given["scale"]).is_integer():
+        raise SettingError("--scale", f"{given['scale']:g}", "a whole number of pixels that are averaged into one")
+    return {name: int(value) for name, value in given.items()}

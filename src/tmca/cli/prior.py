@@ -8,8 +8,9 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import SpectralOptions
 from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.options import SceneOptions, SensorOptions, SpectralOptions, check_figure
+from tmca.cli.options import SceneOptions, SensorOptions, check_figure
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
 _CAMERA, _SENSOR, _SCENE = SpectralOptions(), SensorOptions(), SceneOptions()

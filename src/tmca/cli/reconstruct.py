@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions, SceneOptions, check_targets
+from tmca.cli.options import OutputOptions, SceneOptions, check_targets, views_reading
 from tmca.cli.progress import progress_bar
+from tmca.errors import SettingError
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
 _OUTPUT, _SCENE = OutputOptions(), SceneOptions()
@@ -23,6 +24,7 @@ def reconstruct(
     decoder: Annotated[str | None, Parameter(alias="-d")] = None,
     weights: str | None = None,
     prior: Path | None = None,
+    dictionary: Path | None = None,
     truth: str | None = None,
     tv_weight: float | None = None,
     uncertainty: bool = True,
@@ -32,17 +34,46 @@ def reconstruct(
     """Recover the scene from SNAPSHOT, a file written by `tmca simulate`.
 
     Args:
-        snapshot: snapshot file; it carries codes, dispersion, wavelengths, exposure and noise.
-        decoder: lmmse (default), lmmse-adapted (its prior refitted to the snapshot itself), mixture,
-            admm-tv, admm-tv-joint, pnp-tv, pnp-nl-means, dagger, or network.
+        snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
+        decoder: lmmse (default), admm-tv, dagger, or network; of a spectral snapshot also lmmse-adapted (its prior
+            refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means; of a light-field snapshot
+            also dictionary, dictionary-omp.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (12 bands); the decoder
             is then network.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it (learned once, then kept).
+        dictionary: file made by `tmca prior learn-dictionary`; the decoder is then dictionary.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene.
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
     """
     from tmca.cameras import Snapshot
+
+    decoder = decoder or ("network" if weights else "dictionary" if dictionary else "lmmse")
+    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
+    taken = Snapshot.load(snapshot)
+    how: dict[str, Any] = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty}
+    if taken.camera.application == "light-field":
+        found = _light_field(taken, snapshot, target, decoder, truth, reading, output, how | {"dictionary": dictionary})
+    elif dictionary is not None:
+        raise SettingError(
+            "--dictionary", str(dictionary), "none: only light fields are decoded by one", "leave it out"
+        )
+    else:
+        found = _spectral(taken, snapshot, target, decoder, truth, reading, output, how)
+    result, written = found
+    _say(result, target, written, output)
+
+
+def _spectral(
+    taken: Any,
+    snapshot: Path,
+    target: Path,
+    decoder: str,
+    truth: str | None,
+    reading: SceneOptions,
+    output: OutputOptions,
+    how: dict[str, Any],
+) -> tuple[Any, list[Path]]:
     from tmca.experiments.spectral import (
         reconstruct_snapshot,
         reconstruction_files,
@@ -50,28 +81,48 @@ def reconstruct(
         true_scene,
     )
 
-    decoder = decoder or ("network" if weights else "lmmse")
-    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     check_targets(reconstruction_files(target, output.figures), output.overwrite, snapshot)
-    taken = Snapshot.load(snapshot)
     scene = None if truth is None else true_scene(truth, taken, **reading.reading())
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        result = reconstruct_snapshot(
-            taken,
-            decoder,
-            prior=prior,
-            tv_weight=tv_weight,
-            weights=weights,
-            uncertainty=uncertainty,
-            truth=scene,
-            progress=progress,
-        )
+        result = reconstruct_snapshot(taken, decoder, truth=scene, progress=progress, **how)
     written = [result.save(target, overwrite=output.overwrite)]
     if output.figures:
         written += reconstruction_pictures(result, target, truth=scene, overwrite=output.overwrite)
+    return result, written
+
+
+def _light_field(
+    taken: Any,
+    snapshot: Path,
+    target: Path,
+    decoder: str,
+    truth: str | None,
+    reading: SceneOptions,
+    output: OutputOptions,
+    how: dict[str, Any],
+) -> tuple[Any, list[Path]]:
+    from tmca.experiments.light_field import (
+        light_field_files,
+        light_field_pictures,
+        load_light_field,
+        reconstruct_light_field,
+    )
+
+    check_targets(light_field_files(target, output.figures), output.overwrite, snapshot)
+    own: dict[str, Any] = {"views": taken.camera.views[0], "size": taken.camera.size, "colour": len(taken.values) > 1}
+    scene = None if truth is None else load_light_field(truth, **own, **views_reading(reading))
+    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
+        result = reconstruct_light_field(taken, decoder, truth=scene, progress=progress, **how)
+    written = [result.save(target, overwrite=output.overwrite)]
+    if output.figures:
+        written += light_field_pictures(result, target, snapshot=taken, truth=scene, overwrite=output.overwrite)
+    return result, written
+
+
+def _say(result: Any, target: Path, written: list[Path], output: OutputOptions) -> None:
     report: dict[str, Any] = {
         "estimate": str(target),
-        "decoder": decoder,
+        "decoder": result.decoder,
         "seconds": round(result.seconds, 2),
         "metrics": result.metrics,
         "files": [str(file) for file in written],
@@ -79,9 +130,10 @@ def reconstruct(
     if output.json:
         print(json.dumps(report, indent=1))
         return
-    print(f"{target}: {decoder}, {result.seconds:.1f} s")
+    print(f"{target}: {result.decoder}, {result.seconds:.1f} s")
     for name, value in result.metrics.items():
-        print(f"  {name:6s} {value:.4g}")
+        print(f"  {name:8s} {value:.4g}")
 
 
-app.command(reconstruct, name="spectral", help="The same, for the spectral camera.")
+for _camera in ("spectral", "light-field"):
+    app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")

@@ -8,22 +8,23 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
 from tmca.cli.numbers import Whole
 from tmca.cli.options import (
+    LightFieldSceneOptions,
     OutputOptions,
     SceneOptions,
     SensorOptions,
-    SpectralOptions,
     assumed,
     check_targets,
     pair,
     size,
-    spectral_camera,
 )
 from tmca.errors import SettingError
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
+_VIEWS, _MASK = LightFieldSceneOptions(), LightFieldOptions()
 
 
 @app.command
@@ -51,7 +52,8 @@ def spectral(
         motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
     """
     from tmca.experiments.scenes import load_scene
-    from tmca.experiments.spectral import snapshot_files, snapshot_pictures, take_snapshot
+    from tmca.experiments.snapshots import snapshot_files
+    from tmca.experiments.spectral import take_snapshot
 
     kept = None if all_bands else bands
     if not scenes:
@@ -62,13 +64,52 @@ def spectral(
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures), output.overwrite, scenes[0])
     taken = take_snapshot(cubes, spectral_camera(cube, camera, sensor), seed=camera.seed, motion=moved)
+    how = " -d admm-tv" if taken.camera.blurred else ""
+    _write(taken, target, output, {"bands": taken.camera.bands}, f"{taken.camera.bands} bands", how)
+
+
+@app.command
+def light_field(
+    scene: str,
+    /,
+    *,
+    crop: str | None = None,
+    reading: LightFieldSceneOptions = _VIEWS,
+    camera: LightFieldOptions = _MASK,
+    sensor: SensorOptions = _SENSOR,
+    output: OutputOptions = _OUTPUT,
+) -> None:
+    """Take a snapshot of SCENE with the light-field camera: a coded mask in front of the sensor.
+
+    The file that is written holds the snapshot and everything needed to reconstruct it: codes, shear, vignetting,
+    exposure and noise.
+
+    Args:
+        scene: a folder of views, a lenslet picture, a labelled file, or a rendered scene such as coffee, or coffee:3.
+        crop: HEIGHTxWIDTH, the middle of the scene; the size of a rendered one.
+    """
+    from tmca.experiments.light_field import load_light_field, take_light_field_snapshot
+    from tmca.experiments.snapshots import snapshot_files
+
+    field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())
+    target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
+    check_targets(snapshot_files(target, output.figures), output.overwrite, scene)
+    taken = take_light_field_snapshot(field, light_field_camera(field, camera, sensor), seed=camera.seed)
+    views = list(taken.camera.views)
+    _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")
+
+
+def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str, how: str) -> None:
+    """Write a snapshot with its pictures, and say what it is and how to go on."""
+    from tmca.experiments.snapshots import snapshot_pictures
+
     written = [taken.save(target, overwrite=output.overwrite)]
     if output.figures:
         written += snapshot_pictures(taken, target, overwrite=output.overwrite)
     report: dict[str, Any] = {
         "snapshot": str(target),
         "size": list(taken.camera.snapshot_shape[1:]),
-        "bands": taken.camera.bands,
+        **about,
         "slots": taken.camera.slots,
         "throughput": taken.camera.throughput(),
         "noise": vars(taken.camera.noise),
@@ -77,6 +118,5 @@ def spectral(
     if output.json:
         print(json.dumps(report, indent=1))
         return
-    print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {report['bands']} bands, K = {report['slots']}")
-    how = " -d admm-tv" if taken.camera.blurred else ""
+    print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}")
     print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")

@@ -45,20 +45,72 @@ def spectral(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    changes = {name: value for name, value in map(_setting, set_ or ())}
-    for name, value in (("data.train", train), ("data.validation", validation), ("optimiser.steps", steps)):
-        if value is not None:
-            changes[name] = value
-    from tmca.cli.progress import progress_bar
     from tmca.experiments.scenes import load_scene
-    from tmca.experiments.training_figures import training_pictures
     from tmca.training import settings_from, train_spectral
 
-    settings = settings_from(preset, config, changes)
-    bands, local = settings.data.bands, int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+    settings = settings_from(preset, config, _changes(set_, train, validation, steps))
+    bands = settings.data.bands
+    _run(train_spectral, settings, out, lambda name: load_scene(name, bands=bands), accelerator, json)
+
+
+@app.command
+def light_field(
+    *,
+    out: Path,
+    preset: str | None = None,
+    config: Path | None = None,
+    train: list[str] | None = None,
+    validation: list[str] | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    steps: MaybeWhole = None,
+    accelerator: str = "auto",
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Train the light-field camera. The same command goes on with a run that was stopped.
+
+    Writes into --out: weights.safetensors (codes and decoder with the best validation), log.csv, pictures, checkpoints.
+
+    Args:
+        out: folder of the run.
+        preset: quick (minutes on two cores), or thesis (5×5 views of 480×270, K = 8, patches of 11×11, 500 epochs).
+        config: YAML description; options replace its values.
+        train: folders of views, lenslet pictures, files, rendered scenes such as coffee or coffee:3, or split files.
+        validation: the same, for choosing the best checkpoint; else shares of --train are set aside.
+        set_: any setting, as camera.slots=4 or noise='[{read_noise: 0.05}]'; may be given several times.
+        steps: optimiser steps.
+        accelerator: auto, cpu or cuda.
+        json: print the result as JSON.
+    """
+    from tmca.experiments.light_field import load_light_field
+    from tmca.training import light_field_settings, train_light_field
+
+    settings = light_field_settings(preset, config, _changes(set_, train, validation, steps))
+
+    def load(name: str) -> Any:
+        scale = settings.data.scale if Path(name).exists() else None
+        return load_light_field(name, views=settings.camera.views, scale=scale, colour=settings.data.colour)
+
+    _run(train_light_field, settings, out, load, accelerator, json)
+
+
+def _changes(
+    set_: list[str] | None, train: list[str] | None, validation: list[str] | None, steps: int | None
+) -> dict[str, Any]:
+    """Settings that options replace, by dotted name."""
+    changes = {name: value for name, value in map(_setting, set_ or ())}
+    named = {"data.train": train, "data.validation": validation, "optimiser.steps": steps}
+    return changes | {name: value for name, value in named.items() if value is not None}
+
+
+def _run(train: Any, settings: Any, out: Path, load: Any, accelerator: str, json: bool) -> None:
+    """Train, draw how it went, and say what came out."""
+    from tmca.cli.progress import progress_bar
+    from tmca.experiments.training_figures import training_pictures
+
+    local = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
     with progress_bar(f"train {out.name}") as bar:
-        found = train_spectral(
-            settings, out, lambda name: load_scene(name, bands=bands), accelerator=accelerator,
+        found = train(
+            settings, out, load, accelerator=accelerator,
             processes=local, nodes=int(os.environ.get("WORLD_SIZE", "1")) // local,
             progress=lambda done, steps, said: bar(done / steps, detail=f"step {done}/{steps}, {said}"),
         )  # fmt: skip

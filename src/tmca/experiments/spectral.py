@@ -16,18 +16,15 @@ from tmca.decoders.neural import Weights
 from tmca.decoders.shipped import find_weights
 from tmca.decoders.spectral import decode
 from tmca.errors import DataError, SettingError
-from tmca.experiments.camera_figures import codes_figure, snapshot_figure
 from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.scenes import centre_crop, load_scene
+from tmca.experiments.snapshots import NOISE_STREAM
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.priors import GaussianMixturePrior, GaussianPrior
-
-_NOISE_STREAM = 0x9E3779B9
-"""Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""
 
 
 @dataclass
@@ -93,7 +90,7 @@ def take_snapshot(
     if any(motion):
         scene, notes["motion_pixels"] = moving_scene(scene, motion, camera.slots), list(motion)
     with torch.no_grad():
-        values = camera(scene[None], _NOISE_STREAM + seed)
+        values = camera(scene[None], NOISE_STREAM + seed)
     return Snapshot(values, camera, notes)
 
 
@@ -164,28 +161,9 @@ def true_scene(source: str, snapshot: Snapshot[SpectralCamera], **reading: Any) 
     return centre_crop(cube, (height, width), source)
 
 
-def snapshot_files(path: Path, figures: bool) -> list[Path]:
-    """What `snapshot_pictures` and the snapshot itself will be called."""
-    return [path, path.with_suffix(".png"), path.with_name(f"{path.stem}_codes.png")] if figures else [path]
-
-
 def reconstruction_files(path: Path, figures: bool) -> list[Path]:
     """What `reconstruction_pictures` and the reconstruction itself will be called."""
     return [path, path.with_suffix(".png")] if figures else [path]
-
-
-def snapshot_pictures(snapshot: Snapshot[SpectralCamera], path: Path, *, overwrite: bool = False) -> list[Path]:
-    """The snapshot and the codes as PNG beside a snapshot file."""
-    title = f"{path.stem}: K = {snapshot.camera.slots}"
-    _, image, codes = snapshot_files(path, figures=True)
-    return [
-        save_figure(
-            snapshot_figure(snapshot.values[0, 0].numpy(), snapshot.camera, title),
-            image,
-            overwrite=overwrite,
-        ),
-        save_figure(codes_figure(snapshot.camera), codes, overwrite=overwrite),
-    ]
 
 
 def reconstruction_pictures(
