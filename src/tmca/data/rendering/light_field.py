@@ -61,7 +61,8 @@ def rendered_light_field(
         name: one of `rendered_names`.
         views: n for n×n views, odd.
         size: (H, W) in pixels; default the photograph's.
-        disparity: (lowest, highest) px per view step; all surfaces lie between, and both ends are reached.
+        disparity: (lowest, highest) px per view step; all surfaces lie between. The nearest thing reaches the highest;
+            where the background reaches the lowest, a thing may stand before it.
         seed: draws the arrangement; another seed is another scene of the same picture.
         colour: red, green and blue (linear sRGB's) instead of their luminance.
         linear: relative irradiance; else it is encoded as sRGB (IEC 61966-2-1), as the pictures of the public light
