@@ -68,6 +68,47 @@ def learn(
 
 
 @app.command
+def learn_views(
+    *light_fields: str,
+    out: Path,
+    dictionary: Annotated[bool, Parameter(negative="")] = False,
+    atoms: Whole = 1024,
+    split: Path | None = None,
+    views: Whole = 5,
+    scale: MaybeWhole = None,
+    figure: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    seed: Whole = 0,
+) -> None:
+    """Learn a prior of LIGHT_FIELDS, or a dictionary of their patches: folders of views, files, or rendered scenes.
+
+    Args:
+        light_fields: light fields in grey; rendered ones as coffee, or coffee:3 with the seed of their arrangement.
+        out: file to write (NetCDF).
+        dictionary: an overcomplete dictionary of 11×11 patches (Marwah 2013) instead of a Gaussian.
+        atoms: of the dictionary.
+        split: a split file whose light fields are added.
+        views: n for the centre n×n views, odd.
+        scale: whole number of pixels per axis that are averaged into one.
+        figure: write a picture of it (PNG).
+        overwrite: replace files that exist.
+        seed: of the patches that a dictionary learns from.
+    """
+    from tmca.cli.progress import progress_bar
+    from tmca.experiments.light_field_priors import learn_views_to_file
+
+    check_figure(figure, overwrite)
+    with progress_bar(f"prior {out.name}") as progress:
+        found = learn_views_to_file(
+            light_fields, out, split=split, views=views, scale=scale, dictionary=dictionary, atoms=atoms, seed=seed,
+            figure=figure, overwrite=overwrite, progress=progress,
+        )  # fmt: skip
+    channels, rows, columns = found.block
+    kind = "dictionary of patches" if dictionary else "Gaussian prior of blocks"
+    print(f"{out}: {kind} {channels} × {rows} × {columns} (views, rows, columns)")
+
+
+@app.command
 def show(
     prior: Path, /, *, out: Path | None = None, overwrite: Annotated[bool, Parameter(negative="")] = False
 ) -> None:

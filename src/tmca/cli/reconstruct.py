@@ -41,7 +41,7 @@ def reconstruct(
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (12 bands); the decoder
             is then network.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it (learned once, then kept).
-        dictionary: file made by `tmca prior learn-dictionary`; the decoder is then dictionary.
+        dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene.
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).

@@ -13,7 +13,6 @@ from torch import Tensor
 
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.decoders import Decoded, Weights, decode_light_field
-from tmca.decoders.decoding import needs_prior
 from tmca.errors import DataError, SettingError
 from tmca.experiments.animation import views_gif
 from tmca.experiments.figures import save_figure
@@ -173,7 +172,7 @@ def reconstruct_light_field(
     from tmca.priors import PatchDictionary
 
     chosen = None
-    if needs_prior(decoder) or prior is not None:
+    if decoder == "lmmse" or prior is not None:
         chosen = find_light_field_prior(prior, snapshot.camera, progress)
     found = decode_light_field(
         snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress,
