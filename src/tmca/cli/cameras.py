@@ -219,6 +219,7 @@ def _learned_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
 
     camera.alone()
     weights = _of_slots(find_weights(camera.weights or "", camera.slots or 8), camera)
+    weights.check("spectral")
     own = scene["wavelength"].values.tolist()
     if not same_bands(weights.wavelengths, own):
         bands = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"

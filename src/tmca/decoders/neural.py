@@ -64,11 +64,12 @@ class Weights:
         Raises:
             SettingError: weights of another camera.
         """
-        self._check("light-field")
+        self.check("light-field")
         settings = {**self.camera, **changes} | ({} if size is None else {"size": size})
         return LightFieldCamera(slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings)
 
-    def _check(self, wanted: str) -> None:
+    def check(self, wanted: str) -> None:
+        """Raises SettingError unless they are those of this camera."""
         if self.application != wanted:
             found = f"those of a {self.application} camera"
             raise SettingError("weights", found, f"those of a {wanted} camera", "name other weights")
@@ -79,7 +80,7 @@ class Weights:
         Raises:
             SettingError: weights of another camera.
         """
-        self._check("spectral")
+        self.check("spectral")
         settings = {**self.camera, **changes} | ({} if size is None else {"size": size})
         return SpectralCamera(
             bands=self.wavelengths, slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings

@@ -246,8 +246,10 @@ def evaluate_light_field(
 
 
 def estimate_and_truth(estimate: str | Path, truth: str, **reading: Any) -> tuple[xr.DataArray, xr.DataArray]:
-    """Both at the estimate's views, size and colours."""
-    own = load_light_field(str(estimate), views=None)
+    """Both at the estimate's views, size and colours; the estimate as it is stored."""
+    from tmca.data import read
+
+    own = read(estimate, scale=1.0)
     return own, load_light_field(truth, **like(own), **reading)
 
 
