@@ -58,8 +58,9 @@ def test_the_demo_command_runs(tmp_path):
     assert (tmp_path / "tmca-demo" / "report.html").exists()
 
 
-def test_the_benchmarks_run(tmp_path):
-    done = run([sys.executable, str(ROOT / "benchmarks" / "spectral.py"), "--repeats", "1", "--json"], tmp_path)
+@pytest.mark.parametrize("camera", ["spectral", "light_field"])
+def test_the_benchmarks_run(camera, tmp_path):
+    done = run([sys.executable, str(ROOT / "benchmarks" / f"{camera}.py"), "--repeats", "1", "--json"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "ratios" in done.stdout
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _ENTRIES = 2600
 _MOST = 11
-_RENDERED_SIZE, _RENDERED_SEEDS = (192, 256), (0, 1)
+_RENDERED_SIZE, _RENDERED_SEEDS = (128, 160), (0, 1)
 _KEPT = 1
 """Raised when the rendering changes: priors kept by earlier versions are then learned anew."""
 
