@@ -156,3 +156,19 @@ def test_codes_files_that_do_not_fit_are_one_line(tmp_path, capsys, monkeypatch)
             main(["simulate", "spectral", "coffee", "--bands", "4", "--crop", "24x30", "--out", "s.nc", *options])
         assert stop.value.code == 2
         assert words in capsys.readouterr().err
+
+
+def test_codes_of_a_light_field_camera_are_designed_and_taken_along(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    small = ["--views", "3", "--slots", "2", "--period", "6", "--kinds", "free", "--read-noise", "0.02"]
+    main(["design", "light-field", "rocket", "retina", *small, "--out", "d", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["camera"] == "light-field"
+    assert found["channels"] == 9
+    assert found["chosen"]["expected_psnr"] >= found["static"]["expected_psnr"] - 1e-3
+    assert "tmca train light-field" in (tmp_path / "d" / "design.html").read_text()
+    common = ["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures"]
+    main([*common, "--codes", "d/codes.nc", "--out", "s.nc"])
+    with xr.open_dataset("s.nc") as taken, xr.open_dataset("d/codes.nc") as codes:
+        np.testing.assert_array_equal(taken["shutter"][:, :6, :6], codes["shutter"])
+        np.testing.assert_array_equal(taken["aperture"][:, :6, :6], codes["aperture"])

@@ -139,15 +139,21 @@ class LightFieldOptions(CodeOptions):
         """Camera arguments that were given, files read and numbers parsed."""
         given = super().chosen()
         if "shear" in given:
-            values = numbers(given["shear"], "--shear")
-            given["shear"] = (values, values) if isinstance(values, float) else tuple(values)
-            if len(given["shear"]) != 2:
-                raise SettingError("--shear", repr(self.shear), "one number, or two separated by a comma")
+            given["shear"] = shear_argument(given["shear"])
         if "vignetting" in given:
             from tmca.data import read_array
 
             given["vignetting"] = read_array(given["vignetting"])
         return given
+
+
+def shear_argument(text: str) -> tuple[float, float]:
+    """Mask pixels per view along y and x, from one number or two."""
+    values = numbers(text, "--shear")
+    found = [values, values] if isinstance(values, float) else values
+    if len(found) != 2:
+        raise SettingError("--shear", repr(text), "one number, or two separated by a comma")
+    return (found[0], found[1])
 
 
 def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: SensorOptions) -> SpectralCamera:

@@ -79,8 +79,7 @@ def spectral(
     from tmca.cli.options import numbers
     from tmca.cli.progress import progress_bar
     from tmca.data import read_split
-    from tmca.experiments.design_spectral import COLUMNS, design_spectral
-    from tmca.experiments.results import markdown_table
+    from tmca.experiments.design_spectral import design_spectral
 
     given = {
         "full_well": full_well, "read_noise_electrons": read_noise_electrons, "read_noise": read_noise, "bits": bits,
@@ -93,10 +92,93 @@ def spectral(
     named = [*scenes, *(map(str, read_split(split)) if split else ())]
     with progress_bar(f"design {out.name}") as progress:
         advice, found = design_spectral(
-            sheet, out, scenes=named, bands=bands, slots=_whole_numbers(slots), kinds=kinds.split(","), period=period,
-            throughput=throughput, light=light, seed=seed, reading=reading.reading(), overwrite=overwrite,
-            progress=progress, command=["tmca", *sys.argv[1:]], **camera,
+            sheet, out, scenes=named, bands=bands, reading=reading.reading(), camera=camera,
+            slots=_whole_numbers(slots), kinds=kinds.split(","), period=period, throughput=throughput, light=light,
+            seed=seed, overwrite=overwrite, progress=progress, command=["tmca", *sys.argv[1:]],
         )  # fmt: skip
+    _say(advice, found, out, json)
+
+
+@app.command
+def light_field(
+    *scenes: str,
+    out: Path = Path("tmca-design"),
+    sensor: Annotated[Path | None, Parameter(group=_SHEET)] = None,
+    full_well: _Number = None,
+    read_noise_electrons: _Number = None,
+    read_noise: _Number = None,
+    bits: Annotated[MaybeWhole, Parameter(group=_SHEET)] = None,
+    exposure: _Number = None,
+    pattern_rate: _Number = None,
+    slot_time: _Number = None,
+    split: Path | None = None,
+    views: Whole = 5,
+    scale: MaybeWhole = None,
+    shear: str | None = None,
+    slots: str | None = None,
+    kinds: str = "free,one-hot",
+    period: Whole = 16,
+    throughput: float | None = None,
+    light: float | None = None,
+    seed: Whole = 0,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Recommend the number of slots and the codes of a light-field camera for a sensor and SCENES like those to come.
+
+    Writes into --out what `tmca design spectral` writes.
+
+    Args:
+        scenes: light fields to design for, two at least to judge the gain; the rendered ones without any.
+        out: folder of the results.
+        sensor: YAML file with the names of this group; options replace its values.
+        full_well: electrons at full scale; switches shot noise on.
+        read_noise_electrons: read noise in electrons, standard deviation.
+        read_noise: read noise in snapshot units (1 = one view of a white scene) where electrons are not known.
+        bits: of the analogue-to-digital converter.
+        exposure: time of a snapshot, seconds.
+        pattern_rate: most patterns per second of mask and shutter, Hz.
+        slot_time: shortest time a pattern may be shown, seconds.
+        split: split file whose light fields are added.
+        views: n for the centre n×n views, odd.
+        scale: of light fields from files, whole number of pixels per axis that are averaged into one.
+        shear: mask pixels per view, one number or ALONG_Y,ALONG_X. [default: 1]
+        slots: numbers of slots to try, separated by commas. [default: those of 2, 4, 8, 16 that fit the exposure]
+        kinds: structures of codes to try, as in `tmca design spectral`.
+        period: tile of the codes, pixels.
+        throughput: share of light that codes shall let through, as near as their kind allows. [default: free]
+        light: mean irradiance of the scenes to come, share of white; noise weighs more in dark ones.
+            [default: as bright as SCENES]
+        seed: of random codes.
+        overwrite: replace files that exist.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.cameras import shear_argument
+    from tmca.cli.progress import progress_bar
+    from tmca.data import read_split
+    from tmca.experiments.design_light_field import design_light_field
+
+    given = {
+        "full_well": full_well, "read_noise_electrons": read_noise_electrons, "read_noise": read_noise, "bits": bits,
+        "exposure": exposure, "pattern_rate": pattern_rate, "slot_time": slot_time,
+    }  # fmt: skip
+    sheet = _sheet(sensor, {name: value for name, value in given.items() if value is not None})
+    named = [*scenes, *(map(str, read_split(split)) if split else ())]
+    with progress_bar(f"design {out.name}") as progress:
+        advice, found = design_light_field(
+            sheet, out, scenes=named, views=views, scale=scale,
+            camera={} if shear is None else {"shear": shear_argument(shear)},
+            slots=_whole_numbers(slots), kinds=kinds.split(","), period=period, throughput=throughput, light=light,
+            seed=seed, overwrite=overwrite, progress=progress, command=["tmca", *sys.argv[1:]],
+        )  # fmt: skip
+    _say(advice, found, out, json)
+
+
+def _say(advice: Any, found: dict[str, Any], out: Path, json: bool) -> None:
+    """The advice as a table and a sentence, or as JSON."""
+    from tmca.experiments.design_codes import COLUMNS
+    from tmca.experiments.results import markdown_table
+
     if json:
         print(json_module.dumps(found, indent=1))
         return

@@ -54,7 +54,8 @@ def measures(camera: CodedCamera, *, block: tuple[int, int] = (4, 24), blocks: i
         SettingError: a camera with relay blur.
         ShapeError: a block no wider than the dispersion.
     """
-    cube, taps = camera.code_cube().double(), camera.taps()
+    taps = camera.taps()
+    cube = camera.code_cube().double().reshape(camera.channels, *taps.code.shape[1:])
     model = BlockModel.of(taps, (taps.scene_channels, *block))
     generator = torch.Generator().manual_seed(seed)
     places = torch.randint(1 << 16, (blocks, 2), generator=generator).tolist()

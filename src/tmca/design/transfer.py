@@ -140,8 +140,19 @@ class Examples:
         }
 
 
-def learn_examples(cubes: dict[str, Tensor], model: BlockModel, wavelengths: Sequence[float]) -> Examples:
+def learn_examples(
+    cubes: dict[str, Tensor],
+    model: BlockModel,
+    wavelengths: Sequence[float] | None,
+    views: tuple[int, int] | None = None,
+) -> Examples:
     """Examples from cubes (L, H, W) of relative irradiance.
+
+    Args:
+        cubes: by name.
+        model: of the blocks.
+        wavelengths: of the bands, metres; None for views.
+        views: (V, U) where the channels are views, row by row.
 
     Raises:
         ShapeError: a scene smaller than the blocks, or of other bands.
@@ -151,5 +162,5 @@ def learn_examples(cubes: dict[str, Tensor], model: BlockModel, wavelengths: Seq
         if cube.shape[1] < block[0] or cube.shape[2] < block[1]:
             found = f"{cube.shape[1]}×{cube.shape[2]} pixels"
             raise ShapeError(name, found, f"at least {block[0]}×{block[1]}, the blocks of this camera")
-        scenes[name] = GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name])
+        scenes[name] = GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name], views=views)
     return Examples(model, scenes, {name: cube[0].numel() for name, cube in cubes.items()})

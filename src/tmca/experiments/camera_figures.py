@@ -39,9 +39,10 @@ def codes_figure(camera: CodedCamera, corner: int = _CORNER) -> Figure:
     slots = [f"slot {k + 1} of {camera.slots}" for k in range(camera.slots)]
     rows = [(aperture, [f"T, {s}" for s in slots]), (shutter, [f"S, {s}" for s in slots]), (code, names)]
     if camera.slots == 1:
-        width = min(corner, aperture.shape[2], shutter.shape[2])  # one of them also holds the dispersed light
-        both = np.stack([plane[0, :corner, :width] for plane in (aperture, shutter)])
-        few = code[evenly(len(code), 6), :corner, :width]
+        # one of them is larger: it holds the dispersed light, or the shear of the views
+        height, width = (min(corner, aperture.shape[axis], shutter.shape[axis]) for axis in (1, 2))
+        both = np.stack([plane[0, :height, :width] for plane in (aperture, shutter)])
+        few = code[evenly(len(code), 6), :height, :width]
         rows = [(np.concatenate((both, few)), ["T", "S", *_picked(names, 6)])]
     columns = min(8, max(len(planes) for planes, _ in rows))
     figure, axes = grid(len(rows), columns, width=1.5, aspect=1.0)

@@ -1,0 +1,64 @@
+"""Codes of a light-field camera for a sensor: the light fields that they are designed for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tmca.cameras import LightFieldCamera
+from tmca.design import Advice, SensorSheet, design_model, designable, learn_examples
+from tmca.experiments.design_codes import Learned, Told, design_codes, named_once
+from tmca.experiments.light_field import load_light_field
+from tmca.optics import view_grid
+from tmca.priors.light_field import views_of
+
+_RENDERED_SIZE = (128, 160)
+
+
+def design_light_field(
+    sheet: SensorSheet,
+    out: Path,
+    *,
+    scenes: Sequence[str] = (),
+    views: int = 5,
+    scale: int | None = None,
+    camera: Mapping[str, Any] | None = None,
+    **how: Any,
+) -> tuple[Advice, dict[str, Any]]:
+    """Search codes for a sensor and write them to a folder; ``design_codes`` says what is not said here.
+
+    Args:
+        sheet: sensor and modulator.
+        out: folder of the results.
+        scenes: to design for, what ``load_light_field`` reads; the rendered training light fields without any.
+        views: n for the centre n×n views.
+        scale: of light fields from files, whole number of pixels per axis that are averaged into one.
+        camera: further arguments of ``LightFieldCamera``.
+        how: further arguments of ``design_codes``.
+    """
+    named_once(scenes)
+    own = {"camera_type": LightFieldCamera, "views": view_grid(views), **(camera or {})}
+
+    def learn(told: Told) -> Learned:
+        fields = _light_fields(scenes, views, scale, told)
+        told(0.2, "learning what the light fields have in common")
+        one = designable("static", 1, (8, 8), **own)
+        return Learned(learn_examples(fields, design_model(one.taps()), None, views=own["views"]), own)
+
+    return design_codes(sheet, out, learn, own, **how)
+
+
+def _light_fields(scenes: Sequence[str], views: int, scale: int | None, told: Told) -> dict[str, Any]:
+    """(V·U, H, W) of every light field in grey, by name."""
+    from tmca.data import split_rendered_light_fields
+
+    names = list(scenes) or sorted(split_rendered_light_fields()["train"])
+    found: dict[str, Any] = {}
+    for place, name in enumerate(names):
+        told(0.2 * place / len(names), f"reading {name}")
+        stored = Path(name).exists()
+        size = None if stored else _RENDERED_SIZE
+        field = load_light_field(name, views=views, size=size, scale=scale if stored else None)
+        found[Path(name).stem if Path(name).stem not in found else name] = views_of(field)[0].flatten(0, 1)
+    return found
