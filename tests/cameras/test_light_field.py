@@ -61,6 +61,15 @@ def test_throughput_is_the_share_of_light_of_a_white_scene():
     assert camera.throughput() == pytest.approx(float(white), rel=1e-5)
 
 
+@pytest.mark.parametrize("shear", [1.0, (2.0, -1.0)])
+def test_a_static_mask_answers_alike_to_all_angles(shear):
+    camera = LightFieldCamera((3, 5), (12, 14), 1, aperture="static", shutter="open", shear=shear)
+    seen = camera.code_through_mask()
+    top, left = (2 * border for border in camera.shear.border(camera.size))
+    inside = seen[:, :, top:-top, left:-left]
+    torch.testing.assert_close(inside, camera.codes()[0][0, top:-top, left:-left].expand_as(inside))
+
+
 def test_every_preset_takes_a_snapshot_of_its_size():
     for name, slots in (("thesis", 8), ("clfp", 1), ("one-hot", 4), ("quick", 4)):
         camera = LightFieldCamera.from_preset(name, size=(20, 24))

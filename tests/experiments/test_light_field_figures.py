@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from tmca.errors import OutputError, ShapeError
+from tmca.errors import OutputError
 from tmca.experiments.animation import border_walk, views_gif
 from tmca.experiments.light_field_figures import disparity_figure, light_field_figure, view_psnr_figure
 from tmca.experiments.refocus import refocus, refocus_strip
-from tmca.experiments.sub_images import at_mask, sub_images, sub_images_figure
+from tmca.experiments.sub_images import sub_images, sub_images_figure
 from tmca.experiments.views import colour_views, horizontal_slice, liveliest, vertical_slice
 
 
@@ -46,28 +46,12 @@ def test_border_pixels_average_the_views_that_reach_them():
     np.testing.assert_allclose(refocus(np.full((3, 3, 6, 7), 0.25), 1.7), 0.25, rtol=1e-6)
 
 
-@pytest.mark.parametrize("shear", [(1, 1), (2, -1), (0, 1)])
-def test_a_static_mask_answers_alike_to_all_angles(shear):
-    rng = np.random.default_rng(0)
-    mask, border = rng.random((20, 22)), 4
-    code = np.empty((3, 5, 12, 14))
-    for v, u in np.ndindex(3, 5):
-        y, x = border + shear[0] * (v - 1), border + shear[1] * (u - 2)
-        code[v, u] = mask[y : y + 12, x : x + 14]
-    seen = at_mask(code, shear)
-    rows, columns = abs(shear[0]), 2 * abs(shear[1])
-    expected = mask[border + rows : border + 12 - rows, border + columns : border + 14 - columns]
-    np.testing.assert_array_equal(seen, np.broadcast_to(expected, seen.shape))
-
-
 def test_each_sub_image_holds_the_angles_of_one_point():
     code = np.random.default_rng(1).random((3, 5, 4, 6))
     sheet = sub_images(code)
     assert sheet.shape == (4 * 4 - 1, 6 * 6 - 1)
     np.testing.assert_array_equal(sheet[2 * 4 : 2 * 4 + 3, 3 * 6 : 3 * 6 + 5], code[:, :, 2, 3])
     assert np.isnan(sheet[3]).all()
-    with pytest.raises(ShapeError, match="more than 4"):
-        at_mask(np.zeros((5, 5, 4, 4)), (1, 1))
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 5), (3, 1), (3, 3), (5, 9)])

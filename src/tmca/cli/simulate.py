@@ -93,7 +93,7 @@ def light_field(
 
     field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())
     target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, output.figures), output.overwrite, scene)
+    check_targets(snapshot_files(target, output.figures, views=True), output.overwrite, scene)
     taken = take_light_field_snapshot(field, light_field_camera(field, camera, sensor), seed=camera.seed)
     views = list(taken.camera.views)
     _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")

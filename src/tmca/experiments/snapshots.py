@@ -5,28 +5,30 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras import Snapshot
+from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
 from tmca.experiments.figures import save_figure
+from tmca.experiments.sub_images import sub_images_figure
 
 NOISE_STREAM = 0x9E3779B9
 """Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""
 
 
-def snapshot_files(path: Path, figures: bool) -> list[Path]:
-    """What `snapshot_pictures` and the snapshot itself will be called."""
-    return [path, path.with_suffix(".png"), path.with_name(f"{path.stem}_codes.png")] if figures else [path]
+def snapshot_files(path: Path, figures: bool, *, views: bool = False) -> list[Path]:
+    """What `snapshot_pictures` and the snapshot itself will be called; ``views`` for a light-field camera."""
+    pictures = [path.with_name(f"{path.stem}{what}.png") for what in ("", "_codes", *(["_rays"] if views else []))]
+    return [path, *(pictures if figures else [])]
 
 
 def snapshot_pictures(snapshot: Snapshot[Any], path: Path, *, overwrite: bool = False) -> list[Path]:
-    """The snapshot and the codes as PNG beside a snapshot file."""
-    title = f"{path.stem}: K = {snapshot.camera.slots}"
-    _, image, codes = snapshot_files(path, figures=True)
-    return [
-        save_figure(
-            snapshot_figure(snapshot.values[:, 0].mean(0).numpy(), snapshot.camera, title),
-            image,
-            overwrite=overwrite,
-        ),
-        save_figure(codes_figure(snapshot.camera), codes, overwrite=overwrite),
-    ]
+    """The snapshot and the codes as PNG beside a snapshot file; of a light-field camera also what each mask point does
+    to the rays that cross it."""
+    camera = snapshot.camera
+    title = f"{path.stem}: K = {camera.slots}"
+    drawings = [snapshot_figure(snapshot.values[:, 0].mean(0).numpy(), camera, title), codes_figure(camera)]
+    views = isinstance(camera, LightFieldCamera)
+    if isinstance(camera, LightFieldCamera):
+        seen = camera.code_through_mask().detach().cpu().numpy()
+        drawings.append(sub_images_figure({f"code seen from the mask, K = {camera.slots}": seen}))
+    files = snapshot_files(path, figures=True, views=views)[1:]
+    return [save_figure(figure, file, overwrite=overwrite) for figure, file in zip(drawings, files, strict=True)]

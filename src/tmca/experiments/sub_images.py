@@ -7,44 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tmca.errors import ShapeError
 from tmca.experiments.figures import add_bar, bare, grid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-def at_mask(code: np.ndarray, shear: tuple[float, float] = (1.0, 1.0)) -> np.ndarray:
-    """The code of the sensor pixels, ``T̂[ℓ, m]``, seen from the mask: ``T̂[ℓ, p - shear·ℓ]`` for mask point p.
-
-    Thesis eq. (10) with its sign mended: the ray of view ℓ through mask point p ends at sensor pixel p - shear·ℓ, or
-    the nearest one to it.
-
-    Args:
-        code: ``(V, U, H, W)``.
-        shear: mask pixels per view, down and right.
-
-    Returns:
-        ``(V, U, H', W')`` at the mask points that all views see: ``H' = H - 2·ceil(|shear|·(V-1)/2)``, and likewise W'.
-
-    Raises:
-        ShapeError: not such a code, V or U even, or no mask point that all views see.
-    """
-    if np.ndim(code) != 4 or not (code.shape[0] & code.shape[1] & 1):
-        raise ShapeError("code", f"shape {np.shape(code)}", "(V, U, H, W), V and U odd")
-    half = [n // 2 for n in code.shape[:2]]
-    margin = [int(np.ceil(abs(s) * h)) for s, h in zip(shear, half, strict=True)]
-    height, width = (n - 2 * m for n, m in zip(code.shape[2:], margin, strict=True))
-    if min(height, width) < 1:
-        raise ShapeError(
-            "code", f"{code.shape[2]} × {code.shape[3]} pixels", f"more than {2 * margin[0]} × {2 * margin[1]}"
-        )
-    result = np.empty((*code.shape[:2], height, width), dtype=code.dtype)
-    for v, u in np.ndindex(*code.shape[:2]):
-        y = margin[0] - round(shear[0] * (v - half[0]))
-        x = margin[1] - round(shear[1] * (u - half[1]))
-        result[v, u] = code[v, u, y : y + height, x : x + width]
-    return result
 
 
 def sub_images(code: np.ndarray) -> np.ndarray:
@@ -60,15 +26,15 @@ def sub_images(code: np.ndarray) -> np.ndarray:
 
 
 def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figure:
-    """Sub-images of the first mask points of each code, on one scale (thesis figure 15).
+    """Sub-images of mask points in the middle of each code, on one scale (thesis figure 15).
 
     A static code answers alike to all rays through a mask point; a time-multiplexed one tells their angles apart.
 
     Args:
-        codes: name → ``(V, U, H, W)`` transmittance seen from the mask, as :func:`at_mask` gives it.
+        codes: name → ``(V, U, Hm, Wm)`` transmittance seen from the mask, ``camera.code_through_mask()``.
         corner: mask points shown along each side.
     """
-    sheets = {name: sub_images(np.asarray(code)[:, :, :corner, :corner]) for name, code in codes.items()}
+    sheets = {name: sub_images(_middle(np.asarray(code), corner)) for name, code in codes.items()}
     height, width = next(iter(sheets.values())).shape
     figure, axes = grid(1, len(sheets), width=4.4, aspect=min(height / width, 2.5) + 0.06)
     top = max(float(np.nanmax(sheet)) for sheet in sheets.values()) or 1.0
@@ -79,3 +45,9 @@ def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figu
         bare(axis, f"{name}\n{points[0]} × {points[1]} mask points, {views[0]} × {views[1]} angles each")
     add_bar(axes[0, -1], drawn, "mean transmittance over the exposure")
     return figure
+
+
+def _middle(code: np.ndarray, corner: int) -> np.ndarray:
+    """The middle mask points, whose rays meet the sensor in every view."""
+    top, left = ((length - min(corner, length)) // 2 for length in code.shape[2:])
+    return code[:, :, top : top + corner, left : left + corner]
