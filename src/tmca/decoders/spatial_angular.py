@@ -112,7 +112,7 @@ class SpatialAngular(Network):
 
     The thesis says of its decoder only "the deep spatial-angular convolutional sub-network of (Guo et al., 2020)".
     Assumed here: number of blocks and width as below, 3×3 kernels, ReLU, start from ``"dagger"`` (the adjoint, which it
-    does not name either, is too bright by ``A Aᵀ``), and pixels gathered, which halves the size of what is convolved.
+    does not name either, is too bright by ``A Aᵀ``), and pixels gathered, which makes dense convolutions fast.
 
     Args:
         bands: L = V·U, the number of views.
@@ -136,11 +136,11 @@ class SpatialAngular(Network):
         bands: int = 25,
         views: Sequence[int] | None = None,
         start: str = "lmmse",
-        stages: int = 2,
+        stages: int = 1,
         shared: bool = False,
-        width: int = 32,
-        blocks: int = 3,
-        gather: int = 2,
+        width: int = 48,
+        blocks: int = 4,
+        gather: int = 4,
     ) -> None:
         super().__init__(bands, start)
         self.views = view_grid(bands, views)
