@@ -63,7 +63,7 @@ def _short(noise: str) -> str:
 def gains_figure(found: dict[str, Any]) -> Figure:
     """Gain of designed time-multiplexed codes over the static design: said beforehand, and measured on test scenes."""
     rows, networks = test_rows(found["test"], found["light"]), network_rows(found["network"])
-    figure, axes = grid(1, 2, width=5.2, aspect=0.62)
+    figure, axes = grid(1, 2, width=6.6, aspect=0.52)
     for axis, kind in zip(axes[0], ("free", "one-hot"), strict=True):
         own = {row["noise"]: row for row in rows if row["codes"] == f"{kind}, designed"}
         designed = f"{kind} K = {found['slots']}, designed"
@@ -85,7 +85,7 @@ def _draw_bars(axis: Any, bars: dict[str, dict[str, float]]) -> None:
     for place, (name, values) in enumerate(bars.items()):
         x = [noises.index(noise) + (place - (len(bars) - 1) / 2) * width for noise in values]
         shown = axis.bar(x, list(values.values()), width, label=name, color=_COLOURS[place])
-        axis.bar_label(shown, fmt="%+.1f", fontsize=7)
+        axis.bar_label(shown, fmt="%+.1f", fontsize=6.5)
     axis.axhline(0, color="#333333", linewidth=0.8)
     axis.set_xticks(range(len(noises)), [_short(noise) if noise[0] != "σ" else noise for noise in noises])
     axis.margins(y=0.12)
@@ -93,17 +93,17 @@ def _draw_bars(axis: Any, bars: dict[str, dict[str, float]]) -> None:
 
 
 def order_figure(ranked: Sequence[dict[str, Any]]) -> Figure:
-    """Every ranked code: PSNR on test scenes against the expected PSNR, a panel for each noise."""
+    """Every ranked code: PSNR on test scenes against that expected in their light, a panel for each noise."""
     noises = list(dict.fromkeys(row["noise"] for row in ranked))
     figure, axes = grid(1, len(noises), width=4.6, aspect=0.8)
     for axis, noise in zip(axes[0], noises, strict=True):
         own = [row for row in ranked if row["noise"] == noise]
-        for place, (decoder, shown) in enumerate((("lmmse", "LMMSE"), ("unrolled", "unrolled")), start=1):
+        for place, (decoder, shown) in enumerate((("lmmse", "LMMSE"), ("unrolled", "unrolled")), start=2):
             known = [row for row in own if decoder in row]
-            x = [row["expected"] for row in known]
+            x = [row["expected_there"] for row in known]
             y = [float(np.mean(list(row[decoder].values()))) for row in known]
             if known:
                 axis.plot(x, y, "o", color=_COLOURS[place], markersize=5, label=shown)
         axis.legend(fontsize=8)
-        plain_axes(axis, noise, "expected PSNR (dB)", "PSNR on test scenes (dB)")
+        plain_axes(axis, noise, "PSNR expected in the scenes' light (dB)", "PSNR on test scenes (dB)")
     return figure
