@@ -41,17 +41,19 @@ def light_field_figure(
     white, (row, column) = brightest(reference), liveliest(reference)
     sheets = {name: ortho_slices(colour_views(field), row, column, white) for name, field in panels.items()}
     height, width = next(iter(sheets.values())).shape[:2]
-    first = int(snapshot is not None)
-    figure, axes = grid(1 + (truth is not None), first + len(panels), width=3.6, aspect=min(height / width, 2.5) + 0.04)
+    first, last = int(snapshot is not None), int(snapshot is not None) + len(panels)
+    beside = truth is not None and len(estimates) == 1  # a lone error map needs no row of its own
+    rows = 1 + (truth is not None and not beside)
+    figure, axes = grid(rows, last + beside, width=3.6, aspect=min(height / width, 2.5) + 0.04)
     for axis in axes[1:].flat:
         axis.set_axis_off()
     if snapshot is not None:
         draw_snapshot(axes[0, 0], snapshot)
-    for axis, (name, sheet) in zip(axes[0, first:], sheets.items(), strict=True):
+    for axis, (name, sheet) in zip(axes[0, first:last], sheets.items(), strict=True):
         image(axis, sheet, "truth: centre view" if name == "truth" else caption(name, panels[name], truth))
         _mark_slices(axis, row, column, reference.shape[-2:])
     if truth is not None:
-        _errors(axes[1, first + 1 :], estimates, truth)
+        _errors(axes[0, last:] if beside else axes[1, first + 1 :], estimates, truth)
     return figure
 
 
