@@ -59,5 +59,5 @@ class Snapshot(Generic[Camera]):
 
 
 def holds_snapshot(variables: set[str]) -> bool:
-    """Whether these are the variables of a snapshot file."""
-    return any(set(layout.NEEDED) <= variables for layout in _LAYOUTS.values())
+    """Whether these are the variables of a snapshot file, coordinates apart."""
+    return any(set(layout.NEEDED) - {"wavelength"} <= variables for layout in _LAYOUTS.values())
