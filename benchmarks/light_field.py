@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import statistics
-import time
-from collections.abc import Callable
 from itertools import product
 
 import torch
+from timing import milliseconds
 from torch import Tensor
 
 from tmca.codes import pattern
@@ -22,17 +20,6 @@ from tmca.optics import ViewShear, view_coordinates
 
 VIEWS, SIZE, SLOTS, BATCH = (5, 5), (270, 480), 8, 4
 BOUNDS = {"forward": 2.5, "adjoint": 2.5, "code + forward / slot by slot": 0.6}
-
-
-def milliseconds(task: Callable[[], object], repeats: int) -> float:
-    for _ in range(3):
-        task()
-    times = []
-    for _ in range(repeats):
-        start = time.process_time_ns()
-        task()
-        times.append((time.process_time_ns() - start) / 1e6)
-    return statistics.median(times)
 
 
 def slot_by_slot(scene: Tensor, aperture: Tensor, shutter: Tensor) -> Tensor:

@@ -9,11 +9,9 @@ from __future__ import annotations
 import argparse
 import json
 import resource
-import statistics
-import time
-from collections.abc import Callable
 
 import torch
+from timing import milliseconds
 from torch import Tensor
 
 from tmca.codes import pattern
@@ -29,17 +27,6 @@ BOUNDS = {
     "gradient to codes": 10.0,
     "memory of forward + backward, cubes": 3.0,
 }
-
-
-def milliseconds(task: Callable[[], object], repeats: int) -> float:
-    for _ in range(3):
-        task()
-    times = []
-    for _ in range(repeats):
-        start = time.process_time_ns()
-        task()
-        times.append((time.process_time_ns() - start) / 1e6)
-    return statistics.median(times)
 
 
 def slot_by_slot(scene: Tensor, aperture: Tensor, shutter: Tensor) -> Tensor:

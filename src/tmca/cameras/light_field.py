@@ -76,8 +76,6 @@ class LightFieldCamera(CodedCamera):
         grid = view_grid(views)
         step = (float(shear), float(shear)) if isinstance(shear, (int, float)) else (float(shear[0]), float(shear[1]))
         self.shear = ViewShear(grid, step, float(mask_scale))
-        if learnable not in (True, False, "aperture", "shutter"):
-            raise SettingError("learnable", repr(learnable), "True, False, 'aperture' or 'shutter'")
         self.register_buffer("response", _weights(vignetting, grid).flatten())
         self.multiplexed = MultiplexedCodes(
             slots, self.mask_size, self.size, aperture=aperture, shutter=shutter, transmittance=transmittance,

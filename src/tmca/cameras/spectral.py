@@ -94,8 +94,6 @@ class SpectralCamera(CodedCamera):
         gaussian_spread(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
         if self.blurred and disperser == "dual":
             raise SettingError("disperser", "'dual' with relay blur", "'single', or no blur")
-        if learnable not in (True, False, "aperture", "shutter"):
-            raise SettingError("learnable", repr(learnable), "True, False, 'aperture' or 'shutter'")
         self._hold_response(response)
         if coloured is not None:
             self._check_coloured(coloured)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from torch import Tensor, nn
 
 from tmca.codes.plane import CodePlane
+from tmca.errors import SettingError
 
 
 class MultiplexedCodes(nn.Module):
@@ -24,6 +25,9 @@ class MultiplexedCodes(nn.Module):
         learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
         slope: of the surrogate derivative.
         spread: of the logits' distances from their threshold, see ``CodePlane``.
+
+    Raises:
+        SettingError: another ``learnable``, or what ``CodePlane`` refuses.
     """
 
     def __init__(
@@ -43,6 +47,8 @@ class MultiplexedCodes(nn.Module):
         spread: float = 0.0,
     ) -> None:
         super().__init__()
+        if learnable not in (True, False, "aperture", "shutter"):
+            raise SettingError("learnable", repr(learnable), "True, False, 'aperture' or 'shutter'")
         self.slots = slots
         self.aperture = CodePlane(
             aperture, slots, aperture_size, period=period, density=transmittance, seed=2 * seed,

@@ -99,8 +99,6 @@ def _by_network(
     snapshot: Snapshot[LightFieldCamera], weights: Weights, prior: Prior | None, progress: Progress | None
 ) -> Decoded:
     camera, operator = snapshot.camera, tap_operator(snapshot.camera, "a network")
-    if weights.application != camera.application:
-        raise SettingError("weights", f"those of a {weights.application} camera", "those of a light-field camera")
     trained = weights.light_field_camera()
     if trained.views != camera.views:
         raise ShapeError("weights", f"{trained.views[0]}×{trained.views[1]} views", f"the camera's {camera.views}")

@@ -17,6 +17,7 @@ from tmca.errors import DataError, SettingError
 from tmca.experiments.animation import views_gif
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field_figures import light_field_figure
+from tmca.experiments.reconstructions import write_reconstruction
 from tmca.experiments.refocus import refocus_strip
 from tmca.experiments.snapshots import NOISE_STREAM
 
@@ -54,14 +55,7 @@ class LightFieldReconstruction:
         Raises:
             OutputError: the file exists, or cannot be written.
         """
-        import xarray as xr
-
-        from tmca.data import write_dataset
-
-        parts = {"estimate": self.light_field} | ({} if self.deviation is None else {"deviation": self.deviation})
-        measured = {f"metric_{name}": value for name, value in self.metrics.items()}
-        attrs = {**self.notes, "decoder": self.decoder, "seconds": self.seconds, **measured}
-        return write_dataset(xr.Dataset(parts, attrs=attrs), path, overwrite=overwrite)
+        return write_reconstruction(self, self.light_field, path, overwrite)
 
 
 def load_light_field(

@@ -18,6 +18,7 @@ from tmca.decoders.spectral import decode
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure
+from tmca.experiments.reconstructions import write_reconstruction
 from tmca.experiments.scenes import centre_crop, load_scene
 from tmca.experiments.snapshots import NOISE_STREAM
 
@@ -53,14 +54,7 @@ class Reconstruction:
         Raises:
             OutputError: the file exists, or cannot be written.
         """
-        import xarray as xr
-
-        from tmca.data import write_dataset
-
-        parts = {"estimate": self.cube} | ({} if self.deviation is None else {"deviation": self.deviation})
-        measured = {f"metric_{name}": value for name, value in self.metrics.items()}
-        attrs = {**self.notes, "decoder": self.decoder, "seconds": self.seconds, **measured}
-        return write_dataset(xr.Dataset(parts, attrs=attrs), path, overwrite=overwrite)
+        return write_reconstruction(self, self.cube, path, overwrite)
 
 
 def take_snapshot(
