@@ -96,7 +96,7 @@ def _measured(task: Task, cell: Settings, camera: CodedCamera, decoder: str, **w
     size, found = (int(cell["size"][0]), int(cell["size"][1])), {}
     for path in cell["test"]:
         scene = load_scene(path, bands=cell["bands"], size=size)
-        taken = take_snapshot(scene, on_frame(camera, task.bands, size, Sensor(**cell["sensor"])), seed=cell["seed"])
+        taken = take_snapshot(scene, on_frame(camera, task.camera, size, Sensor(**cell["sensor"])), seed=cell["seed"])
         result = reconstruct_snapshot(taken, decoder, truth=scene, **with_)
         found[Path(path).stem] = result.metrics["psnr"]
     return found

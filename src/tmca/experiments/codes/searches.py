@@ -8,7 +8,7 @@ from tmca.cameras import CodedCamera
 from tmca.design import Design
 from tmca.design.search import decibels
 from tmca.experiments.cells import Measured, Settings
-from tmca.experiments.codes.task import Task, mean, on_frame
+from tmca.experiments.codes.task import Task, camera_arguments, mean, on_frame
 from tmca.experiments.scenes import load_scene
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
@@ -98,6 +98,7 @@ def _measured(cell: Settings, camera: CodedCamera, prior: GaussianPrior) -> dict
 
     scene = load_scene(cell["path"], bands=cell["bands"])
     size = (scene.sizes["y"], scene.sizes["x"])
-    whole = on_frame(camera, scene["wavelength"].values.tolist(), size, Sensor(**cell["sensor"]))
+    own = camera_arguments(scene["wavelength"].values.tolist(), None)
+    whole = on_frame(camera, own, size, Sensor(**cell["sensor"]))
     taken = take_snapshot(scene, whole, seed=cell["seed"])
     return reconstruct_snapshot(taken, "lmmse", prior=prior, truth=scene).metrics

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tmca.cameras import CodedCamera, SpectralCamera
+from tmca.cameras import CodedCamera, LightFieldCamera, SpectralCamera
 from tmca.codes import read_codes, write_codes
 from tmca.design import Design, Effort, Examples, TileMse, design_model, designable, search
 from tmca.design.search import decibels
@@ -26,7 +26,7 @@ class Task:
     Args:
         examples: scenes to design for.
         noise: in snapshot units.
-        cell: period, effort, seed and bands; ``designs``, a folder where designs are kept.
+        cell: period, effort and seed; ``designs``, a folder where designs are kept; ``views`` of a light-field camera.
     """
 
     def __init__(self, examples: Examples, noise: Noise, cell: Settings) -> None:
@@ -34,6 +34,7 @@ class Task:
         self.period = (int(cell["period"][0]), int(cell["period"][1]))
         self.effort, self.seed = Effort(**cell["effort"]), int(cell["seed"])
         self.bands = list(next(iter(examples.scenes.values())).wavelengths or ())
+        self.camera = camera_arguments(self.bands, cell.get("views"))
 
     @classmethod
     def of(cls, cell: Settings, light: float | None = None) -> Task:
@@ -43,7 +44,7 @@ class Task:
             cell: settings.
             light: mean irradiance that the examples are brought to; as they are if None.
         """
-        found = load_examples(Path(cell["examples"]))
+        found = load_examples(Path(cell["examples"]), cell.get("views"))
         if light is not None:
             found, cell = found.under(light), {**cell, "under": light}
         noise, times = Sensor(**cell["sensor"]).noise(float(found.model.block[0])), cell["exposures"]
@@ -57,7 +58,7 @@ class Task:
     def search(self, kind: str, slots: int, starts: Sequence[CodedCamera] = (), **effort: int) -> Design:
         """The best codes of a kind from given ones and from random ones, with the cell's effort unless changed."""
         own = replace(self.effort, **effort)
-        return search(kind, slots, self.period, self.error, starts=starts, effort=own, seed=self.seed, bands=self.bands)
+        return search(kind, slots, self.period, self.error, starts=starts, effort=own, seed=self.seed, **self.camera)
 
     def design(self, kind: str, slots: int) -> Design:
         """The best codes of a kind, searched once with the same effort for all kinds; free ones contain the others."""
@@ -78,13 +79,13 @@ class Task:
         from tmca.data import read_dataset
 
         notes, codes = read_dataset(file, ("aperture",)).attrs, read_codes(file).settings()
-        shown = SpectralCamera(bands=self.bands, size=self.period, **codes)
-        camera = designable(kind, shown.slots, self.period, start=shown, bands=self.bands)
+        shown = _built(self.camera, size=self.period, **codes)
+        camera = designable(kind, shown.slots, self.period, start=shown, **self.camera)
         return Design(kind, camera, float(notes["mse"]), float(notes["random"]), float(notes["seconds"]))
 
     def random(self, kind: str, slots: int) -> CodedCamera:
         """Random codes of a kind."""
-        return designable(kind, slots, self.period, seed=self.seed, bands=self.bands)
+        return designable(kind, slots, self.period, seed=self.seed, **self.camera)
 
     def psnr(self, camera: CodedCamera) -> float:
         """Expected, dB."""
@@ -107,12 +108,23 @@ def mean(values: dict[str, float]) -> float:
     return float(np.mean(list(values.values())))
 
 
-def on_frame(camera: CodedCamera, bands: Sequence[float], size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
-    """A camera of one period at the size of a scene, with fixed codes."""
+def camera_arguments(bands: Sequence[float], views: Sequence[int] | None) -> dict[str, Any]:
+    """Arguments of ``designable`` that say which camera it is: its bands, or its views."""
+    return {"bands": list(bands)} if views is None else {"camera_type": LightFieldCamera, "views": tuple(views)}
+
+
+def _built(arguments: dict[str, Any], **settings: Any) -> CodedCamera:
+    own: dict[str, Any] = {"camera_type": SpectralCamera, **arguments, **settings}
+    camera: CodedCamera = own.pop("camera_type")(**own)
+    return camera
+
+
+def on_frame(camera: CodedCamera, arguments: dict[str, Any], size: tuple[int, int], sensor: Sensor) -> Any:
+    """A camera of one period at the size of a scene, with fixed codes; ``camera_arguments`` say which one."""
     codes = camera.multiplexed
     own: dict[str, Any] = {"slots": camera.slots, "period": camera.size, "sensor": sensor}
     own |= {"aperture": codes.aperture.tile().detach(), "shutter": codes.shutter.tile().detach()}
-    return SpectralCamera(bands=bands, size=size, **own)
+    return _built(arguments, size=size, **own)
 
 
 def save_examples(examples: Examples, folder: Path) -> None:
@@ -124,13 +136,13 @@ def save_examples(examples: Examples, folder: Path) -> None:
     write_json({"areas": examples.areas}, folder / "examples.json", overwrite=True)
 
 
-def load_examples(folder: Path) -> Examples:
-    """Examples that ``save_examples`` wrote."""
+def load_examples(folder: Path, views: Sequence[int] | None = None) -> Examples:
+    """Examples that ``save_examples`` wrote; (V, U) views where they are light fields."""
     import json
 
     areas = json.loads((folder / "examples.json").read_text())["areas"]
     scenes = {name: GaussianPrior.load(folder / f"scene-{name}.nc") for name in areas}
     bands = next(iter(scenes.values())).wavelengths
-    one = designable("static", 1, (8, 8), bands=list(bands or ()))
+    one = designable("static", 1, (8, 8), **camera_arguments(bands or (), views))
     with torch.no_grad():
         return Examples(design_model(one.taps()), scenes, areas)
