@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import SpectralOptions
 from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.cli.options import SceneOptions, SensorOptions, check_figure
+from tmca.errors import SettingError
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
 _CAMERA, _SENSOR, _SCENE = SpectralOptions(), SensorOptions(), SceneOptions()
@@ -74,6 +75,7 @@ def learn_views(
     dictionary: Annotated[bool, Parameter(negative="")] = False,
     atoms: Whole = 1024,
     split: Path | None = None,
+    mixture: Annotated[bool, Parameter(negative="")] = False,
     views: Whole = 5,
     scale: MaybeWhole = None,
     figure: Path | None = None,
@@ -87,25 +89,29 @@ def learn_views(
         out: file to write (NetCDF).
         dictionary: an overcomplete dictionary of 11×11 patches (Marwah 2013) instead of a Gaussian.
         atoms: of the dictionary.
+        mixture: a Gaussian mixture instead of one Gaussian.
         split: a split file whose light fields are added.
         views: n for the centre n×n views, odd.
         scale: whole number of pixels per axis that are averaged into one.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
-        seed: of the patches that a dictionary learns from.
+        seed: of the patches that a dictionary or a mixture learns from.
     """
     from tmca.cli.progress import progress_bar
     from tmca.experiments.light_field_priors import learn_views_to_file
 
     check_figure(figure, overwrite)
+    if dictionary and mixture:
+        raise SettingError("prior learn-views", "--dictionary and --mixture", "one of them", "leave one out")
+    kind = "dictionary" if dictionary else "mixture" if mixture else "gaussian"
     with progress_bar(f"prior {out.name}") as progress:
         found = learn_views_to_file(
-            light_fields, out, split=split, views=views, scale=scale, dictionary=dictionary, atoms=atoms, seed=seed,
+            light_fields, out, split=split, views=views, scale=scale, kind=kind, atoms=atoms, seed=seed,
             figure=figure, overwrite=overwrite, progress=progress,
         )  # fmt: skip
     channels, rows, columns = found.block
-    kind = "dictionary of patches" if dictionary else "Gaussian prior of blocks"
-    print(f"{out}: {kind} {channels} × {rows} × {columns} (views, rows, columns)")
+    what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}
+    print(f"{out}: {what.get(kind, 'Gaussian prior of blocks')} {channels} × {rows} × {columns} (views, rows, columns)")
 
 
 @app.command

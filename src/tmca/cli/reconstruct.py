@@ -37,10 +37,11 @@ def reconstruct(
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
         decoder: lmmse (default), admm-tv, dagger, or network; of a spectral snapshot also lmmse-adapted (its prior
             refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means; of a light-field snapshot
-            also dictionary, dictionary-omp.
+            also mixture, dictionary, dictionary-omp.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (12 bands); the decoder
             is then network.
-        prior: file made by `tmca prior learn`; the rendered scenes' prior without it (learned once, then kept).
+        prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
+            then kept).
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene.
         tv_weight: weight of the total variation; chosen from the noise level without it.

@@ -24,10 +24,10 @@ from tmca.decoders.decoding import (
 from tmca.decoders.dictionary import DictionaryDecoder
 from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.errors import SettingError, ShapeError
-from tmca.priors import GaussianMixturePrior, PatchDictionary
+from tmca.priors import PatchDictionary
 from tmca.priors.light_field import check_views
 
-LIGHT_FIELD_METHODS = ("lmmse", "dictionary", "dictionary-omp", "admm-tv", "dagger", "network")
+LIGHT_FIELD_METHODS = ("lmmse", "mixture", "dictionary", "dictionary-omp", "admm-tv", "dagger", "network")
 
 
 def decode_light_field(
@@ -45,14 +45,15 @@ def decode_light_field(
 
     Args:
         snapshot: values (B, 1, H, W), a batch of colours, and camera.
-        method: ``"lmmse"`` (Gaussian prior), ``"dictionary"``, ``"dictionary-omp"`` (sparse patches in a learned
-            dictionary, by LASSO or orthogonal matching pursuit), ``"admm-tv"`` (total variation view by view),
-            ``"dagger"`` (least-norm, the plain baseline), ``"network"`` (trained).
-        prior: for the LMMSE; for a network, in the place of its own.
+        method: ``"lmmse"`` (Gaussian prior), ``"mixture"`` (Gaussian-mixture prior), ``"dictionary"``,
+            ``"dictionary-omp"`` (sparse patches in a learned dictionary, by LASSO or orthogonal matching pursuit),
+            ``"admm-tv"`` (total variation view by view), ``"dagger"`` (least-norm, the plain baseline), ``"network"``
+            (trained).
+        prior: for the LMMSE or the mixture; for a network, in the place of its own.
         dictionary: for the two that use it.
         tv_weight: for total variation; chosen from the noise if None.
         weights: of the network.
-        uncertainty: the LMMSE also returns every entry's standard deviation.
+        uncertainty: the LMMSE and the mixture also return every entry's standard deviation.
         progress: told the share that is done.
 
     Returns:
@@ -68,7 +69,7 @@ def decode_light_field(
         there = "none" if dictionary is None else f"one for {method}"
         raise SettingError("dictionary", there, "one for dictionary and dictionary-omp, none for others")
     camera, start = snapshot.camera, time.perf_counter()
-    if prior is not None and not isinstance(prior, GaussianMixturePrior):
+    if prior is not None:
         check_views(prior, camera.views)
     with torch.no_grad():
         if needs_prior(method):

@@ -26,6 +26,21 @@ Measured = dict[str, Any]
 _NO_NUMBERS = ("figures", "pictures", "demo", "report", "tables", "composite", "corner")
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the last)."""
+Timed = Callable[[int, int, str, float], None]
+"""The same with the seconds that are left."""
+
+
+def timed(told: Timed | None) -> Progress | None:
+    """Turn (done, all, name) into (done, all, name, seconds left)."""
+    if told is None:
+        return None
+    start, kept = time.monotonic(), []
+
+    def report(done: int, total: int, name: str) -> None:
+        kept.append(done)
+        told(done, total, name, (time.monotonic() - start) / len(kept) * (total - done))
+
+    return report
 
 
 class CellsFailed(TmcaError):

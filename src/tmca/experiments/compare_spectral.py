@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Settings, run_cells, source_digest
+from tmca.experiments.cells import Failures, Measured, Settings, Timed, run_cells, source_digest, timed
 from tmca.experiments.results import check_new
 from tmca.experiments.spectral_cells import measure
 from tmca.experiments.spectral_figures import comparison_pictures, picture_files
@@ -30,8 +29,6 @@ from tmca.experiments.spectral_rows import (
 )
 from tmca.experiments.spectral_tables import markdown, results
 
-Told = Callable[[int, int, str, float], None]
-
 
 def compare_spectral(
     train: Path,
@@ -49,7 +46,7 @@ def compare_spectral(
     jobs: int = 1,
     cluster: Settings | None = None,
     overwrite: bool = False,
-    progress: Told | None = None,
+    progress: Timed | None = None,
     command: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Measure every code, noise and decoder on the scenes of ``test`` with priors learned from those of ``train``.
@@ -99,7 +96,7 @@ def compare_spectral(
     failures = Failures(work)
 
     def run(part: list[Settings]) -> list[Measured]:
-        compute, told = partial(measure, folder=str(work)), _timed(progress)
+        compute, told = partial(measure, folder=str(work)), timed(progress)
         return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
 
     measured = run(cells)
@@ -249,16 +246,3 @@ def _expectations(
         for noise in NOISES
         for code in CODES
     ]
-
-
-def _timed(told: Told | None) -> Callable[[int, int, str], None] | None:
-    """Turn (done, all, name) into (done, all, name, seconds left)."""
-    if told is None:
-        return None
-    start, kept = time.monotonic(), []
-
-    def report(done: int, total: int, name: str) -> None:
-        kept.append(done)
-        told(done, total, name, (time.monotonic() - start) / len(kept) * (total - done))
-
-    return report

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 from tmca.errors import SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field import load_light_field
-from tmca.priors import GaussianPrior, PatchDictionary, learn_light_field_prior
+from tmca.priors import (
+    GaussianMixturePrior,
+    GaussianPrior,
+    PatchDictionary,
+    learn_light_field_mixture,
+    learn_light_field_prior,
+)
 from tmca.priors.light_field import views_of
 
 if TYPE_CHECKING:
@@ -25,13 +31,13 @@ def learn_views_to_file(
     split: Path | None = None,
     views: int = 5,
     scale: int | None = None,
-    dictionary: bool = False,
+    kind: str = "gaussian",
     atoms: int = 1024,
     seed: int = 0,
     figure: Path | None = None,
     overwrite: bool = False,
     progress: Told | None = None,
-) -> GaussianPrior | PatchDictionary:
+) -> GaussianPrior | GaussianMixturePrior | PatchDictionary:
     """Learn a prior or a dictionary of light fields, and write it with its picture.
 
     Args:
@@ -40,15 +46,15 @@ def learn_views_to_file(
         split: a split file whose light fields are added.
         views: n for the centre n×n views.
         scale: of those from files, see ``load_light_field``.
-        dictionary: a dictionary instead of a Gaussian prior.
+        kind: ``"gaussian"``, ``"mixture"`` (of Gaussians) or ``"dictionary"``.
         atoms: of the dictionary.
-        seed: of its coreset.
+        seed: of the patches that a dictionary or a mixture learns from.
         figure: PNG to write.
         overwrite: replace files.
         progress: told the share that is done and what is done.
 
     Raises:
-        SettingError: no light fields.
+        SettingError: no light fields, or an unknown kind.
         OutputError: a file exists.
     """
     from tmca.data import check_target, read_split
@@ -56,17 +62,21 @@ def learn_views_to_file(
     for file in (out, figure):
         if file is not None:
             check_target(file, overwrite)
+    if kind not in ("gaussian", "mixture", "dictionary"):
+        raise SettingError("kind", repr(kind), "gaussian, mixture or dictionary")
     names = [*sources, *(map(str, read_split(split)) if split else ())]
     if not names:
         raise SettingError("prior learn-views", "no light fields", "folders, files, rendered scenes or --split")
     told = progress or (lambda share, step: None)
     fields = _read(names, views, scale, told)
-    told(0.3, f"learning the {'dictionary' if dictionary else 'prior'}")
-    if dictionary:
-        found: GaussianPrior | PatchDictionary = PatchDictionary.learn(
+    told(0.3, f"learning the {'dictionary' if kind == 'dictionary' else 'prior'}")
+    if kind == "dictionary":
+        found: GaussianPrior | GaussianMixturePrior | PatchDictionary = PatchDictionary.learn(
             [own for field in fields for own in views_of(field)], atoms=atoms, seed=seed, sources=names,
             progress=lambda share: told(0.3 + 0.7 * share, "learning the dictionary"),
         )  # fmt: skip
+    elif kind == "mixture":
+        found = learn_light_field_mixture(fields, seed=seed)
     else:
         found = learn_light_field_prior(fields)
     found.save(out, overwrite=overwrite)

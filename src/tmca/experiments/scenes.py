@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -68,12 +69,16 @@ def load_scene(
 
 
 def identity_of(source: str) -> str | None:
-    """Checksum of a scene's file, of every file of a split; None for a rendered scene, or one that is not there."""
+    """Checksum of a scene's file or of a folder's files, of every scene of a split; None for a rendered scene, or one
+    that is not there."""
     from tmca.data import checksum_of, read_split
 
     path = Path(source)
     if path.suffix == ".txt" and path.is_file():
-        return " ".join(checksum_of(scene) for scene in read_split(path))
+        return " ".join(str(identity_of(str(scene))) for scene in read_split(path))
+    if path.is_dir():
+        parts = [f"{file.name} {checksum_of(file)}" for file in sorted(path.iterdir()) if file.is_file()]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return checksum_of(path) if path.is_file() else None
 
 

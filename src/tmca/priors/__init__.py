@@ -6,7 +6,12 @@ from tmca.priors.expected_error import expected_mse, expected_psnr
 from tmca.priors.figures import draw_prior
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import Prior, block_for, cache_folder, learn_prior, load_prior, rendered_prior
-from tmca.priors.light_field import learn_light_field_prior, light_field_block, rendered_light_field_prior
+from tmca.priors.light_field import (
+    learn_light_field_mixture,
+    learn_light_field_prior,
+    light_field_block,
+    rendered_light_field_prior,
+)
 from tmca.priors.mixture import GaussianMixturePrior
 from tmca.priors.pooling import cropped, pooled
 
@@ -23,6 +28,7 @@ __all__ = [
     "draw_prior",
     "expected_mse",
     "expected_psnr",
+    "learn_light_field_mixture",
     "learn_light_field_prior",
     "learn_prior",
     "light_field_block",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -14,6 +14,7 @@ from torch import Tensor
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import Told, cache_folder
+from tmca.priors.mixture import GaussianMixturePrior
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _ENTRIES = 2600
 _MOST = 11
 _RENDERED_SIZE, _RENDERED_SEEDS = (128, 160), (0, 1)
+_MIXTURE: dict[str, Any] = {"kinds": 8, "rank": 150, "gains": 4, "samples": 16_000}
 _KEPT = 1
 """Raised when the rendering changes: priors kept by earlier versions are then learned anew."""
 
@@ -50,6 +52,26 @@ def learn_light_field_prior(
         SettingError: no light fields.
         DataError: light fields of different views.
     """
+    cubes, own, grid = _examples(light_fields, block)
+    return GaussianPrior.learn(cubes, own, views=grid, sources=[_identity(field) for field in light_fields])
+
+
+def learn_light_field_mixture(
+    light_fields: Sequence[xr.DataArray], *, block: tuple[int, int] | None = None, seed: int = 0
+) -> GaussianMixturePrior:
+    """Learn a Gaussian mixture from example light fields: smooth and textured blocks are of different kinds.
+
+    Arguments and errors as in ``learn_light_field_prior``; ``seed`` draws the blocks.
+    """
+    cubes, own, grid = _examples(light_fields, block)
+    names = [_identity(field) for field in light_fields]
+    return GaussianMixturePrior.learn(cubes, own, views=grid, sources=names, seed=seed, **_MIXTURE)
+
+
+def _examples(
+    light_fields: Sequence[xr.DataArray], block: tuple[int, int] | None
+) -> tuple[list[Tensor], tuple[int, int], tuple[int, int]]:
+    """Cubes (V·U, H, W), block and (V, U) of light fields, checked against each other."""
     if not light_fields:
         raise SettingError("prior", "no example light fields", "at least one")
     examples = [views for field in light_fields for views in views_of(field)]
@@ -59,12 +81,10 @@ def learn_light_field_prior(
         if own != grid:
             name = str(field.attrs.get("name", "example"))
             raise DataError(name, f"{own[0]}×{own[1]} views", f"{grid[0]}×{grid[1]} as in the first example")
-    cubes = [views.flatten(0, 1) for views in examples]
-    names = [_identity(field) for field in light_fields]
-    return GaussianPrior.learn(cubes, block or light_field_block(grid), views=grid, sources=names)
+    return [views.flatten(0, 1) for views in examples], block or light_field_block(grid), grid
 
 
-def check_views(prior: GaussianPrior, views: tuple[int, int]) -> None:
+def check_views(prior: GaussianPrior | GaussianMixturePrior, views: tuple[int, int]) -> None:
     """Raises ShapeError unless a prior has as many channels as there are views."""
     if prior.block[0] != views[0] * views[1]:
         raise ShapeError(

@@ -117,11 +117,13 @@ class GaussianMixturePrior:
         floor: float = FLOOR,
         wavelengths: Sequence[float] | None = None,
         sources: Sequence[str] = (),
+        views: tuple[int, int] | None = None,
     ) -> GaussianMixturePrior:
         """The mixture of blocks (h, w) cut from example cubes (L, H, W), which may differ in size.
 
         Blocks are divided by their gain (powers of two below twice the mean brightness), sorted into kinds by
-        k-means and refined by ``steps`` of expectation-maximisation in the leading subspace.
+        k-means and refined by ``steps`` of expectation-maximisation in the leading subspace. ``views`` (V, U) says that
+        the channels are views, row by row: blocks are mirrored together with them.
 
         Raises:
             ShapeError: no cube, different band counts, or a block larger than a cube.
@@ -137,9 +139,9 @@ class GaussianMixturePrior:
                 "≥ 1, and 10 samples per kind",
             )
         examples = scenes(cubes, block)
-        base = GaussianPrior.learn(examples, block, floor=floor, wavelengths=wavelengths, sources=sources)
+        base = GaussianPrior.learn(examples, block, floor=floor, wavelengths=wavelengths, sources=sources, views=views)
         basis = leading_eigenvectors(base, min(rank, base.mean.numel()))
-        blocks = random_blocks(examples, block, samples, seed, mirrored=True).flatten(1)
+        blocks = random_blocks(examples, block, samples, seed, mirrored=True, views=views).flatten(1)
         scaled, levels, chosen = normalised(blocks, gains)
         centre = scaled.mean(0)
         base = GaussianPrior(centre.reshape(base.block), base.moments, base.wavelengths, base.sources)

@@ -113,8 +113,16 @@ def toeplitz_rows(moments: Tensor, pixels: Tensor) -> Tensor:
     return moments.unfold(2, h, 1).unfold(3, w, 1)[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
 
 
-def random_blocks(examples: list[Tensor], block: tuple[int, int], count: int, seed: int, mirrored: bool) -> Tensor:
-    """(count, L, h, w) blocks at uniformly random places, each axis mirrored half of the time if ``mirrored``."""
+def random_blocks(
+    examples: list[Tensor],
+    block: tuple[int, int],
+    count: int,
+    seed: int,
+    mirrored: bool,
+    views: tuple[int, int] | None = None,
+) -> Tensor:
+    """(count, L, h, w) blocks at uniformly random places, each axis mirrored half of the time if ``mirrored``; where
+    the channels are (V, U) views, together with these."""
     (h, w), generator = block, torch.Generator().manual_seed(seed)
     areas = torch.tensor([cube[0].numel() for cube in examples], dtype=torch.float64)
     chosen = torch.multinomial(areas, count, replacement=True, generator=generator).tolist()
@@ -125,7 +133,8 @@ def random_blocks(examples: list[Tensor], block: tuple[int, int], count: int, se
         cube = examples[which]
         y, x = int(v * (cube.shape[1] - h + 1)), int(u * (cube.shape[2] - w + 1))
         axes = [axis for axis, turn in zip((-2, -1), flip, strict=True) if turn and mirrored]
-        out[i] = cube[:, y : y + h, x : x + w].flip(axes)
+        cut = cube[:, y : y + h, x : x + w].unflatten(0, views or (-1, 1))
+        out[i] = cut.flip(axes + [axis - 2 for axis in axes if views]).flatten(0, 1)
     return out
 
 

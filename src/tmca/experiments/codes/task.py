@@ -62,10 +62,7 @@ class Task:
 
     def design(self, kind: str, slots: int) -> Design:
         """The best codes of a kind, searched once with the same effort for all kinds; free ones contain the others."""
-        own = {"kind": kind, "slots": slots, "seed": self.seed, "effort": vars(self.effort), "period": self.period}
-        own |= {"examples": Path(self.cell["examples"]).name, "source": self.cell["source"], "noise": vars(self.noise)}
-        own |= {"light": self.cell["under"]} if "under" in self.cell else {}
-        file = Path(self.cell["designs"]) / f"{kind}-{slots}-{cell_key(own)}.nc"
+        file = self.file(kind, slots)
         if file.exists():
             return self._kept(file, kind)
         starts = [self.design(*other).camera for other in _contained(slots)] if kind == "free" else []
@@ -74,6 +71,13 @@ class Task:
         codes = best.camera.multiplexed
         write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
         return best
+
+    def file(self, kind: str, slots: int) -> Path:
+        """Where the best codes of a kind are kept."""
+        own = {"kind": kind, "slots": slots, "seed": self.seed, "effort": vars(self.effort), "period": self.period}
+        own |= {"examples": Path(self.cell["examples"]).name, "source": self.cell["source"], "noise": vars(self.noise)}
+        own |= {"light": self.cell["under"]} if "under" in self.cell else {}
+        return Path(self.cell["designs"]) / f"{kind}-{slots}-{cell_key(own)}.nc"
 
     def _kept(self, file: Path, kind: str) -> Design:
         from tmca.data import read_dataset

@@ -1,0 +1,268 @@
+"""The table of the light-field camera: codes × noises × decoders over test scenes, in cells that are computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tmca.errors import SettingError
+from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
+from tmca.experiments.light_field_cells import measure, read
+from tmca.experiments.light_field_comparison_figures import comparison_pictures, picture_files
+from tmca.experiments.light_field_rows import (
+    DECODER_NAMES,
+    DESIGNED,
+    EFFORT,
+    FRAME,
+    NETWORKS,
+    NOISES,
+    PERIOD,
+    SHOWN,
+    SHOWN_NOISE,
+    TRAINED,
+    VIEWS,
+    rows,
+    scenes_of,
+    search_of,
+    training_of,
+)
+from tmca.experiments.light_field_tables import markdown, results
+from tmca.experiments.results import check_new
+from tmca.experiments.scenes import identity_of
+
+_DICTIONARY = "dictionary"
+
+
+def compare_light_field(
+    train: Path,
+    test: Path,
+    out: Path,
+    work: Path,
+    *,
+    decoders: Sequence[str] = tuple(DECODER_NAMES),
+    scale: int | None = None,
+    test_scale: int | None = None,
+    atoms: int = 1024,
+    seed: int = 0,
+    seeds: int = 1,
+    steps: int = 300,
+    jobs: int = 1,
+    cluster: Settings | None = None,
+    overwrite: bool = False,
+    progress: Timed | None = None,
+    command: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Measure every code, noise and decoder on the light fields of ``test`` and on rendered ones of known geometry.
+
+    Args:
+        train: split file of the light fields that priors, dictionary, codes and networks learn from.
+        test: split file of the measured light fields; they choose nothing.
+        out: folder of ``light-field.md``, ``light-field.json`` and pictures.
+        work: folder of priors, designs and finished cells; a stopped run goes on there.
+        decoders: names of ``DECODER_NAMES``; the dictionary decodes a crop, where the others are measured too.
+        scale, test_scale: whole number of pixels per axis that are averaged into one, in light fields from files.
+        atoms: of the dictionary.
+        seed: of codes, noise and trainings.
+        seeds: how many of them, from ``seed`` on.
+        steps: of a training.
+        jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
+        overwrite: replace results.
+        progress: told (done, all, name, seconds left) after each cell.
+        command: how the run was called, kept in the results.
+
+    Raises:
+        SettingError: unknown decoder.
+        OutputError: the results exist.
+        DataError: a light field of a split is missing or altered.
+        CellsFailed: some cells failed; the table of the others is written.
+    """
+    from tmca.data import make_folder, read_split, split_rendered_light_fields, write_json, write_text
+
+    for name, value in (("--seeds", seeds), ("--steps", steps), ("--jobs", jobs)):
+        if value < 1:
+            raise SettingError(name, str(value), "at least 1")
+    unknown = [name for name in decoders if name not in DECODER_NAMES]
+    if unknown or not decoders:
+        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(DECODER_NAMES)}")
+    examples = [str(path) for path in read_split(train)]
+    real = [str(path) for path in read_split(test)]
+    scenes = real + sorted(split_rendered_light_fields()["test"])
+    files = [out / "light-field.json", out / "light-field.md"]
+    check_new([*files, *picture_files([Path(name).stem for name in scenes], out)], overwrite)
+    make_folder(out)
+    learned = _learn(examples, make_folder(work), decoders, scale, atoms)
+    failures = Failures(work)
+
+    def run(part: list[Settings]) -> list[Measured]:
+        compute, told = partial(measure, folder=str(work)), timed(progress)
+        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
+
+    common: Settings = {"source": source_digest(), "scale": scale, "test_scale": test_scale, "views": list(VIEWS)}
+    common |= {"examples": learned["examples"], "designs": str(make_folder(work / "designs"))}
+    common |= {"period": list(PERIOD), "effort": EFFORT, "exposures": 1}
+    searched = _searches(common, seed, seeds)
+    for slots in (True, False):  # a search of multiplexed codes contains that of the static ones
+        run([cell for cell in searched if (cell["search"][1] > 1) == slots])
+    measured = run(searched) + run(_geometries(common, scenes))
+    maps = {cell["path"]: cell["disparity"] for cell in measured if cell["kind"] == "geometry"}
+    measured += run(_untrained(common, scenes, real, decoders, learned, maps, seed, seeds))
+    trained = run(_trainings(common, examples, work, decoders, seed, seeds, steps))
+    measured += trained + run(_behind_networks(common, scenes, real, trained, decoders, maps))
+    if not any("metrics" in cell for cell in measured):
+        failures.check()
+    split = {"train": [Path(n).name for n in examples], "test": [Path(n).stem for n in scenes]}
+    found = results(measured, split | {"scale": scale, "test_scale": test_scale, "atoms": atoms}, command)
+    write_json(found, files[0], overwrite=overwrite)
+    write_text(markdown(found), files[1], overwrite=overwrite)
+    shown = [cell for cell in measured if cell.get("seed", seed) == seed]
+    comparison_pictures(shown, out, overwrite=overwrite)
+    failures.check()
+    return found
+
+
+def _learn(
+    examples: Sequence[str], work: Path, decoders: Sequence[str], scale: int | None, atoms: int
+) -> dict[str, str]:
+    """Files of what is learned from the training scenes alone, made where they are not yet kept."""
+    from tmca.priors import PatchDictionary, learn_light_field_mixture, learn_light_field_prior
+    from tmca.priors.light_field import views_of
+
+    identity = {"scenes": [identity_of(name) for name in examples], "source": source_digest(), "scale": scale}
+    fields: list[Any] = []
+
+    def light_fields() -> list[Any]:
+        if not fields:
+            fields.extend(read(name, scale) for name in examples)
+        return fields
+
+    def file_of(kind: str, more: Any, learn: Callable[[], Any]) -> str:
+        file = work / f"{kind}-{cell_key({'kind': kind, 'more': more, **identity})}.nc"
+        if not file.exists():
+            learn().save(file)
+        return str(file)
+
+    found = {"examples": _examples(light_fields, examples, work, identity)}
+    found["lmmse"] = file_of("prior", None, lambda: learn_light_field_prior(light_fields()))
+    if "mixture" in decoders:
+        found["mixture"] = file_of("mixture", None, lambda: learn_light_field_mixture(light_fields()))
+    if _DICTIONARY in decoders:
+        found[_DICTIONARY] = file_of(_DICTIONARY, atoms, lambda: PatchDictionary.learn(
+            [own for field in light_fields() for own in views_of(field)], atoms=atoms, sources=examples,
+        ))  # fmt: skip
+    return found
+
+
+def _examples(light_fields: Callable[[], list[Any]], names: Sequence[str], work: Path, identity: Settings) -> str:
+    """Folder of the scenes that designs are searched for."""
+    from tmca.cameras import LightFieldCamera
+    from tmca.data import make_folder
+    from tmca.design import design_model, designable, learn_examples
+    from tmca.experiments.codes.task import save_examples
+    from tmca.priors.light_field import views_of
+
+    folder = work / f"examples-{cell_key(identity)}"
+    if not (folder / "examples.json").exists():
+        one = designable("static", 1, (8, 8), camera_type=LightFieldCamera, views=VIEWS)
+        cubes = {Path(n).stem: views_of(f)[0].flatten(0, 1) for n, f in zip(names, light_fields(), strict=True)}
+        save_examples(learn_examples(cubes, design_model(one.taps()), None, views=VIEWS), make_folder(folder))
+    return str(folder)
+
+
+def _searches(common: Settings, first: int, seeds: int) -> list[Settings]:
+    """Every design of every noise and seed."""
+    return [
+        {**common, "kind": "search", "name": f"search · {code} · {noise} · seed {seed}", "search": [kind, slots],
+         "code": code, "noise": noise, "sensor": NOISES[noise], "seed": seed}
+        for seed in range(first, first + seeds)
+        for noise in NOISES
+        for code, (kind, slots) in ((c, search_of(c, noise)[:2]) for c, (_, target) in DESIGNED.items() if not target)
+    ]  # fmt: skip
+
+
+def _geometries(common: Settings, scenes: Sequence[str]) -> list[Settings]:
+    plain = {name: common[name] for name in ("source", "test_scale")}
+    return [
+        {**plain, "kind": "geometry", "name": f"{Path(scene).stem} · disparity of the true views", "path": scene,
+         "scene": Path(scene).stem, "checksum": identity_of(scene), "size": list(FRAME)}
+        for scene in scenes
+    ]  # fmt: skip
+
+
+def _untrained(
+    common: Settings,
+    scenes: Sequence[str],
+    real: Sequence[str],
+    decoders: Sequence[str],
+    learned: dict[str, str],
+    maps: dict[str, str],
+    first: int,
+    seeds: int,
+) -> list[Settings]:
+    """Measurements without training: on whole scenes, and on a crop of the first where the dictionary can follow."""
+    found = []
+    for decoder in (name for name in decoders if name not in NETWORKS):
+        prior = {"dictionary" if decoder == _DICTIONARY else "prior": learned[decoder]}
+        for noise in NOISES:
+            for code in rows(noise):
+                for seed in range(first, first + seeds):
+                    cell = {**common, **prior, "code": code, "noise": noise, "decoder": decoder, "seed": seed}
+                    found += _places(cell, scenes, real, maps)
+    return found
+
+
+def _places(cell: Settings, scenes: Sequence[str], real: Sequence[str], maps: dict[str, str]) -> list[Settings]:
+    """A measurement on every scene, and on the crop; the dictionary's on the crop alone."""
+    whole = [] if cell["decoder"] == _DICTIONARY else [(scene, False) for scene in scenes]
+    crops = [(scene, True) for scene in real or scenes[:1]]
+    keep = (cell["code"], cell["decoder"]) in SHOWN and cell["noise"] == SHOWN_NOISE
+    label = f"{cell['code']} · {cell['noise']} · {DECODER_NAMES[cell['decoder']]} · seed {cell['seed']}"
+    return [
+        {**cell, "kind": "measurement", "name": f"{Path(scene).stem}{' crop' if crop else ''} · {label}",
+         "path": scene, "scene": Path(scene).stem, "checksum": identity_of(scene), "size": list(FRAME), "crop": crop,
+         "keep": keep and not crop, "disparity": None if crop else maps.get(scene)}
+        for scene, crop in [*whole, *crops]
+    ]  # fmt: skip
+
+
+def _trainings(
+    common: Settings, examples: Sequence[str], work: Path, decoders: Sequence[str], first: int, seeds: int, steps: int
+) -> list[Settings]:
+    """Trainings of all rows and seeds."""
+    from tmca.experiments.codes.task import Task
+
+    checksums = [identity_of(name) for name in examples]
+    cells = []
+    for seed in range(first, first + seeds):
+        for decoder in (name for name in decoders if name in NETWORKS):
+            for code in TRAINED:
+                codes = None
+                if code in DESIGNED:
+                    kind, slots, target = search_of(code, "")
+                    codes = str(Task.of({**common, "seed": seed, "sensor": NOISES[target]}).file(kind, slots))
+                training = training_of(code, decoder, seed, steps, codes)
+                training["data"] = {**training["data"], **scenes_of(examples)}
+                cell: Settings = {**common, "kind": "training", "code": code, "decoder": decoder, "seed": seed}
+                cell |= {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}"}
+                cell |= {"training": training, "checksums": checksums}
+                cells.append(cell | {"folder": str(work / f"training-{cell_key(cell)}")})
+    return cells
+
+
+def _behind_networks(
+    common: Settings,
+    scenes: Sequence[str],
+    real: Sequence[str],
+    trained: Sequence[Measured],
+    decoders: Sequence[str],
+    maps: dict[str, str],
+) -> list[Settings]:
+    """Measurements of trained rows."""
+    found = []
+    for row in trained:
+        for noise in NOISES:
+            cell = {**common, "code": row["code"], "noise": noise, "decoder": row["decoder"], "seed": row["seed"]}
+            found += _places(cell | {"weights": row["weights"]}, scenes, real, maps)
+    return found

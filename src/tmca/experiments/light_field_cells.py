@@ -1,0 +1,138 @@
+"""The cells of the light-field table: searches of codes, trainings, true geometry, measurements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+
+from tmca.cameras import LightFieldCamera
+from tmca.decoders.decoding import OtherCodes
+from tmca.experiments.cells import Measured, Settings, cell_key
+from tmca.experiments.codes.task import Task, on_frame
+from tmca.experiments.light_field import (
+    load_light_field,
+    reconstruct_light_field,
+    take_light_field_snapshot,
+    true_disparity,
+)
+from tmca.experiments.light_field_rows import CODES, CROP, NETWORKS, NOISES, PERIOD, RENDERED, VIEWS, search_of
+from tmca.sensor import Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def measure(cell: Settings, folder: str) -> Measured:
+    """One cell of any kind; ``folder`` takes estimates and maps that are kept."""
+    if cell["kind"] == "search":
+        return search(cell)
+    if cell["kind"] == "training":
+        return train(cell)
+    return geometry(cell, Path(folder)) if cell["kind"] == "geometry" else reconstruct(cell, Path(folder))
+
+
+def read(name: str, scale: int | None, size: list[int] | None = None) -> xr.DataArray:
+    """A light field in grey: the middle of one from files, or a rendered one."""
+    stored = Path(name).exists()
+    frame = (size[0], size[1]) if size else None
+    return load_light_field(name, views=VIEWS[0], size=frame if stored else RENDERED, scale=scale if stored else None)
+
+
+def search(cell: Settings) -> Measured:
+    """A search for one noise; the expected PSNR of its design and of random codes, the gain under other priors."""
+    task = Task.of(cell)
+    kind, slots = cell["search"]
+    found = task.design(kind, slots)
+    own, base = task.left_out(found.camera), task.left_out(task.design("static", 1).camera)
+    return {
+        "psnr": found.psnr, "random_psnr": task.psnr(task.random(kind, slots)), "seconds": found.seconds,
+        "throughput": found.camera.throughput(), "gains": {name: own[name] - base[name] for name in own},
+    }  # fmt: skip
+
+
+def train(cell: Settings) -> Measured:
+    """Train a row's network in a folder of its own, or go on with it."""
+    from tmca.training import light_field_settings, train_light_field
+
+    settings = light_field_settings(None, None, cell["training"])
+    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, cell["scale"]))
+    return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
+
+
+def geometry(cell: Settings, folder: Path) -> Measured:
+    """The disparity that the fixed estimator sees in the true views, kept, and its error where the truth is known."""
+    from tmca.metrics import disparity_error, estimate_disparity
+
+    scene = read(cell["path"], cell["test_scale"], cell["size"])
+    seen = estimate_disparity(scene.values)
+    file = folder / f"disparity-{cell_key(cell)}.npy"
+    np.save(file, seen.astype(np.float32))
+    truth = true_disparity(cell["path"], scene, cell["test_scale"])
+    error = {} if truth is None else _named("disparity", disparity_error(seen, truth.values))
+    return {"disparity": str(file), "error": error}
+
+
+def reconstruct(cell: Settings, folder: Path) -> Measured:
+    """Take the snapshot of a scene, reconstruct it, measure; half precision is enough for pictures."""
+    from tmca.decoders import Weights
+
+    scene = read(cell["path"], cell["test_scale"], cell["size"])
+    whole, scene = scene, _middle(scene) if cell["crop"] else scene
+    camera = coded_camera(cell, (scene.sizes["y"], scene.sizes["x"]))
+    given: dict[str, Any] = {name: cell[name] for name in ("prior", "dictionary") if cell.get(name)}
+    if cell.get("weights"):
+        given["weights"] = Weights.load(cell["weights"])
+    method = "network" if cell["decoder"] in NETWORKS else cell["decoder"]
+    snapshot = take_light_field_snapshot(scene, camera, seed=cell["seed"])
+    with catch_warnings():
+        simplefilter("ignore", OtherCodes)
+        result = reconstruct_light_field(snapshot, method, truth=scene, **given)
+    found: Measured = {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
+    if not cell["crop"]:
+        found["metrics"] = result.metrics | _shape(result.light_field, cell, whole)
+        found["views"] = _per_view(result.light_field, scene)
+    if cell["keep"]:
+        file = folder / f"estimate-{cell_key(cell)}.npy"
+        np.save(file, result.light_field.values.astype(np.float16))
+        found["kept"] = str(file)
+    return found
+
+
+def _middle(scene: xr.DataArray) -> xr.DataArray:
+    top, left = ((scene.sizes[axis] - side) // 2 for axis, side in zip(("y", "x"), CROP, strict=True))
+    return scene.isel(y=slice(top, top + CROP[0]), x=slice(left, left + CROP[1]))
+
+
+def _shape(estimate: xr.DataArray, cell: Settings, scene: xr.DataArray) -> dict[str, float]:
+    """Error of the disparity that the reconstructed views show: against the true views', and the truth if known."""
+    from tmca.metrics import disparity_error, estimate_disparity
+
+    seen = estimate_disparity(estimate.values)
+    found = _named("agreement", disparity_error(seen, np.load(cell["disparity"])))
+    truth = true_disparity(cell["path"], scene, cell["test_scale"])
+    return found if truth is None else found | _named("disparity", disparity_error(seen, truth.values))
+
+
+def _named(name: str, error: dict[str, float]) -> dict[str, float]:
+    return {f"{name}_{key}": error[key] for key in ("mae", "badpix")}
+
+
+def _per_view(estimate: xr.DataArray, truth: xr.DataArray) -> list[list[float]]:
+    from tmca.metrics import psnr_per_view
+
+    levels: list[list[float]] = psnr_per_view(estimate.values, truth.values).tolist()
+    return levels
+
+
+def coded_camera(cell: Settings, size: tuple[int, int]) -> LightFieldCamera:
+    """The camera of a cell's code and noise."""
+    code, sensor = cell["code"], Sensor(**NOISES[cell["noise"]])
+    if code in CODES:
+        return LightFieldCamera(VIEWS, size, period=PERIOD, seed=cell["seed"], sensor=sensor, **CODES[code])
+    kind, slots, target = search_of(code, cell["noise"])
+    task = Task.of({**cell, "sensor": NOISES[target]})
+    camera: LightFieldCamera = on_frame(task.design(kind, slots).camera, task.camera, size, sensor)
+    return camera
