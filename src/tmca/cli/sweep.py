@@ -10,7 +10,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import Whole
+from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.cli.options import cluster_parameters
 from tmca.errors import SettingError
 
@@ -65,19 +65,82 @@ def spectral(
     from tmca.experiments.sweep_spectral import sweep_spectral
 
     named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
-    axes = _named(vary, "--vary")
-    fixed = {name: values[0] for name, values in _named(set_ or (), "--set").items()}
+    axes, fixed = _axes(vary, set_)
     examples, checked = ([str(path) for path in read_split(split)] if split else [] for split in (train, validation))
-
-    def told(done: int, total: int, name: str) -> None:
-        print(f"[{done}/{total}] {name}", file=sys.stderr)
 
     found = sweep_spectral(
         axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, validation=checked, steps=steps,
         bands=bands, size=size(crop, "--crop"), jobs=jobs, cluster=cluster_parameters(slurm), overwrite=overwrite,
-        progress=told, command=["tmca", *sys.argv[1:]],
+        progress=_told, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
+
+
+@app.command
+def light_field(
+    *scenes: str,
+    vary: list[str],
+    out: Path = Path("sweep"),
+    work: Path = Path("runs/sweep-light-field"),
+    test: Path | None = None,
+    train: Path | None = None,
+    decoder: str = "lmmse",
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    views: Whole = 5,
+    scale: MaybeWhole = None,
+    test_scale: MaybeWhole = None,
+    crop: str | None = None,
+    jobs: Whole = 1,
+    slurm: str | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Sweep settings of the light-field camera over SCENES: `--vary noise=0.01,0.1 --set slots=8 --set design=free`.
+
+    Writes OUT.json, OUT.csv, OUT.md and OUT.png. Finished cells are kept in --work: a run that was stopped goes on.
+
+    Args:
+        scenes: light fields to measure on: folders, files, or rendered ones; the rendered test scenes without any.
+        vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
+            slots, aperture, shutter, exposure, shear, transmittance, duty, period, decoder, seed, or design: codes
+            searched for every combination (free, one-hot, static, …).
+        out: results, without a suffix.
+        work: folder of priors, designs and finished cells.
+        test: split file of light fields to add.
+        train: split file of the light fields that teach priors and designs; rendered ones without it.
+        decoder: lmmse, mixture, admm-tv or dagger.
+        set_: NAME=VALUE of the same names for all cells.
+        views: n for the centre n×n views, odd.
+        scale: whole number of pixels per axis that are averaged into one, in the light fields of --train.
+        test_scale: the same in those that are measured.
+        crop: HEIGHTxWIDTH, the middle of the light fields.
+        jobs: processes side by side.
+        slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
+        overwrite: replace results that exist.
+        json: print the results as JSON.
+    """
+    from tmca.cli.options import size
+    from tmca.data import read_split, split_rendered_light_fields
+    from tmca.experiments.sweep_light_field import sweep_light_field
+
+    given = [*scenes, *(map(str, read_split(test)) if test else ())]
+    named = given or sorted(split_rendered_light_fields()["test"])
+    axes, fixed = _axes(vary, set_)
+    examples = [str(path) for path in read_split(train)] if train else []
+    found = sweep_light_field(
+        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=views, scale=scale, test_scale=test_scale, size=size(crop, "--crop"), jobs=jobs,
+        cluster=cluster_parameters(slurm), overwrite=overwrite, progress=_told, command=["tmca", *sys.argv[1:]],
+    )  # fmt: skip
+    print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
+
+
+def _told(done: int, total: int, name: str) -> None:
+    print(f"[{done}/{total}] {name}", file=sys.stderr)
+
+
+def _axes(vary: Sequence[str], fixed: Sequence[str] | None) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Settings that are varied, and those of all cells."""
+    return _named(vary, "--vary"), {name: values[0] for name, values in _named(fixed or (), "--set").items()}
 
 
 def _named(texts: Sequence[str], option: str) -> dict[str, list[str]]:

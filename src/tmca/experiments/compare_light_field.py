@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
-from tmca.experiments.light_field_cells import measure, read
+from tmca.experiments.light_field_cells import measure
 from tmca.experiments.light_field_comparison_figures import comparison_pictures, picture_files
+from tmca.experiments.light_field_learned import Learned
 from tmca.experiments.light_field_rows import (
     DECODER_NAMES,
     DESIGNED,
@@ -93,7 +94,7 @@ def compare_light_field(
     files = [out / "light-field.json", out / "light-field.md"]
     check_new([*files, *picture_files([Path(name).stem for name in scenes], out)], overwrite)
     make_folder(out)
-    learned = _learn(examples, make_folder(work), decoders, scale, atoms)
+    learned = _learn(Learned(examples, make_folder(work), VIEWS[0], scale), decoders, atoms)
     failures = Failures(work)
 
     def run(part: list[Settings]) -> list[Measured]:
@@ -123,52 +124,14 @@ def compare_light_field(
     return found
 
 
-def _learn(
-    examples: Sequence[str], work: Path, decoders: Sequence[str], scale: int | None, atoms: int
-) -> dict[str, str]:
-    """Files of what is learned from the training scenes alone, made where they are not yet kept."""
-    from tmca.priors import PatchDictionary, learn_light_field_mixture, learn_light_field_prior
-    from tmca.priors.light_field import views_of
-
-    identity = {"scenes": [identity_of(name) for name in examples], "source": source_digest(), "scale": scale}
-    fields: list[Any] = []
-
-    def light_fields() -> list[Any]:
-        if not fields:
-            fields.extend(read(name, scale) for name in examples)
-        return fields
-
-    def file_of(kind: str, more: Any, learn: Callable[[], Any]) -> str:
-        file = work / f"{kind}-{cell_key({'kind': kind, 'more': more, **identity})}.nc"
-        if not file.exists():
-            learn().save(file)
-        return str(file)
-
-    found = {"examples": _examples(light_fields, examples, work, identity)}
-    found["lmmse"] = file_of("prior", None, lambda: learn_light_field_prior(light_fields()))
+def _learn(learned: Learned, decoders: Sequence[str], atoms: int) -> dict[str, str]:
+    """Files that the decoders need, and the examples of the searches."""
+    found = {"examples": learned.examples(), "lmmse": learned.prior()}
     if "mixture" in decoders:
-        found["mixture"] = file_of("mixture", None, lambda: learn_light_field_mixture(light_fields()))
+        found["mixture"] = learned.mixture()
     if _DICTIONARY in decoders:
-        found[_DICTIONARY] = file_of(_DICTIONARY, atoms, lambda: PatchDictionary.learn(
-            [own for field in light_fields() for own in views_of(field)], atoms=atoms, sources=examples,
-        ))  # fmt: skip
+        found[_DICTIONARY] = learned.dictionary(atoms)
     return found
-
-
-def _examples(light_fields: Callable[[], list[Any]], names: Sequence[str], work: Path, identity: Settings) -> str:
-    """Folder of the scenes that designs are searched for."""
-    from tmca.cameras import LightFieldCamera
-    from tmca.data import make_folder
-    from tmca.design import design_model, designable, learn_examples
-    from tmca.experiments.codes.task import save_examples
-    from tmca.priors.light_field import views_of
-
-    folder = work / f"examples-{cell_key(identity)}"
-    if not (folder / "examples.json").exists():
-        one = designable("static", 1, (8, 8), camera_type=LightFieldCamera, views=VIEWS)
-        cubes = {Path(n).stem: views_of(f)[0].flatten(0, 1) for n, f in zip(names, light_fields(), strict=True)}
-        save_examples(learn_examples(cubes, design_model(one.taps()), None, views=VIEWS), make_folder(folder))
-    return str(folder)
 
 
 def _searches(common: Settings, first: int, seeds: int) -> list[Settings]:
@@ -182,11 +145,16 @@ def _searches(common: Settings, first: int, seeds: int) -> list[Settings]:
     ]  # fmt: skip
 
 
+def _frame(scene: str) -> list[int] | None:
+    """Middle of a light field from files; rendered ones have their own size."""
+    return list(FRAME) if Path(scene).exists() else None
+
+
 def _geometries(common: Settings, scenes: Sequence[str]) -> list[Settings]:
     plain = {name: common[name] for name in ("source", "test_scale")}
     return [
         {**plain, "kind": "geometry", "name": f"{Path(scene).stem} · disparity of the true views", "path": scene,
-         "scene": Path(scene).stem, "checksum": identity_of(scene), "size": list(FRAME)}
+         "scene": Path(scene).stem, "checksum": identity_of(scene), "size": _frame(scene)}
         for scene in scenes
     ]  # fmt: skip
 
@@ -221,7 +189,7 @@ def _places(cell: Settings, scenes: Sequence[str], real: Sequence[str], maps: di
     label = f"{cell['code']} · {cell['noise']} · {DECODER_NAMES[cell['decoder']]} · seed {cell['seed']}"
     return [
         {**cell, "kind": "measurement", "name": f"{Path(scene).stem}{' crop' if crop else ''} · {label}",
-         "path": scene, "scene": Path(scene).stem, "checksum": identity_of(scene), "size": list(FRAME), "crop": crop,
+         "path": scene, "scene": Path(scene).stem, "checksum": identity_of(scene), "size": _frame(scene), "crop": crop,
          "keep": keep and not crop, "disparity": None if crop else maps.get(scene)}
         for scene, crop in [*whole, *crops]
     ]  # fmt: skip

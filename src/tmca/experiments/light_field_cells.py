@@ -13,12 +13,12 @@ from tmca.decoders.decoding import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.light_field import (
-    load_light_field,
     reconstruct_light_field,
     take_light_field_snapshot,
     true_disparity,
 )
-from tmca.experiments.light_field_rows import CODES, CROP, NETWORKS, NOISES, PERIOD, RENDERED, VIEWS, search_of
+from tmca.experiments.light_field_learned import read
+from tmca.experiments.light_field_rows import CODES, CROP, NETWORKS, NOISES, PERIOD, VIEWS, search_of
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -32,13 +32,6 @@ def measure(cell: Settings, folder: str) -> Measured:
     if cell["kind"] == "training":
         return train(cell)
     return geometry(cell, Path(folder)) if cell["kind"] == "geometry" else reconstruct(cell, Path(folder))
-
-
-def read(name: str, scale: int | None, size: list[int] | None = None) -> xr.DataArray:
-    """A light field in grey: the middle of one from files, or a rendered one."""
-    stored = Path(name).exists()
-    frame = (size[0], size[1]) if size else None
-    return load_light_field(name, views=VIEWS[0], size=frame if stored else RENDERED, scale=scale if stored else None)
 
 
 def search(cell: Settings) -> Measured:
@@ -58,7 +51,7 @@ def train(cell: Settings) -> Measured:
     from tmca.training import light_field_settings, train_light_field
 
     settings = light_field_settings(None, None, cell["training"])
-    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, cell["scale"]))
+    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, VIEWS[0], cell["scale"]))
     return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
 
 
@@ -66,7 +59,7 @@ def geometry(cell: Settings, folder: Path) -> Measured:
     """The disparity that the fixed estimator sees in the true views, kept, and its error where the truth is known."""
     from tmca.metrics import disparity_error, estimate_disparity
 
-    scene = read(cell["path"], cell["test_scale"], cell["size"])
+    scene = read(cell["path"], VIEWS[0], cell["test_scale"], cell["size"])
     seen = estimate_disparity(scene.values)
     file = folder / f"disparity-{cell_key(cell)}.npy"
     np.save(file, seen.astype(np.float32))
@@ -79,7 +72,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     """Take the snapshot of a scene, reconstruct it, measure; half precision is enough for pictures."""
     from tmca.decoders import Weights
 
-    scene = read(cell["path"], cell["test_scale"], cell["size"])
+    scene = read(cell["path"], VIEWS[0], cell["test_scale"], cell["size"])
     whole, scene = scene, _middle(scene) if cell["crop"] else scene
     camera = coded_camera(cell, (scene.sizes["y"], scene.sizes["x"]))
     given: dict[str, Any] = {name: cell[name] for name in ("prior", "dictionary") if cell.get(name)}

@@ -158,8 +158,8 @@ def markdown(found: dict[str, Any]) -> str:
         "where the geometry is known (rendered scenes), and it is compared with what the same estimator sees in the "
         f"true views everywhere. On the true views it errs by {_own_error(found)}.", "",
         f"Optimised codes: searches on the expected error with {EFFORT['descents']} descents of {EFFORT['steps']} "
-        f"steps and {EFFORT['flips']} flips, static codes with the same effort; for σ = 0.05 and used under all noises, "
-        "or for the noise of the table. A network is trained for each code, for all three noises together.", "",
+        f"steps and {EFFORT['flips']} flips, static codes with the same effort; for σ = 0.05 and used under all "
+        "noises, or for the noise of the table. A network is trained for each code, for all three noises together.", "",
     ]  # fmt: skip
     for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
         lines += [f"## {noise}", "", _table(found["rows"], noise)]

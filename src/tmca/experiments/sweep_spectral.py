@@ -1,31 +1,32 @@
-"""Sweeps of the spectral camera: every combination of some settings, over test scenes, in cells computed once."""
+"""Sweeps of the spectral camera: what can be varied, and how its scenes are read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from itertools import product
-from math import isfinite
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralCamera
-from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Progress, Settings, cell_key, run_cells, source_digest
-from tmca.experiments.figures import save_figure
-from tmca.experiments.results import check_new, mean_over_scenes, repository_commit
-from tmca.experiments.scenes import identity_of
 from tmca.experiments.spectral_cells import sweep_cell, sweep_training
 from tmca.experiments.spectral_rows import DECODER_NAMES, NETWORKS
-from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
+from tmca.experiments.sweep import Swept, Values, sweep
 from tmca.sensor import Sensor
 
-SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
-          "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip
-CAMERA = ("slots", "aperture", "shutter", "exposure", "dispersion", "disperser", "transmittance", "duty", "period")
-AXES = (*SENSOR, *CAMERA, "decoder", "seed")
-WHOLE, WORDS = ("slots", "bits", "period", "seed"), ("aperture", "shutter", "exposure", "disperser", "decoder")
 
-Values = Mapping[str, Sequence[Any]]
+def _check(camera: dict[str, Any], sensor: dict[str, Any]) -> None:
+    SpectralCamera(bands=2, size=(64, 64), sensor=Sensor(**sensor), **camera)
+
+
+SPECTRAL = Swept(
+    title="Spectral camera",
+    camera=("slots", "aperture", "shutter", "exposure", "dispersion", "disperser", "transmittance", "duty", "period"),
+    words=("aperture", "shutter", "exposure", "disperser", "decoder"),
+    check=_check,
+    decoders=DECODER_NAMES,
+    networks=tuple(NETWORKS),
+    measure=sweep_cell,
+    train=sweep_training,
+)
 
 
 def sweep_spectral(
@@ -34,182 +35,19 @@ def sweep_spectral(
     out: Path,
     work: Path,
     *,
-    fixed: Mapping[str, Any] | None = None,
-    decoder: str = "lmmse",
-    train: Sequence[str] = (),
-    validation: Sequence[str] = (),
-    steps: int = 300,
     bands: int = 12,
     size: tuple[int, int] | None = None,
-    jobs: int = 1,
-    cluster: Settings | None = None,
-    overwrite: bool = False,
-    progress: Progress | None = None,
-    command: Sequence[str] = (),
+    **how: Any,
 ) -> dict[str, Any]:
-    """Measure every combination of the varied settings.
+    """Measure every combination of the varied settings; ``sweep`` says what is not said here.
 
     Args:
-        vary: setting → its values; names of ``AXES`` (``noise`` is the read noise).
+        vary: setting → its values; names of ``SPECTRAL.axes``.
         scenes: test scenes, names that ``load_scene`` understands.
         out: the results ``OUT.json``, ``OUT.csv``, ``OUT.md`` and ``OUT.png``.
         work: folder of finished cells.
-        fixed: settings of all cells.
-        decoder: name of ``DECODER_NAMES``, unless it is varied; networks are trained at every combination.
-        train: scenes of priors and networks; the rendered training scenes' prior if empty.
-        validation: scenes that choose a network's best step; some training scenes are set aside without any.
-        steps: of each training.
         bands: from 400 to 700 nm.
         size: (H, W) middle of the scenes.
-        jobs: processes side by side.
-        cluster: parameters of submitit, to send the cells to Slurm instead.
-        overwrite: replace results.
-        progress: told after each cell.
-        command: how the run was called.
-
-    Raises:
-        SettingError: an unknown or empty axis, or a combination that makes no camera.
-        OutputError: results exist.
-        CellsFailed: some cells failed; the others are kept.
+        how: further arguments of ``sweep``.
     """
-    from tmca.data import make_folder, write_json, write_text
-
-    files = [out.with_suffix(suffix) for suffix in (".json", ".csv", ".md", ".png")]
-    check_new(files, overwrite)
-    if steps < 1 or jobs < 1:
-        raise SettingError("--steps, --jobs", f"{steps}, {jobs}", "at least 1")
-    vary = converted(vary, "--vary")
-    kept = {"decoder": decoder, **converted({name: [value] for name, value in (fixed or {}).items()}, "--set")}
-    kept = {name: values[0] if isinstance(values, list) else values for name, values in kept.items()}
-    points = combinations(vary, kept)
-    make_folder(out.parent)
-    data = {"bands": bands, "size": size, "train": list(train), "validation": list(validation), "steps": steps}
-    names = _different(scenes)
-    cells = [_cell(point, scene, name, data, work) for point in points for scene, name in names.items()]
-    failures = Failures(make_folder(work))
-
-    def run(part: list[Settings], compute: Callable[[Settings], Measured]) -> list[Measured]:
-        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=progress, failures=failures)
-
-    trainings = {cell["folder"]: cell for cell in cells if cell["decoder"] in NETWORKS}
-    shared = {"path": "", "scene": "", "checksum": None}
-    run([{**cell, "name": f"training for {cell['name']}", **shared} for cell in trainings.values()], sweep_training)
-    broken = {name.removeprefix("training for ").partition(": ")[2] for name, _ in failures.met}
-    measured = run([cell for cell in cells if cell["name"].partition(": ")[2] not in broken], sweep_cell)
-    rows = _rows(points, measured, list(names.values()))
-    if not rows:
-        failures.check()
-    found = {
-        "command": " ".join(command), "commit": repository_commit(), "scenes": list(names.values()),
-        "vary": {name: list(values) for name, values in vary.items()},
-        "fixed": {name: value for name, value in kept.items() if name not in vary},
-        "train": [Path(name).name for name in train], "rows": rows,
-    }  # fmt: skip
-    write_json(found, files[0], overwrite=overwrite)
-    write_text(csv_text(rows, list(vary)), files[1], overwrite=overwrite)
-    write_text(markdown(found, list(vary)), files[2], overwrite=overwrite)
-    save_figure(sweep_figure(rows, list(vary)), files[3], overwrite=overwrite)
-    failures.check()
-    return found
-
-
-def converted(settings: Values, option: str) -> dict[str, list[Any]]:
-    """Values of the type that each setting has: whole numbers, numbers or words.
-
-    Raises:
-        SettingError: a name that is none of ``AXES``, two names for one thing, or a value of another type.
-    """
-    for name in settings:
-        if name not in AXES:
-            raise SettingError(option, name, f"one of {', '.join(AXES)}")
-    if {"noise", "read_noise"} <= set(settings):
-        raise SettingError(option, "noise and read_noise", "one of them", "they are the same")
-    return {name: [_converted(name, value, option) for value in values] for name, values in settings.items()}
-
-
-def _converted(name: str, value: Any, option: str) -> Any:
-    if name in WORDS:
-        return str(value)
-    try:
-        number = float(value)
-        if name in WHOLE and not number.is_integer():
-            raise ValueError
-    except (TypeError, ValueError, OverflowError):
-        wanted = "whole numbers" if name in WHOLE else "numbers"
-        raise SettingError(option, f"{name} = {value}", wanted) from None
-    if not isfinite(number):
-        raise SettingError(option, f"{name} = {value}", "finite numbers")
-    return int(number) if name in WHOLE else number
-
-
-def combinations(vary: Values, fixed: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Every combination of the varied settings, with the fixed ones, each of which makes a camera.
-
-    Raises:
-        SettingError: the first that does not.
-    """
-    if not vary:
-        raise SettingError("--vary", "nothing", "at least one, such as slots=2,4,8")
-    both = sorted(set(vary) & set(fixed) - {"decoder"})
-    if both:
-        raise SettingError("--set", both[0], "a setting that is not varied", "leave one of the two out")
-    for name, values in vary.items():
-        if name not in AXES:
-            raise SettingError("--vary", name, f"one of {', '.join(AXES)}")
-        if not values or len(set(map(str, values))) < len(values):
-            raise SettingError("--vary", f"{name} = {list(values)}", "different values, separated by commas")
-    points = [{**fixed, **dict(zip(vary, values, strict=True))} for values in product(*vary.values())]
-    for point in points:
-        if point["decoder"] not in DECODER_NAMES:
-            raise SettingError("decoder", repr(point["decoder"]), f"one of {', '.join(DECODER_NAMES)}")
-        camera, sensor = parts(point)
-        SpectralCamera(bands=2, size=(64, 64), sensor=Sensor(**sensor), **camera)
-    return points
-
-
-def parts(point: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Arguments of the camera and of the sensor in a combination."""
-    camera = {name: value for name, value in point.items() if name in CAMERA or name == "seed"}
-    return camera, {SENSOR[name]: value for name, value in point.items() if name in SENSOR}
-
-
-def _cell(point: dict[str, Any], path: str, scene: str, data: dict[str, Any], work: Path) -> Settings:
-    camera, sensor = parts(point)
-    shown = ", ".join(f"{name} = {value}" for name, value in point.items())
-    cell: Settings = {"name": f"{scene}: {shown}", "path": path, "scene": scene, "checksum": identity_of(path)}
-    common = {name: value for name, value in data.items() if name not in ("validation", "steps")}
-    common |= {"camera": camera, "sensor": sensor, "decoder": point["decoder"], "source": source_digest()}
-    common["checksums"] = [identity_of(name) for name in (*data["train"], *data["validation"])]
-    if point["decoder"] in NETWORKS:
-        common |= {"steps": data["steps"], "validation": data["validation"]}
-    return cell | common | {"folder": str(work / f"point-{cell_key(common)}")}
-
-
-def _different(scenes: Sequence[str]) -> dict[str, str]:
-    """A short name for every scene, longer where two would be the same.
-
-    Raises:
-        SettingError: a scene that is named twice.
-    """
-    if len(set(scenes)) < len(scenes):
-        raise SettingError("scenes", "one that is named twice", "different scenes")
-    stems = [Path(scene).stem for scene in scenes]
-    return {
-        scene: stem if stems.count(stem) == 1 else str(Path(scene).with_suffix(""))
-        for scene, stem in zip(scenes, stems, strict=True)
-    }
-
-
-def _rows(
-    points: Sequence[dict[str, Any]], measured: Sequence[Measured], scenes: Sequence[str]
-) -> list[dict[str, Any]]:
-    """A row for every combination that was measured on all scenes."""
-    rows, found = [], {cell["name"]: cell for cell in measured}
-    for point in points:
-        shown = ", ".join(f"{name} = {value}" for name, value in point.items())
-        part = [found[f"{scene}: {shown}"] for scene in scenes if f"{scene}: {shown}" in found]
-        if len(part) == len(scenes):
-            each = {cell["scene"]: cell["metrics"] for cell in part}
-            light = sum(cell["throughput"] for cell in part) / len(part)
-            rows.append({**point, **mean_over_scenes(each), "throughput": light, "scenes": each})
-    return rows
+    return sweep(SPECTRAL, vary, scenes, out, work, {"bands": bands, "size": size}, **how)

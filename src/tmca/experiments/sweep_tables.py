@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tmca.experiments.figures import plain_axes
 from tmca.experiments.results import METRICS, markdown_table
-from tmca.experiments.spectral_rows import DECODER_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,34 +22,37 @@ UNITS = {
 }
 
 
-def _columns(axes: Sequence[str]) -> list[tuple[str, str, str]]:
-    return [*((name, name, "") for name in axes), *METRICS, ("throughput", "light", ".1%")]
+def _columns(rows: Sequence[dict[str, Any]], axes: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Varied settings, the metrics that the rows have, light."""
+    metrics = [column for column in METRICS if column[0] in rows[0]]
+    return [*((name, name, "") for name in axes), *metrics, ("throughput", "light", ".1%")]
 
 
 def csv_text(rows: Sequence[dict[str, Any]], axes: Sequence[str]) -> str:
     text = io.StringIO()
-    names = [name for name, _, _ in _columns(axes)]
+    names = [name for name, _, _ in _columns(rows, axes)]
     writer = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
 
 
-def markdown(found: dict[str, Any], axes: Sequence[str]) -> str:
+def markdown(found: dict[str, Any], axes: Sequence[str], decoders: Mapping[str, str]) -> str:
+    """The results for people; ``decoders`` names them."""
     fixed = {name: value for name, value in found["fixed"].items() if name != "decoder"}
     settings = "".join(f", {name} = {value}" for name, value in fixed.items())
     decoder = found["fixed"].get("decoder")
     learned = ", ".join(found["train"]) or "the rendered training scenes"
     units = "; ".join(f"{name}: {UNITS[name]}" for name in axes if name in UNITS)
-    lines = ["# Spectral camera: sweep over " + " and ".join(axes), ""]
+    lines = [f"# {found['camera']}: sweep over " + " and ".join(axes), ""]
     lines += [f"Command: `{found['command']}` at commit `{found['commit']}`.", ""]
-    said = f"decoder {DECODER_NAMES[decoder]}" if decoder else "decoders side by side"
+    said = f"decoder {decoders[decoder]}" if decoder else "decoders side by side"
     said = f"{said[0].upper()}{said[1:]}{settings}; prior and networks learned from {learned}."
     lines += [f"{said} Means over {', '.join(found['scenes'])}.{f' {units}.' if units else ''}", ""]
-    return "\n".join([*lines, markdown_table(found["rows"], _columns(axes))])
+    return "\n".join([*lines, markdown_table(found["rows"], _columns(found["rows"], axes))])
 
 
-def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str]) -> Figure:
+def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str], names: Mapping[str, str]) -> Figure:
     """PSNR along the first varied setting, a line for every combination of the others."""
     from matplotlib.figure import Figure
 
@@ -69,7 +71,7 @@ def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str]) -> Figure:
             axis.set_xscale("log")
     if len(groups) > 1:
         axis.legend(fontsize=8)
-    decoders = {DECODER_NAMES[row["decoder"]] for row in rows}
+    decoders = {names[row["decoder"]] for row in rows}
     title = "mean over test scenes" + (f", {decoders.pop()}" if len(decoders) == 1 else "")
     plain_axes(axis, title, UNITS.get(axes[0], axes[0]), "PSNR (dB)")
     return figure

@@ -1,0 +1,97 @@
+"""What experiments learn of light fields, once each: priors, a dictionary, examples to design codes for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.experiments.cells import Settings, cell_key, source_digest
+from tmca.experiments.light_field import load_light_field
+from tmca.experiments.light_field_rows import RENDERED
+from tmca.experiments.scenes import identity_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def read(name: str, views: int, scale: int | None, size: Sequence[int] | None = None) -> xr.DataArray:
+    """A light field in grey: the middle of one from files, or a rendered one."""
+    stored = Path(name).exists()
+    frame = (size[0], size[1]) if size else None
+    return load_light_field(
+        name, views=views, size=frame if stored or frame else RENDERED, scale=scale if stored else None
+    )
+
+
+class Learned:
+    """Files of what is learned from training light fields, made when they are first asked for.
+
+    Args:
+        names: of the light fields, what ``load_light_field`` reads.
+        work: folder of the files.
+        views: n for the centre n×n views.
+        scale: of those from files, whole number of pixels per axis that are averaged into one.
+    """
+
+    def __init__(self, names: Sequence[str], work: Path, views: int, scale: int | None) -> None:
+        self.names, self.work, self.views, self.scale = list(names), work, views, scale
+
+    @cached_property
+    def light_fields(self) -> list[xr.DataArray]:
+        """All of them."""
+        return [read(name, self.views, self.scale) for name in self.names]
+
+    @cached_property
+    def identity(self) -> Settings:
+        """What a file is made of."""
+        scenes = [identity_of(name) or name for name in self.names]
+        return {"scenes": scenes, "source": source_digest(), "views": self.views, "scale": self.scale}
+
+    def prior(self) -> str:
+        """The Gaussian prior of the patch LMMSE."""
+        from tmca.priors import learn_light_field_prior
+
+        return self._kept("prior", lambda: learn_light_field_prior(self.light_fields))
+
+    def mixture(self) -> str:
+        """The Gaussian mixture."""
+        from tmca.priors import learn_light_field_mixture
+
+        return self._kept("mixture", lambda: learn_light_field_mixture(self.light_fields))
+
+    def dictionary(self, atoms: int) -> str:
+        """A dictionary of patches."""
+        from tmca.priors import PatchDictionary
+        from tmca.priors.light_field import views_of
+
+        def learn() -> Any:
+            own = [views for field in self.light_fields for views in views_of(field)]
+            return PatchDictionary.learn(own, atoms=atoms, sources=self.names)
+
+        return self._kept(f"dictionary-{atoms}", learn)
+
+    def examples(self) -> str:
+        """Folder of examples that codes are designed for; ``load_examples`` reads them."""
+        from tmca.cameras import LightFieldCamera
+        from tmca.data import make_folder
+        from tmca.design import design_model, designable, learn_examples
+        from tmca.experiments.codes.task import save_examples
+        from tmca.priors.light_field import views_of
+
+        folder, grid = self.work / f"examples-{cell_key(self.identity)}", (self.views, self.views)
+        if not (folder / "examples.json").exists():
+            one = designable("static", 1, (8, 8), camera_type=LightFieldCamera, views=grid)
+            cubes = {
+                Path(name).stem: views_of(field)[0].flatten(0, 1)
+                for name, field in zip(self.names, self.light_fields, strict=True)
+            }
+            save_examples(learn_examples(cubes, design_model(one.taps()), None, views=grid), make_folder(folder))
+        return str(folder)
+
+    def _kept(self, kind: str, learn: Callable[[], Any]) -> str:
+        file = self.work / f"{kind}-{cell_key(self.identity)}.nc"
+        if not file.exists():
+            learn().save(file)
+        return str(file)

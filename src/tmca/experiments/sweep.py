@@ -1,0 +1,250 @@
+"""Sweeps: every combination of some settings of a camera, over test scenes, in cells that are computed once.
+
+The same for every camera; ``sweep_spectral`` and ``sweep_light_field`` say what they vary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from tmca.errors import SettingError
+from tmca.experiments.cells import Failures, Measured, Progress, Settings, cell_key, run_cells, source_digest
+from tmca.experiments.figures import save_figure
+from tmca.experiments.results import check_new, mean_over_scenes, repository_commit
+from tmca.experiments.scenes import identity_of
+from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
+
+SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
+          "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip
+WHOLE = ("slots", "bits", "period", "seed")
+
+Values = Mapping[str, Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What a sweep asks of a camera.
+
+    Args:
+        title: what tables say of it.
+        camera: its settings that can be varied, beside the sensor's, ``decoder`` and ``seed``.
+        words: those that are words.
+        check: refuses settings (camera, sensor) that make no camera.
+        decoders: names of decoders as tables show them.
+        networks: those that are trained at every combination.
+        measure, train: compute a cell; module-level functions.
+    """
+
+    title: str
+    camera: tuple[str, ...]
+    words: tuple[str, ...]
+    check: Callable[[dict[str, Any], dict[str, Any]], Any]
+    decoders: Mapping[str, str]
+    networks: tuple[str, ...]
+    measure: Callable[[Settings], Measured]
+    train: Callable[[Settings], Measured]
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Everything that can be varied."""
+        return (*SENSOR, *self.camera, "decoder", "seed")
+
+
+def sweep(
+    swept: Swept,
+    vary: Values,
+    scenes: Sequence[str],
+    out: Path,
+    work: Path,
+    data: Settings,
+    *,
+    prepare: Callable[[Sequence[dict[str, Any]]], Settings] | None = None,
+    fixed: Mapping[str, Any] | None = None,
+    decoder: str = "lmmse",
+    train: Sequence[str] = (),
+    validation: Sequence[str] = (),
+    steps: int = 300,
+    jobs: int = 1,
+    cluster: Settings | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    command: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Measure every combination of the varied settings.
+
+    Args:
+        swept: the camera.
+        vary: setting → its values; names of ``swept.axes`` (``noise`` is the read noise).
+        scenes: test scenes.
+        out: the results ``OUT.json``, ``OUT.csv``, ``OUT.md`` and ``OUT.png``.
+        work: folder of finished cells.
+        data: how scenes are read.
+        prepare: from the combinations, once they are found possible, to further settings of all cells.
+        fixed: settings of all cells.
+        decoder: name of ``swept.decoders``, unless it is varied; networks are trained at every combination.
+        train: scenes of priors and networks; the rendered training scenes' prior if empty.
+        validation: scenes that choose a network's best step; some training scenes are set aside without any.
+        steps: of each training.
+        jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
+        overwrite: replace results.
+        progress: told after each cell.
+        command: how the run was called.
+
+    Raises:
+        SettingError: an unknown or empty axis, or a combination that makes no camera.
+        OutputError: results exist.
+        CellsFailed: some cells failed; the others are kept.
+    """
+    from tmca.data import make_folder
+
+    files = [out.with_suffix(suffix) for suffix in (".json", ".csv", ".md", ".png")]
+    check_new(files, overwrite)
+    if steps < 1 or jobs < 1:
+        raise SettingError("--steps, --jobs", f"{steps}, {jobs}", "at least 1")
+    vary = converted(swept, vary, "--vary")
+    kept = {"decoder": decoder, **converted(swept, {name: [value] for name, value in (fixed or {}).items()}, "--set")}
+    kept = {name: values[0] if isinstance(values, list) else values for name, values in kept.items()}
+    points = combinations(swept, vary, kept)
+    make_folder(out.parent)
+    names = _different(scenes)
+    data = {**data, "train": list(train), "validation": list(validation), "steps": steps}
+    data |= prepare(points) if prepare else {}
+    cells = [_cell(swept, point, scene, name, data, work) for point in points for scene, name in names.items()]
+    failures = Failures(make_folder(work))
+
+    def run(part: list[Settings], compute: Callable[[Settings], Measured]) -> list[Measured]:
+        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=progress, failures=failures)
+
+    trainings = {cell["folder"]: cell for cell in cells if cell["decoder"] in swept.networks}
+    shared = {"path": "", "scene": "", "checksum": None}
+    run([{**cell, "name": f"training for {cell['name']}", **shared} for cell in trainings.values()], swept.train)
+    broken = {name.removeprefix("training for ").partition(": ")[2] for name, _ in failures.met}
+    measured = run([cell for cell in cells if cell["name"].partition(": ")[2] not in broken], swept.measure)
+    rows = _rows(points, measured, list(names.values()))
+    if not rows:
+        failures.check()
+    found = {
+        "camera": swept.title, "command": " ".join(command), "commit": repository_commit(),
+        "scenes": list(names.values()), "vary": {name: list(values) for name, values in vary.items()},
+        "fixed": {name: value for name, value in kept.items() if name not in vary},
+        "train": [Path(name).name for name in train], "rows": rows,
+    }  # fmt: skip
+    _write(swept, found, files, overwrite)
+    failures.check()
+    return found
+
+
+def _write(swept: Swept, found: dict[str, Any], files: Sequence[Path], overwrite: bool) -> None:
+    """JSON, CSV, Markdown and picture of a sweep."""
+    from tmca.data import write_json, write_text
+
+    rows, axes = found["rows"], list(found["vary"])
+    write_json(found, files[0], overwrite=overwrite)
+    write_text(csv_text(rows, axes), files[1], overwrite=overwrite)
+    write_text(markdown(found, axes, swept.decoders), files[2], overwrite=overwrite)
+    save_figure(sweep_figure(rows, axes, swept.decoders), files[3], overwrite=overwrite)
+
+
+def converted(swept: Swept, settings: Values, option: str) -> dict[str, list[Any]]:
+    """Values of the type that each setting has: whole numbers, numbers or words.
+
+    Raises:
+        SettingError: a name that is none of ``swept.axes``, two names for one thing, or a value of another type.
+    """
+    for name in settings:
+        if name not in swept.axes:
+            raise SettingError(option, name, f"one of {', '.join(swept.axes)}")
+    if {"noise", "read_noise"} <= set(settings):
+        raise SettingError(option, "noise and read_noise", "one of them", "they are the same")
+    return {name: [_converted(swept, name, value, option) for value in values] for name, values in settings.items()}
+
+
+def _converted(swept: Swept, name: str, value: Any, option: str) -> Any:
+    if name in swept.words:
+        return str(value)
+    try:
+        number = float(value)
+        if name in WHOLE and not number.is_integer():
+            raise ValueError
+    except (TypeError, ValueError, OverflowError):
+        wanted = "whole numbers" if name in WHOLE else "numbers"
+        raise SettingError(option, f"{name} = {value}", wanted) from None
+    if not isfinite(number):
+        raise SettingError(option, f"{name} = {value}", "finite numbers")
+    return int(number) if name in WHOLE else number
+
+
+def combinations(swept: Swept, vary: Values, fixed: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Every combination of the varied settings, with the fixed ones, each of which makes a camera.
+
+    Raises:
+        SettingError: the first that does not.
+    """
+    if not vary:
+        raise SettingError("--vary", "nothing", "at least one, such as slots=2,4,8")
+    both = sorted(set(vary) & set(fixed) - {"decoder"})
+    if both:
+        raise SettingError("--set", both[0], "a setting that is not varied", "leave one of the two out")
+    for name, values in vary.items():
+        if not values or len(set(map(str, values))) < len(values):
+            raise SettingError("--vary", f"{name} = {list(values)}", "different values, separated by commas")
+    points = [{**fixed, **dict(zip(vary, values, strict=True))} for values in product(*vary.values())]
+    for point in points:
+        if point["decoder"] not in swept.decoders:
+            raise SettingError("decoder", repr(point["decoder"]), f"one of {', '.join(swept.decoders)}")
+        swept.check(*parts(swept, point))
+    return points
+
+
+def parts(swept: Swept, point: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Arguments of the camera and of the sensor in a combination."""
+    camera = {name: value for name, value in point.items() if name in swept.camera or name == "seed"}
+    return camera, {SENSOR[name]: value for name, value in point.items() if name in SENSOR}
+
+
+def _cell(swept: Swept, point: dict[str, Any], path: str, scene: str, data: dict[str, Any], work: Path) -> Settings:
+    camera, sensor = parts(swept, point)
+    shown = ", ".join(f"{name} = {value}" for name, value in point.items())
+    cell: Settings = {"name": f"{scene}: {shown}", "path": path, "scene": scene, "checksum": identity_of(path)}
+    common = {name: value for name, value in data.items() if name not in ("validation", "steps")}
+    common |= {"camera": camera, "sensor": sensor, "decoder": point["decoder"], "source": source_digest()}
+    common["checksums"] = [identity_of(name) for name in (*data["train"], *data["validation"])]
+    if point["decoder"] in swept.networks:
+        common |= {"steps": data["steps"], "validation": data["validation"]}
+    return cell | common | {"folder": str(work / f"point-{cell_key(common)}")}
+
+
+def _different(scenes: Sequence[str]) -> dict[str, str]:
+    """A short name for every scene, longer where two would be the same.
+
+    Raises:
+        SettingError: a scene that is named twice.
+    """
+    if len(set(scenes)) < len(scenes):
+        raise SettingError("scenes", "one that is named twice", "different scenes")
+    stems = [Path(scene).stem for scene in scenes]
+    return {
+        scene: stem if stems.count(stem) == 1 else str(Path(scene).with_suffix(""))
+        for scene, stem in zip(scenes, stems, strict=True)
+    }
+
+
+def _rows(
+    points: Sequence[dict[str, Any]], measured: Sequence[Measured], scenes: Sequence[str]
+) -> list[dict[str, Any]]:
+    """A row for every combination that was measured on all scenes."""
+    rows, found = [], {cell["name"]: cell for cell in measured}
+    for point in points:
+        shown = ", ".join(f"{name} = {value}" for name, value in point.items())
+        part = [found[f"{scene}: {shown}"] for scene in scenes if f"{scene}: {shown}" in found]
+        if len(part) == len(scenes):
+            each = {cell["scene"]: cell["metrics"] for cell in part}
+            light = sum(cell["throughput"] for cell in part) / len(part)
+            rows.append({**point, **mean_over_scenes(each), "throughput": light, "scenes": each})
+    return rows
