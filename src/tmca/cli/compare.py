@@ -73,6 +73,9 @@ def light_field(
     out: Path = Path("docs/results"),
     work: Path = Path("runs/compare-light-field"),
     decoders: str = "dictionary,lmmse,mixture",
+    views: Whole = 5,
+    frame: str = "270x480",
+    period: Whole = 16,
     scale: MaybeWhole = None,
     test_scale: MaybeWhole = None,
     atoms: Whole = 1024,
@@ -97,6 +100,9 @@ def light_field(
         work: folder of priors, designs and finished cells.
         decoders: which of dictionary (on a crop), lmmse, mixture, and of the trained sub-network (the thesis') and
             consistent (measurement-consistent, from the lmmse); separated by commas.
+        views: n for the centre n×n views, odd.
+        frame: HEIGHTxWIDTH, the middle of the light fields of --test.
+        period: tile of all codes, pixels.
         scale: whole number of pixels per axis that are averaged into one, in the light fields of --train.
         test_scale: the same in those of --test.
         atoms: of the dictionary.
@@ -108,11 +114,16 @@ def light_field(
         overwrite: replace result files that exist.
         json: print the results as JSON.
     """
+    from tmca.cli.options import size
     from tmca.experiments.compare_light_field import compare_light_field
+    from tmca.experiments.light_field_rows import Sizes
 
+    middle = size(frame, "--frame")
+    assert middle is not None
+    sizes = Sizes(views=views, period=period, frame=middle)
     results = compare_light_field(
-        train, test, out, work, decoders=decoders.split(","), scale=scale, test_scale=test_scale, atoms=atoms,
-        seed=seed, seeds=seeds, steps=steps, jobs=jobs, cluster=cluster_parameters(slurm),
+        train, test, out, work, decoders=decoders.split(","), sizes=sizes, scale=scale, test_scale=test_scale,
+        atoms=atoms, seed=seed, seeds=seeds, steps=steps, jobs=jobs, cluster=cluster_parameters(slurm),
         overwrite=overwrite, progress=_told, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(results, indent=1) if json else (out / "light-field.md").read_text())

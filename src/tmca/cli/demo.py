@@ -36,6 +36,7 @@ def demo(
     assert wanted is not None
     print("tmca demo: loading", file=sys.stderr)
     from tmca.experiments.demo import COLUMNS, run_demo
+    from tmca.experiments.demo_light_field import COLUMNS as LIGHT_FIELD_COLUMNS
     from tmca.experiments.results import markdown_table
 
     with progress_bar("demo") as progress:
@@ -43,5 +44,6 @@ def demo(
     if json:
         print(json_module.dumps(found, indent=1))
         return
-    print(markdown_table(found["rows"], COLUMNS))
+    print("A spectral camera:\n\n" + markdown_table(found["rows"], COLUMNS))
+    print("A light-field camera:\n\n" + markdown_table(found["light_field"], LIGHT_FIELD_COLUMNS))
     print(f"{found['seconds']:.0f} s; open {found['report']}")

@@ -128,8 +128,9 @@ def light_field(
     axes, fixed = _axes(vary, set_)
     examples = [str(path) for path in read_split(train)] if train else []
     found = sweep_light_field(
-        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=views, scale=scale, test_scale=test_scale, size=size(crop, "--crop"), jobs=jobs,
-        cluster=cluster_parameters(slurm), overwrite=overwrite, progress=_told, command=["tmca", *sys.argv[1:]],
+        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=views,
+        scale=scale, test_scale=test_scale, size=size(crop, "--crop"), jobs=jobs, cluster=cluster_parameters(slurm),
+        overwrite=overwrite, progress=_told, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,12 @@ from tmca.experiments.light_field_rows import (
     DECODER_NAMES,
     DESIGNED,
     EFFORT,
-    FRAME,
     NETWORKS,
     NOISES,
-    PERIOD,
     SHOWN,
     SHOWN_NOISE,
     TRAINED,
-    VIEWS,
+    Sizes,
     rows,
     scenes_of,
     search_of,
@@ -32,6 +30,7 @@ from tmca.experiments.light_field_rows import (
 from tmca.experiments.light_field_tables import markdown, results
 from tmca.experiments.results import check_new
 from tmca.experiments.scenes import identity_of
+from tmca.optics import view_grid
 
 _DICTIONARY = "dictionary"
 
@@ -43,6 +42,8 @@ def compare_light_field(
     work: Path,
     *,
     decoders: Sequence[str] = tuple(DECODER_NAMES),
+    sizes: Sizes | None = None,
+    effort: Mapping[str, int] = EFFORT,
     scale: int | None = None,
     test_scale: int | None = None,
     atoms: int = 1024,
@@ -63,6 +64,8 @@ def compare_light_field(
         out: folder of ``light-field.md``, ``light-field.json`` and pictures.
         work: folder of priors, designs and finished cells; a stopped run goes on there.
         decoders: names of ``DECODER_NAMES``; the dictionary decodes a crop, where the others are measured too.
+        sizes: of views, frames, codes and patches.
+        effort: arguments of ``Effort``, of every search, static or not.
         scale, test_scale: whole number of pixels per axis that are averaged into one, in light fields from files.
         atoms: of the dictionary.
         seed: of codes, noise and trainings.
@@ -75,7 +78,7 @@ def compare_light_field(
         command: how the run was called, kept in the results.
 
     Raises:
-        SettingError: unknown decoder.
+        SettingError: unknown decoder, or an even number of views.
         OutputError: the results exist.
         DataError: a light field of a split is missing or altered.
         CellsFailed: some cells failed; the table of the others is written.
@@ -88,34 +91,38 @@ def compare_light_field(
     unknown = [name for name in decoders if name not in DECODER_NAMES]
     if unknown or not decoders:
         raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(DECODER_NAMES)}")
+    own = sizes or Sizes()
+    view_grid(own.views)  # refuses even ones before anything is made
     examples = [str(path) for path in read_split(train)]
     real = [str(path) for path in read_split(test)]
     scenes = real + sorted(split_rendered_light_fields()["test"])
     files = [out / "light-field.json", out / "light-field.md"]
     check_new([*files, *picture_files([Path(name).stem for name in scenes], out)], overwrite)
     make_folder(out)
-    learned = _learn(Learned(examples, make_folder(work), VIEWS[0], scale), decoders, atoms)
+    learned = _learn(Learned(examples, make_folder(work), own.views, scale), decoders, atoms)
     failures = Failures(work)
 
     def run(part: list[Settings]) -> list[Measured]:
         compute, told = partial(measure, folder=str(work)), timed(progress)
         return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
 
-    common: Settings = {"source": source_digest(), "scale": scale, "test_scale": test_scale, "views": list(VIEWS)}
+    common: Settings = {"source": source_digest(), "scale": scale, "test_scale": test_scale, "views": 2 * [own.views]}
     common |= {"examples": learned["examples"], "designs": str(make_folder(work / "designs"))}
-    common |= {"period": list(PERIOD), "effort": EFFORT, "exposures": 1}
+    common |= {"period": 2 * [own.period], "effort": dict(effort), "exposures": 1}
+    places = _places(scenes, real, own)
     searched = _searches(common, seed, seeds)
     for slots in (True, False):  # a search of multiplexed codes contains that of the static ones
         run([cell for cell in searched if (cell["search"][1] > 1) == slots])
-    measured = run(searched) + run(_geometries(common, scenes))
+    measured = run(searched) + run(_geometries(common, places))
     maps = {cell["path"]: cell["disparity"] for cell in measured if cell["kind"] == "geometry"}
-    measured += run(_untrained(common, scenes, real, decoders, learned, maps, seed, seeds))
-    trained = run(_trainings(common, examples, work, decoders, seed, seeds, steps))
-    measured += trained + run(_behind_networks(common, scenes, real, trained, decoders, maps))
+    measured += run(_untrained(common, places, decoders, learned, maps, seed, seeds))
+    trained = run(_trainings(common, examples, work, own, decoders, seed, seeds, steps))
+    measured += trained + run(_behind_networks(common, places, trained, maps))
     if not any("metrics" in cell for cell in measured):
         failures.check()
-    split = {"train": [Path(n).name for n in examples], "test": [Path(n).stem for n in scenes]}
-    found = results(measured, split | {"scale": scale, "test_scale": test_scale, "atoms": atoms}, command)
+    split: Settings = {"train": [Path(n).name for n in examples], "test": [Path(n).stem for n in scenes]}
+    split |= {"scale": scale, "test_scale": test_scale, "atoms": atoms}
+    found = results(measured, split, {**vars(own), "effort": dict(effort)}, command)
     write_json(found, files[0], overwrite=overwrite)
     write_text(markdown(found), files[1], overwrite=overwrite)
     shown = [cell for cell in measured if cell.get("seed", seed) == seed]
@@ -145,31 +152,34 @@ def _searches(common: Settings, first: int, seeds: int) -> list[Settings]:
     ]  # fmt: skip
 
 
-def _frame(scene: str) -> list[int] | None:
-    """Middle of a light field from files; rendered ones have their own size."""
-    return list(FRAME) if Path(scene).exists() else None
-
-
-def _geometries(common: Settings, scenes: Sequence[str]) -> list[Settings]:
-    plain = {name: common[name] for name in ("source", "test_scale")}
-    return [
-        {**plain, "kind": "geometry", "name": f"{Path(scene).stem} · disparity of the true views", "path": scene,
-         "scene": Path(scene).stem, "checksum": identity_of(scene), "size": _frame(scene)}
+def _places(scenes: Sequence[str], real: Sequence[str], sizes: Sizes) -> list[Settings]:
+    """Where is measured: on every scene, and on a crop of those from files, where the dictionary can follow."""
+    whole: list[Settings] = [
+        {"path": scene, "scene": Path(scene).stem, "checksum": identity_of(scene), "crop": None,
+         "size": list(sizes.frame if scene in real else sizes.rendered)}
         for scene in scenes
+    ]  # fmt: skip
+    return whole + [{**place, "crop": list(sizes.crop)} for place in whole if place["path"] in real]
+
+
+def _geometries(common: Settings, places: Sequence[Settings]) -> list[Settings]:
+    plain = {name: common[name] for name in ("source", "test_scale", "views")}
+    return [
+        {**plain, **place, "kind": "geometry", "name": f"{place['scene']} · disparity of the true views"}
+        for place in places if not place["crop"]
     ]  # fmt: skip
 
 
 def _untrained(
     common: Settings,
-    scenes: Sequence[str],
-    real: Sequence[str],
+    places: Sequence[Settings],
     decoders: Sequence[str],
     learned: dict[str, str],
     maps: dict[str, str],
     first: int,
     seeds: int,
 ) -> list[Settings]:
-    """Measurements without training: on whole scenes, and on a crop of the first where the dictionary can follow."""
+    """Measurements without training."""
     found = []
     for decoder in (name for name in decoders if name not in NETWORKS):
         prior = {"dictionary" if decoder == _DICTIONARY else "prior": learned[decoder]}
@@ -177,26 +187,31 @@ def _untrained(
             for code in rows(noise):
                 for seed in range(first, first + seeds):
                     cell = {**common, **prior, "code": code, "noise": noise, "decoder": decoder, "seed": seed}
-                    found += _places(cell, scenes, real, maps)
+                    found += _measurements(cell, places, maps)
     return found
 
 
-def _places(cell: Settings, scenes: Sequence[str], real: Sequence[str], maps: dict[str, str]) -> list[Settings]:
-    """A measurement on every scene, and on the crop; the dictionary's on the crop alone."""
-    whole = [] if cell["decoder"] == _DICTIONARY else [(scene, False) for scene in scenes]
-    crops = [(scene, True) for scene in real or scenes[:1]]
+def _measurements(cell: Settings, places: Sequence[Settings], maps: dict[str, str]) -> list[Settings]:
+    """One in every place; the dictionary's on crops alone."""
     keep = (cell["code"], cell["decoder"]) in SHOWN and cell["noise"] == SHOWN_NOISE
     label = f"{cell['code']} · {cell['noise']} · {DECODER_NAMES[cell['decoder']]} · seed {cell['seed']}"
     return [
-        {**cell, "kind": "measurement", "name": f"{Path(scene).stem}{' crop' if crop else ''} · {label}",
-         "path": scene, "scene": Path(scene).stem, "checksum": identity_of(scene), "size": _frame(scene), "crop": crop,
-         "keep": keep and not crop, "disparity": None if crop else maps.get(scene)}
-        for scene, crop in [*whole, *crops]
+        {**cell, **place, "kind": "measurement", "keep": keep and not place["crop"],
+         "name": f"{place['scene']}{' crop' if place['crop'] else ''} · {label}",
+         "disparity": None if place["crop"] else maps.get(place["path"])}
+        for place in places if place["crop"] or cell["decoder"] != _DICTIONARY
     ]  # fmt: skip
 
 
 def _trainings(
-    common: Settings, examples: Sequence[str], work: Path, decoders: Sequence[str], first: int, seeds: int, steps: int
+    common: Settings,
+    examples: Sequence[str],
+    work: Path,
+    sizes: Sizes,
+    decoders: Sequence[str],
+    first: int,
+    seeds: int,
+    steps: int,
 ) -> list[Settings]:
     """Trainings of all rows and seeds."""
     from tmca.experiments.codes.task import Task
@@ -210,7 +225,7 @@ def _trainings(
                 if code in DESIGNED:
                     kind, slots, target = search_of(code, "")
                     codes = str(Task.of({**common, "seed": seed, "sensor": NOISES[target]}).file(kind, slots))
-                training = training_of(code, decoder, seed, steps, codes)
+                training = training_of(code, decoder, seed, steps, sizes, codes)
                 training["data"] = {**training["data"], **scenes_of(examples)}
                 cell: Settings = {**common, "kind": "training", "code": code, "decoder": decoder, "seed": seed}
                 cell |= {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}"}
@@ -220,17 +235,12 @@ def _trainings(
 
 
 def _behind_networks(
-    common: Settings,
-    scenes: Sequence[str],
-    real: Sequence[str],
-    trained: Sequence[Measured],
-    decoders: Sequence[str],
-    maps: dict[str, str],
+    common: Settings, places: Sequence[Settings], trained: Sequence[Measured], maps: dict[str, str]
 ) -> list[Settings]:
     """Measurements of trained rows."""
     found = []
     for row in trained:
         for noise in NOISES:
             cell = {**common, "code": row["code"], "noise": noise, "decoder": row["decoder"], "seed": row["seed"]}
-            found += _places(cell | {"weights": row["weights"]}, scenes, real, maps)
+            found += _measurements(cell | {"weights": row["weights"]}, places, maps)
     return found

@@ -11,6 +11,7 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import find_weights
 from tmca.errors import OutputError, TmcaError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
+from tmca.experiments.demo_light_field import demo_light_field
 from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.report import Section, write_report
@@ -51,12 +52,12 @@ def run_demo(
 
     Args:
         out: folder for snapshots, reconstructions, pictures and ``report.html``.
-        size: (H, W) of the scenes, pixels.
+        size: (H, W) of the scenes, pixels; views of the light field are two thirds of it.
         overwrite: replace earlier results in ``out``.
         progress: told (share done, what is next).
 
     Returns:
-        ``rows`` of the table, ``report`` file and ``seconds`` in all.
+        ``rows`` of the table, ``light_field`` rows, ``report`` file and ``seconds`` in all.
 
     Raises:
         OutputError: ``out`` holds results and ``overwrite`` is False.
@@ -70,19 +71,19 @@ def run_demo(
     start, told = time.perf_counter(), progress or (lambda share, next_: None)
     make_folder(out.parent)
     if out.exists():
-        rows = _demo(out, size, overwrite, told)
+        found = _demo(out, size, overwrite, told)
     else:
         with atomic_path(out) as folder:  # whole or not at all: an interrupted demo leaves nothing behind
             try:
-                rows = _demo(make_folder(folder), size, overwrite, told)
+                found = _demo(make_folder(folder), size, overwrite, told)
             except TmcaError as error:  # the folder that the user knows
                 place = error.where.replace(str(folder), str(out))
                 raise type(error)(place, error.found, error.expected, error.remedy) from error
-    return {"rows": rows, "report": str(out / "report.html"), "seconds": time.perf_counter() - start}
+    return {**found, "report": str(out / "report.html"), "seconds": time.perf_counter() - start}
 
 
-def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> list[dict[str, Any]]:
-    """Everything that the demo writes, into a folder that exists; returns the rows of its table."""
+def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> dict[str, list[dict[str, Any]]]:
+    """Everything that the demo writes, into a folder that exists; returns the rows of its tables."""
     from tmca.data import rendered_scene, select_bands
     from tmca.priors import rendered_prior
 
@@ -96,16 +97,17 @@ def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> 
     for index, (name, scene) in enumerate(scenes.items()):
         results = {}
         for place, (code, settings) in enumerate(CODES.items()):
-            told(0.3 + 0.6 * (index + place / len(CODES)) / len(scenes), f"{name}, {code}")
+            told(0.2 + 0.5 * (index + place / len(CODES)) / len(scenes), f"{name}, {code}")
             results[code] = _through(scene, settings, prior, out / f"{name}_{_stem(code)}", overwrite)
             rows.append(_row(name, code, *results[code]))
         sections.append(_section(name, scene, results, out, overwrite))
+    views = (max(32, 2 * size[0] // 3), max(32, 2 * size[1] // 3))
+    light_field, section = demo_light_field(out, views, overwrite, lambda share, step: told(0.7 + 0.25 * share, step))
     told(0.95, "writing the report")
-    write_report(
-        out / "report.html", "tmca demo: a snapshot spectral camera", [_summary(rows), *sections], overwrite=overwrite
-    )
+    pages = [_summary(rows), *sections, section]
+    write_report(out / "report.html", "tmca demo: snapshot cameras", pages, overwrite=overwrite)
     told(1.0, "done")
-    return rows
+    return {"rows": rows, "light_field": light_field}
 
 
 def _through(
@@ -166,7 +168,7 @@ def _summary(rows: Sequence[dict[str, Any]]) -> Section:
         means.append({"code": code, "scene": "mean", **mean_over_scenes(mine)})
     static, random, _, learned_static, learned = (mean["psnr"] for mean in means)
     return Section(
-        "What happened",
+        "Spectral snapshots",
         text=(
             f"Two rendered scenes of {BANDS} bands (400–700 nm) were each recorded in one snapshot by a static coded "
             "aperture and by apertures that change within the exposure while every pixel has its own shutter, at equal "

@@ -18,7 +18,7 @@ from tmca.experiments.light_field import (
     true_disparity,
 )
 from tmca.experiments.light_field_learned import read
-from tmca.experiments.light_field_rows import CODES, CROP, NETWORKS, NOISES, PERIOD, VIEWS, search_of
+from tmca.experiments.light_field_rows import CODES, NETWORKS, NOISES, search_of
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -51,19 +51,20 @@ def train(cell: Settings) -> Measured:
     from tmca.training import light_field_settings, train_light_field
 
     settings = light_field_settings(None, None, cell["training"])
-    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, VIEWS[0], cell["scale"]))
+    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, cell["views"][0], cell["scale"]))
     return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
 
 
 def geometry(cell: Settings, folder: Path) -> Measured:
-    """The disparity that the fixed estimator sees in the true views, kept, and its error where the truth is known."""
+    """The disparity that the fixed estimator sees in the true views and the true one, kept; the estimator's error."""
     from tmca.metrics import disparity_error, estimate_disparity
 
-    scene = read(cell["path"], VIEWS[0], cell["test_scale"], cell["size"])
+    scene = read(cell["path"], cell["views"][0], cell["test_scale"], cell["size"])
     seen = estimate_disparity(scene.values)
-    file = folder / f"disparity-{cell_key(cell)}.npy"
-    np.save(file, seen.astype(np.float32))
     truth = true_disparity(cell["path"], scene, cell["test_scale"])
+    maps = {"seen": seen.astype(np.float32)} | ({} if truth is None else {"truth": truth.values.astype(np.float32)})
+    file = folder / f"disparity-{cell_key(cell)}.npz"
+    np.savez(file, allow_pickle=False, **maps)
     error = {} if truth is None else _named("disparity", disparity_error(seen, truth.values))
     return {"disparity": str(file), "error": error}
 
@@ -72,8 +73,8 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     """Take the snapshot of a scene, reconstruct it, measure; half precision is enough for pictures."""
     from tmca.decoders import Weights
 
-    scene = read(cell["path"], VIEWS[0], cell["test_scale"], cell["size"])
-    whole, scene = scene, _middle(scene) if cell["crop"] else scene
+    scene = read(cell["path"], cell["views"][0], cell["test_scale"], cell["size"])
+    scene = _middle(scene, cell["crop"]) if cell["crop"] else scene
     camera = coded_camera(cell, (scene.sizes["y"], scene.sizes["x"]))
     given: dict[str, Any] = {name: cell[name] for name in ("prior", "dictionary") if cell.get(name)}
     if cell.get("weights"):
@@ -85,8 +86,8 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
         result = reconstruct_light_field(snapshot, method, truth=scene, **given)
     found: Measured = {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
     if not cell["crop"]:
-        found["metrics"] = result.metrics | _shape(result.light_field, cell, whole)
-        found["views"] = _per_view(result.light_field, scene)
+        found["metrics"] = result.metrics | _shape(result.light_field, cell["disparity"])
+        found["per_view"] = _per_view(result.light_field, scene)
     if cell["keep"]:
         file = folder / f"estimate-{cell_key(cell)}.npy"
         np.save(file, result.light_field.values.astype(np.float16))
@@ -94,19 +95,18 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     return found
 
 
-def _middle(scene: xr.DataArray) -> xr.DataArray:
-    top, left = ((scene.sizes[axis] - side) // 2 for axis, side in zip(("y", "x"), CROP, strict=True))
-    return scene.isel(y=slice(top, top + CROP[0]), x=slice(left, left + CROP[1]))
+def _middle(scene: xr.DataArray, size: list[int]) -> xr.DataArray:
+    top, left = ((scene.sizes[axis] - side) // 2 for axis, side in zip(("y", "x"), size, strict=True))
+    return scene.isel(y=slice(top, top + size[0]), x=slice(left, left + size[1]))
 
 
-def _shape(estimate: xr.DataArray, cell: Settings, scene: xr.DataArray) -> dict[str, float]:
+def _shape(estimate: xr.DataArray, maps: str) -> dict[str, float]:
     """Error of the disparity that the reconstructed views show: against the true views', and the truth if known."""
     from tmca.metrics import disparity_error, estimate_disparity
 
-    seen = estimate_disparity(estimate.values)
-    found = _named("agreement", disparity_error(seen, np.load(cell["disparity"])))
-    truth = true_disparity(cell["path"], scene, cell["test_scale"])
-    return found if truth is None else found | _named("disparity", disparity_error(seen, truth.values))
+    seen, known = estimate_disparity(estimate.values), np.load(maps)
+    found = _named("agreement", disparity_error(seen, known["seen"]))
+    return found | _named("disparity", disparity_error(seen, known["truth"])) if "truth" in known else found
 
 
 def _named(name: str, error: dict[str, float]) -> dict[str, float]:
@@ -124,7 +124,14 @@ def coded_camera(cell: Settings, size: tuple[int, int]) -> LightFieldCamera:
     """The camera of a cell's code and noise."""
     code, sensor = cell["code"], Sensor(**NOISES[cell["noise"]])
     if code in CODES:
-        return LightFieldCamera(VIEWS, size, period=PERIOD, seed=cell["seed"], sensor=sensor, **CODES[code])
+        return LightFieldCamera(
+            (cell["views"][0], cell["views"][1]),
+            size,
+            period=(cell["period"][0], cell["period"][1]),
+            seed=cell["seed"],
+            sensor=sensor,
+            **CODES[code],
+        )
     kind, slots, target = search_of(code, cell["noise"])
     task = Task.of({**cell, "sensor": NOISES[target]})
     camera: LightFieldCamera = on_frame(task.design(kind, slots).camera, task.camera, size, sensor)

@@ -9,10 +9,9 @@ import numpy as np
 
 from tmca.experiments.cells import Measured
 from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field import true_disparity
 from tmca.experiments.light_field_figures import disparity_figure, light_field_figure, view_psnr_figure
 from tmca.experiments.light_field_learned import read
-from tmca.experiments.light_field_rows import DECODER_NAMES, SHOWN, VIEWS
+from tmca.experiments.light_field_rows import DECODER_NAMES, SHOWN
 
 _MAPS = 4
 
@@ -37,16 +36,16 @@ def comparison_pictures(measured: Sequence[Measured], out: Path, *, overwrite: b
         cells = {(c["code"], c["decoder"]): c for c in measured if c.get("kept") and c["scene"] == scene}
         shown = {_label(*row): cells[row] for row in SHOWN if row in cells}
         first = next(iter(shown.values()))
-        truth = read(first["path"], VIEWS[0], first["test_scale"], first["size"])
+        truth = read(first["path"], first["views"][0], first["test_scale"], first["size"])
         estimates = {name: np.load(cell["kept"]).astype(np.float32) for name, cell in shown.items()}
-        maps = {name: np.asarray(cell["views"]) for name, cell in shown.items()}
-        known = true_disparity(first["path"], truth, first["test_scale"])
+        maps = {name: np.asarray(cell["per_view"]) for name, cell in shown.items()}
+        known = np.load(first["disparity"])
         seen = {name: estimate_disparity(estimates[name]) for name in list(estimates)[-_MAPS:]}
-        seen = {"estimator on true views": np.load(first["disparity"]), **seen}
+        seen = {"estimator on true views": known["seen"], **seen}
         drawn = [
             light_field_figure(estimates, truth.values),
             view_psnr_figure(maps),
-            disparity_figure(seen, None if known is None else known.values),
+            disparity_figure(seen, dict(known).get("truth")),
         ]
         for figure, file in zip(drawn, picture_files([scene], out), strict=True):
             files.append(save_figure(figure, file, overwrite=overwrite, dpi=80))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +17,15 @@ if TYPE_CHECKING:
 
 
 def read(name: str, views: int, scale: int | None, size: Sequence[int] | None = None) -> xr.DataArray:
-    """A light field in grey: the middle of one from files, or a rendered one."""
+    """A light field in grey: the middle of one from files, or a rendered one; the last few are kept."""
     stored = Path(name).exists()
     frame = (size[0], size[1]) if size else None
-    return load_light_field(
-        name, views=views, size=frame if stored or frame else RENDERED, scale=scale if stored else None
-    )
+    return _read(name, views, scale if stored else None, frame if stored or frame else RENDERED)
+
+
+@lru_cache(maxsize=3)
+def _read(name: str, views: int, scale: int | None, size: tuple[int, int] | None) -> xr.DataArray:
+    return load_light_field(name, views=views, size=size, scale=scale)
 
 
 class Learned:

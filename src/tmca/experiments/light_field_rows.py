@@ -3,13 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-VIEWS, PERIOD = (5, 5), (16, 16)
-FRAME, CROP, RENDERED = (270, 480), (96, 96), (128, 160)
-"""Middle of the test scenes, pixels: the thesis' views, what the dictionary is compared on, and rendered scenes."""
+RENDERED = (128, 160)
+"""Pixels of rendered light fields that networks learn from."""
 EFFORT = {"descents": 2, "steps": 120, "flips": 2000}
 """Of every search, static or not."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large everything is.
+
+    Args:
+        views: n of the centre n×n views.
+        period: side of the tile of codes, pixels.
+        frame: (H, W) middle of the light fields from files that are measured.
+        rendered: (H, W) of the rendered ones.
+        crop: (H, W) middle of the frame, for the dictionary.
+        patch: side of the patches that networks learn from.
+    """
+
+    views: int = 5
+    period: int = 16
+    frame: tuple[int, int] = (270, 480)
+    rendered: tuple[int, int] = RENDERED
+    crop: tuple[int, int] = (96, 96)
+    patch: int = 56
+
+
 CODES: dict[str, dict[str, Any]] = {
     "CLFP static random": {"slots": 1, "shutter": "open"},
     "TMCA random K = 8": {"slots": 8},
@@ -74,14 +97,15 @@ def search_of(code: str, noise: str) -> tuple[str, int, str]:
     return kind, slots, target or noise
 
 
-def training_of(code: str, decoder: str, seed: int, steps: int, codes: str | None) -> dict[str, Any]:
+def training_of(code: str, decoder: str, seed: int, steps: int, sizes: Sizes, codes: str | None) -> dict[str, Any]:
     """Settings of a trained row, without its scenes: one network for all noises, on the mean PSNR.
 
     Args:
         codes: file of designed codes.
     """
     camera = CODES.get(code) or {"slots": DESIGNED[code][0][1]}
-    camera = {**camera, "views": VIEWS[0], "size": [96, 96], "period": list(PERIOD), "seed": seed}
+    frame, period = 2 * [-(-sizes.patch // sizes.period) * sizes.period], 2 * [sizes.period]
+    camera = {**camera, "views": sizes.views, "size": frame, "period": period, "seed": seed}
     if camera["slots"] == 1:
         camera["shutter"] = "open"
     steps = max(4, round(steps * PACE[decoder]))
@@ -90,7 +114,7 @@ def training_of(code: str, decoder: str, seed: int, steps: int, codes: str | Non
         "noise": list(NOISES.values()),
         "decoder": NETWORKS[decoder],
         "codes": {"start": codes} if codes else {},
-        "data": {"patch": 56, "batch": 4, "pool": 1024, "brightness": 1.0},
+        "data": {"patch": sizes.patch, "batch": 4, "pool": 1024, "brightness": 1.0},
         "optimiser": {"steps": steps, "loss": "log", "decoder_rate": 3e-3},
         "validate_every": max(1, steps // 4),
         "seed": seed,

@@ -9,17 +9,7 @@ from typing import Any
 import numpy as np
 
 from tmca.experiments.cells import Measured
-from tmca.experiments.light_field_rows import (
-    CROP,
-    DECODER_NAMES,
-    EFFORT,
-    FRAME,
-    NOISES,
-    PERIOD,
-    RENDERED,
-    STATIC_CODES,
-    VIEWS,
-)
+from tmca.experiments.light_field_rows import DECODER_NAMES, NOISES, STATIC_CODES
 from tmca.experiments.results import markdown_table, mean_over_scenes, repository_commit
 
 COLUMNS = (
@@ -32,14 +22,21 @@ COLUMNS = (
 _GEOMETRY = ("disparity_mae", "disparity_badpix")
 
 
-def results(measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> dict[str, Any]:
-    """Rows of the table from measured cells: means over scenes of the means over seeds."""
+def results(
+    measured: Sequence[Measured], split: dict[str, Any], sizes: dict[str, Any], command: Sequence[str]
+) -> dict[str, Any]:
+    """Rows of the table from measured cells: means over scenes of the means over seeds.
+
+    Args:
+        split: names of the light fields, and how they were read.
+        sizes: of views, frames, codes; ``effort`` of the searches.
+        command: how the run was called.
+    """
     cells = [cell for cell in measured if "metrics" in cell]
     trainings = [_training(cell) for cell in measured if "best" in cell]
     return {
         "command": " ".join(command), "commit": repository_commit(), "split": split,
-        "views": list(VIEWS), "period": list(PERIOD), "frame": list(FRAME), "crop": list(CROP),
-        "effort": EFFORT, "training": trainings,
+        **sizes, "training": trainings,
         "searches": _searches([cell for cell in measured if "search" in cell and "gains" in cell]),
         "geometry": {cell["scene"]: cell["error"] for cell in measured if "error" in cell},
         "rows": _rows([cell for cell in cells if not cell["crop"]], trainings),
@@ -143,7 +140,7 @@ def _groups(rows: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
 
 def markdown(found: dict[str, Any]) -> str:
     """The results for people."""
-    split, frame = found["split"], found["frame"]
+    split, effort, own = found["split"], found["effort"], {k: _times(found[k]) for k in ("frame", "rendered", "crop")}
     scaled = {"train": split["scale"], "test": split["test_scale"]}
     told = {name: f", {n}×{n} pixels averaged" if n and n > 1 else "" for name, n in scaled.items()}
     lines = [
@@ -151,27 +148,31 @@ def markdown(found: dict[str, Any]) -> str:
         f"Command: `{found['command']}` at commit `{found['commit']}`.", "",
         f"Prior, dictionary, codes and networks learned from {', '.join(split['train'])}{told['train']}"
         f" (networks also from rendered light fields). Measured on {', '.join(split['test'])}{told['test']}: the "
-        f"middle {frame[0]}×{frame[1]} pixels of real ones, rendered ones at {RENDERED[0]}×{RENDERED[1]}; "
-        f"{VIEWS[0]}×{VIEWS[1]} views, grey, shear 1, codes of period {PERIOD[0]}, equal exposure time in all rows. "
-        "Means over scenes of means over seeds.", "",
+        f"middle {own['frame']} pixels of real ones, rendered ones at {own['rendered']}; "
+        f"{found['views']}×{found['views']} views, grey, shear 1, codes of period {found['period']}, equal exposure "
+        "time in all rows. Means over scenes of means over seeds.", "",
         "Disparity (px per view step) is what one fixed estimator sees in the reconstructed views; its error counts "
         "where the geometry is known (rendered scenes), and it is compared with what the same estimator sees in the "
         f"true views everywhere. On the true views it errs by {_own_error(found)}.", "",
-        f"Optimised codes: searches on the expected error with {EFFORT['descents']} descents of {EFFORT['steps']} "
-        f"steps and {EFFORT['flips']} flips, static codes with the same effort; for σ = 0.05 and used under all "
+        f"Optimised codes: searches on the expected error with {effort['descents']} descents of {effort['steps']} "
+        f"steps and {effort['flips']} flips, static codes with the same effort; for σ = 0.05 and used under all "
         "noises, or for the noise of the table. A network is trained for each code, for all three noises together.", "",
     ]  # fmt: skip
     for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
         lines += [f"## {noise}", "", _table(found["rows"], noise)]
     lines += ["## Time multiplexing against static codes", "", "The best code of each, decoder by decoder.", "",
               markdown_table(margins(found), _MARGINS)]  # fmt: skip
-    lines += [f"## On a crop of {CROP[0]}×{CROP[1]}", "", "PSNR (dB), with the dictionary.", "", _crop_table(found)]
+    lines += [f"## On a crop of {own['crop']}", "", "PSNR (dB), with the dictionary.", "", _crop_table(found)]
     lines += ["## Decoder against decoder", "", "PSNR of one over the other, over all codes.", "",
               markdown_table(steps_between(found), _STEPS)]  # fmt: skip
     lines += ["## What was expected of the codes", "", "Before anything is captured: PSNR under the prior of the "
               "training scenes, and gain over the static design when each of them is estimated under the prior of the "
               "others.", "", markdown_table(found["searches"], _SEARCHES)]  # fmt: skip
     return "\n".join(lines)
+
+
+def _times(size: Sequence[int]) -> str:
+    return "×".join(map(str, size))
 
 
 def _own_error(found: dict[str, Any]) -> str:

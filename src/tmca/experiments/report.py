@@ -24,6 +24,7 @@ class Section:
         table: rows of a table, dictionaries.
         columns: (key, heading, format) of the table's columns.
         figures: caption → figure.
+        animations: caption → GIF file.
     """
 
     title: str
@@ -31,6 +32,7 @@ class Section:
     table: Sequence[dict[str, Any]] = ()
     columns: Sequence[tuple[str, str, str]] = ()
     figures: dict[str, Figure] = field(default_factory=dict)
+    animations: dict[str, Path] = field(default_factory=dict)
 
 
 def write_report(path: str | Path, title: str, sections: Sequence[Section], *, overwrite: bool = False) -> Path:
@@ -60,11 +62,18 @@ def _rendered(section: Section) -> dict[str, Any]:
         "text": section.text,
         "headings": [heading for _, heading, _ in section.columns],
         "rows": rows,
-        "figures": [(caption, _embedded(figure)) for caption, figure in section.figures.items()],
+        "figures": [
+            *((caption, "image/png", _embedded(figure)) for caption, figure in section.figures.items()),
+            *((caption, "image/gif", _coded(file.read_bytes())) for caption, file in section.animations.items()),
+        ],
     }
 
 
 def _embedded(figure: Figure) -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=110, format="png", facecolor="white")
-    return base64.b64encode(buffer.getvalue()).decode()
+    return _coded(buffer.getvalue())
+
+
+def _coded(content: bytes) -> str:
+    return base64.b64encode(content).decode()

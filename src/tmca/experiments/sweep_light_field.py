@@ -13,7 +13,7 @@ from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.light_field import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field_learned import Learned, read
-from tmca.experiments.light_field_rows import EFFORT, PERIOD
+from tmca.experiments.light_field_rows import EFFORT, Sizes
 from tmca.experiments.sweep import Swept, Values, sweep
 from tmca.sensor import Sensor
 
@@ -103,7 +103,7 @@ def sweep_light_field(
         found: Settings = {"prior": {name: make() for name, make in made.items() if name in decoders}}
         if any("design" in point for point in points):
             found |= {"examples": learned.examples(), "designs": str(make_folder(work / "designs"))}
-            found |= {"period": list(PERIOD), "effort": EFFORT, "exposures": 1}
+            found |= {"period": 2 * [Sizes().period], "effort": EFFORT, "exposures": 1}
         return found
 
     data: Settings = {"views": views, "size": size, "scale": scale, "test_scale": test_scale}

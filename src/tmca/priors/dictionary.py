@@ -16,6 +16,8 @@ from tmca.priors.statistics import scenes
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_CORESET = 8000
+
 
 @dataclass(frozen=True)
 class PatchDictionary:
@@ -60,7 +62,7 @@ class PatchDictionary:
         patch: tuple[int, int] = (11, 11),
         *,
         atoms: int = 1024,
-        coreset: int = 8000,
+        coreset: int | None = None,
         rank: int = 400,
         penalty: float = 0.02,
         passes: int = 2,
@@ -76,7 +78,7 @@ class PatchDictionary:
         Args:
             patch: (h, w) pixels.
             atoms: number K of atoms.
-            coreset: number of patches to learn from.
+            coreset: number of patches to learn from; 8000, or as many as there are, without.
             rank: dimensions of the leading subspace in which atoms are learned.
             penalty: of the absolute coefficients while learning, as a share of the typical norm of a patch.
             passes: times that each patch is seen.
@@ -92,10 +94,11 @@ class PatchDictionary:
         """
         from tmca.priors.dictionary_learning import learn_atoms
 
-        counts = {"atoms": atoms, "coreset": coreset, "rank": rank, "passes": passes, "batch": batch}
-        _check(counts, penalty)
         views = _common_views(light_fields)
         cubes = scenes((field.flatten(0, 1) for field in light_fields), patch)
+        coreset = min(_CORESET, _places(cubes, patch)) if coreset is None else coreset
+        counts = {"atoms": atoms, "coreset": coreset, "rank": rank, "passes": passes, "batch": batch}
+        _check(counts, penalty)
         found = learn_atoms(
             cubes,
             patch,
@@ -164,3 +167,8 @@ def _common_views(light_fields: Sequence[Tensor]) -> tuple[int, int]:
         if values.ndim != 4 or tuple(values.shape[:2]) != first:
             raise ShapeError(f"light field {i}", f"{tuple(values.shape)}", f"(V, U, H, W) with (V, U) = {first}")
     return int(light_fields[0].shape[0]), int(light_fields[0].shape[1])
+
+
+def _places(cubes: Sequence[Tensor], patch: tuple[int, int]) -> int:
+    """How many patches there are."""
+    return sum((cube.shape[1] - patch[0] + 1) * (cube.shape[2] - patch[1] + 1) for cube in cubes)

@@ -1,0 +1,141 @@
+"""The light-field table: rows of every code, noise and decoder, numbers that are those of the cameras, kept cells."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.cli.refusals import refused
+from tmca.experiments import light_field_rows as rows
+from tmca.experiments.compare_light_field import compare_light_field
+from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field_cells import coded_camera
+from tmca.experiments.light_field_tables import margins, steps_between
+
+SIZES = rows.Sizes(views=3, period=6, frame=(30, 36), rendered=(26, 30), crop=(20, 20), patch=16)
+EFFORT = {"descents": 1, "steps": 3, "flips": 10}
+SPARSE = {"atoms": 40, "effort": EFFORT, "sizes": SIZES, "seeds": 2}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("table")
+    for name in ("rocket", "tissue", "chelsea"):
+        field = load_light_field(name, views=3, size=(40, 44))
+        field.to_dataset(name="light_field").to_netcdf(place / f"{name}.nc")
+    (place / "train.txt").write_text("rocket.nc\ntissue.nc\n")
+    (place / "test.txt").write_text("chelsea.nc\n")
+    return place
+
+
+@pytest.fixture(scope="module")
+def small():
+    with pytest.MonkeyPatch.context() as patch:
+        network = {"kind": "spatial-angular", "width": 4, "blocks": 1}
+        for name, own in (("consistent", {"start": "lmmse"}), ("sub-network", {"start": "dagger", "stages": 0})):
+            patch.setitem(rows.NETWORKS, name, network | own)
+        for table, name in ((rows.NOISES, list(rows.NOISES)[2]), *((rows.CODES, list(rows.CODES)[i]) for i in (1, 3))):
+            patch.delitem(table, name)
+        patch.setattr(rows, "TRAINED", ("CLFP optimised",))
+        patch.setattr("tmca.experiments.compare_light_field.TRAINED", rows.TRAINED)
+        patch.setattr(
+            "tmca.experiments.compare_light_field.scenes_of", lambda train: {"train": [*train], "prior": [*train]}
+        )
+        yield
+
+
+@pytest.fixture(scope="module")
+def found(folder, small):
+    args = (folder / "train.txt", folder / "test.txt", folder / "out", folder / "work")
+    return compare_light_field(*args, steps=4, **SPARSE)
+
+
+def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found):
+    whole = {(row["decoder"], row["noise"], row["code"]) for row in found["rows"]}
+    assert len(whole) == len(found["rows"])
+    for decoder in ("lmmse", "mixture"):
+        for noise in rows.NOISES:
+            own = {code for name, column, code in whole if (name, column) == (decoder, noise)}
+            twice = {code for code in rows.DESIGNED if code.endswith("this noise") and noise == "σ = 0.05"}
+            assert own == {*rows.CODES, *rows.DESIGNED} - twice
+    assert {code for name, _, code in whole if name in rows.NETWORKS} == {"CLFP optimised"}
+    assert {row["decoder"] for row in found["crop_rows"]} == set(rows.DECODER_NAMES)
+    assert all(len(row["seed_psnr"]) == 2 for row in found["rows"])
+
+
+def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
+    name = "TMCA one-hot K = 4"
+    row = next(r for r in found["rows"] if (r["code"], r["noise"], r["decoder"]) == (name, "σ = 0.05", "lmmse"))
+    scene = load_light_field(str(folder / "chelsea.nc"), views=3, size=(30, 36))
+    levels = []
+    for seed in (0, 1):
+        cell = {"code": name, "noise": "σ = 0.05", "seed": seed, "views": [3, 3], "period": [6, 6]}
+        camera = coded_camera(cell, (30, 36))
+        assert camera.sensor.read_noise == 0.05
+        prior = next((folder / "work").glob("prior-*.nc"))
+        taken = take_light_field_snapshot(scene, camera, seed=seed)
+        levels.append(reconstruct_light_field(taken, prior=prior, truth=scene).metrics["psnr"])
+    assert row["scenes"]["chelsea"]["psnr"] == pytest.approx(np.mean(levels), abs=1e-4)
+    assert row["psnr"] == pytest.approx(np.mean([own["psnr"] for own in row["scenes"].values()]))
+    assert "disparity_mae" not in row["scenes"]["chelsea"]
+    assert row["disparity_mae"] == pytest.approx(
+        np.mean([row["scenes"][n]["disparity_mae"] for n in ("coffee", "motorcycle")])
+    )
+
+
+def test_designs_are_searched_for_their_noise(found):
+    searched = {(row["code"], row["noise"]): row for row in found["searches"]}
+    assert len(searched) == 4
+    for noise in rows.NOISES:
+        static, free = (
+            searched[f"{code} for this noise", noise] for code in ("CLFP optimised", "TMCA optimised K = 8")
+        )
+        assert static["held_out_gain"] == pytest.approx(0, abs=1e-9)
+        assert free["psnr"] >= static["psnr"] - 1e-6
+
+
+def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small):
+    out = folder / "out"
+    assert json.loads((out / "light-field.json").read_text())["rows"] == json.loads(json.dumps(found["rows"]))
+    page = (out / "light-field.md").read_text()
+    assert "## noise-free" in page
+    assert "TMCA optimised K = 8 for this noise" in page
+    pictures = {file.name for file in out.glob("*.png")}
+    assert pictures == {
+        f"light-field_{scene}_{kind}.png"
+        for scene in ("chelsea", "coffee", "motorcycle") for kind in ("views", "psnr", "disparity")
+    }  # fmt: skip
+    told = []
+    args = (folder / "train.txt", folder / "test.txt", out, folder / "work")
+    again = compare_light_field(*args, steps=4, **SPARSE, overwrite=True, progress=lambda *said: told.append(said))
+    assert told == []
+    assert again["rows"] == found["rows"]
+
+
+def test_margins_compare_the_best_of_each_kind():
+    def row(code, psnr, shape, decoder="lmmse"):
+        scenes = {"a": {"psnr": psnr - 1}, "b": {"psnr": psnr + 1}}
+        geometry = {"disparity_mae": shape, "disparity_badpix": shape, "agreement_mae": shape}
+        return {"code": code, "noise": "noise-free", "decoder": decoder, "psnr": psnr, "scenes": scenes, **geometry}
+
+    table = [row("CLFP static random", 30.0, 0.3), row("CLFP optimised", 31.0, 0.4)]
+    table += [row("TMCA random K = 8", 30.5, 0.1), row("TMCA optimised K = 8", 33.0, 0.2)]
+    (said,) = margins({"rows": table})
+    assert (said["static"], said["best"]) == ("CLFP optimised", "TMCA optimised K = 8")
+    assert said["gain"] == pytest.approx(2.0)
+    assert (said["disparity_mae"], said["static_disparity_mae"]) == (0.1, 0.3)
+    better = [row("CLFP optimised", 32.5, 0.1, "consistent"), row("TMCA optimised K = 8", 33.5, 0.1, "consistent")]
+    (step,) = steps_between({"rows": table + better, "crop_rows": []})
+    assert (step["least"], step["mean"], step["most"]) == pytest.approx((0.5, 1.0, 1.5))
+
+
+def test_bad_input_is_refused(folder, tmp_path, capsys):
+    split = ["--train", str(folder / "train.txt"), "--test", str(folder / "test.txt"), "--out", str(tmp_path / "o")]
+    command = ["compare", "light-field", *split, "--work", str(tmp_path / "w")]
+    assert "magic" in refused(capsys, *command, "--decoders", "magic")
+    assert "--frame" in refused(capsys, *command, "--frame", "30")
+    assert "--steps" in refused(capsys, *command, "--steps", "0")
+    assert "4" in refused(capsys, *command, "--views", "4")
+    assert "missing" in refused(capsys, *command[:2], "--train", str(tmp_path / "missing.txt"), *split[2:])
+    assert not (tmp_path / "o").exists()
+    assert not (tmp_path / "w").exists()
