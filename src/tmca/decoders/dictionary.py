@@ -38,7 +38,7 @@ class DictionaryDecoder:
         merge: ``"median"`` or ``"mean"`` of the patches that cover a pixel.
         sparsity: largest number of atoms of a patch, for OMP; None takes a quarter of its measurements.
         slack: OMP stops at a residual of so many times the expected one.
-        weight: of the absolute coefficients, for the LASSO.
+        weight: of the absolute coefficients, for the LASSO; the default was chosen on training light fields.
         tolerance, max_iterations: of the LASSO's ADMM.
         dtype: of the arithmetic.
 
@@ -55,7 +55,7 @@ class DictionaryDecoder:
         merge: str = "median",
         sparsity: int | None = None,
         slack: float = 1.0,
-        weight: float = 0.03,
+        weight: float = 0.1,
         tolerance: float = 1e-2,
         max_iterations: int = 200,
         dtype: torch.dtype = torch.float32,
