@@ -41,6 +41,6 @@ def gains_figure(advice: Advice) -> Figure:
     axis.set_xticks(slots, [str(k) for k in slots])
     axis.minorticks_off()
     if surveyed:
-        axis.legend(fontsize=8)
+        figure.legend(fontsize=8, loc="outside lower center", ncols=len(kinds) + 1)
     plain_axes(axis, "each scene under the prior of the others", "slots K", "gain over the static code (dB)")
     return figure
