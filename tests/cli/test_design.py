@@ -1,6 +1,8 @@
 """``tmca design`` as a user meets it."""
 
 import json
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +32,7 @@ def test_codes_hold_the_light_that_is_asked_for(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     for row in (found["static"], found["chosen"], *found["surveyed"]):
         assert row["throughput"] == pytest.approx(0.3, abs=0.03)
-    assert "share between 0 and 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
+    assert "a share above 0 and below 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
 
 
 def test_the_answer_may_be_the_static_code(tmp_path, capsys):
@@ -40,6 +42,41 @@ def test_the_answer_may_be_the_static_code(tmp_path, capsys):
     assert "shutter=open" in (tmp_path / "d" / "design.html").read_text()
     main(["design", "spectral", *SMALL[:4], "--slots", "1", "--period", "6", "--out", str(tmp_path / "e")])
     assert "One slot" in capsys.readouterr().out
+
+
+def test_dimmed_scenes_see_more_noise(tmp_path, capsys):
+    found = {}
+    for light in ("", "0.02"):
+        told = ["--light", light] if light else []
+        out = str(tmp_path / f"d{light}")
+        main(["design", "spectral", *SMALL, "--kinds", "free", "--read-noise", "0.01", *told, "--out", out, "--json"])
+        found[light] = json.loads(capsys.readouterr().out)
+    bright, dim = found[""], found["0.02"]
+    assert dim["light"] == pytest.approx(0.02)
+    assert dim["examples_light"] == bright["examples_light"] == bright["light"]
+    page, as_given = ((tmp_path / name / "design.html").read_text() for name in ("d0.02", "d"))
+    assert "dimmed to a mean irradiance of 0.02" in page
+    assert "compare gains, not PSNR" in page
+    assert "as given" in as_given
+    # the error of a dimmed scene falls by the square of its light and less, for noise stays
+    fall = dim["static"]["expected_psnr"] - bright["static"]["expected_psnr"]
+    assert fall < -20 * np.log10(dim["light"] / bright["light"]) - 1
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("tmca.experiments.design_codes.advise", None)
+    (tmp_path / "file").touch()
+    assert "choose another" in refused(capsys, *SMALL, "--out", tmp_path / "file" / "d")
+    real = tempfile.TemporaryFile
+
+    def no_place(*given, dir, **named):
+        if Path(dir) == tmp_path:
+            raise PermissionError(13, "Permission denied")
+        return real(*given, dir=dir, **named)
+
+    monkeypatch.setattr("tempfile.TemporaryFile", no_place)
+    assert "Permission denied" in refused(capsys, *SMALL, "--out", tmp_path / "a" / "d")
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "file"]
 
 
 def test_one_scene_leaves_the_spread_unknown(tmp_path, capsys):
@@ -105,7 +142,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--bits", "0"], "1 to 32"),
         (["--exposure", "0.01", "--pattern-rate", "300", "--slots", "8"], "at most 3"),
         (["--pattern-rate", "300"], "exposure"),
-        (["--kinds", "pretty"], "pretty"),
+        (["--kinds", "pretty"], "--kinds: found 'pretty', expected some of free, one-hot"),
         (["--kinds", "static"], "always searched"),
         (["--period", "5000"], "GB"),
         (["--slots", "2000"], "code pixels"),
@@ -113,7 +150,8 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--bands", "3", "--dispersion", "200"], "GB"),
         (["--period", "0"], "1 pixel"),
         (["--seed", "-1"], "0 or more"),
-        (["--light", "1.2"], "share between 0 and 1"),
+        (["--light", "1"], "a share above 0 and below 1"),
+        (["--light", "0.9"], "times white"),
         (["--exposure", "0.001", "--pattern-rate", "300"], "shorter than one pattern"),
         (["coffee"], "the same scene twice"),
     ],

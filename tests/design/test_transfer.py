@@ -93,5 +93,16 @@ def test_less_light_is_more_noise():
     dark = examples.under(examples.light / 4).held_out(camera, 0.01, 0.002)
     for name, value in examples.held_out(camera, 0.04, 0.008).items():
         assert dark[name] == pytest.approx(value / 16, rel=1e-4)
-    with pytest.raises(SettingError, match="light"):
-        examples.under(0.0)
+    for light in (0.0, 1.0):
+        with pytest.raises(SettingError, match="above 0 and below 1"):
+            examples.under(light)
+
+
+def test_no_more_light_than_makes_the_brightest_value_white():
+    scenes = {name: 0.1 * cube / cube.max() for name, cube in SCENES.items()}
+    scenes["a"] = 2 * scenes["a"]
+    examples = learn_examples(scenes, block_error().model, [4e-7, 5e-7, 6e-7])
+    assert examples.most_light == pytest.approx(5 * examples.light)
+    assert examples.under(examples.most_light).peaks["a"] == pytest.approx(1)
+    with pytest.raises(SettingError, match=r"1\.2 times white.*at most"):
+        examples.under(1.2 * examples.most_light)

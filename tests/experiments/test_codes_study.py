@@ -12,9 +12,13 @@ from tmca.experiments.codes import ranking as ranks
 from tmca.experiments.codes.ablation import INGREDIENTS
 from tmca.experiments.codes.learned import prior_file
 from tmca.experiments.codes.study import CORNERS, _common, _network_cells, sensors, study_codes
-from tmca.experiments.codes.tables import grid_rows, network_rows
+from tmca.experiments.codes.tables import grid_rows, network_rows, scene_rows
 from tmca.experiments.codes.tables import test_rows as rows_of_tests
-from tmca.experiments.codes.task import Task
+from tmca.experiments.codes.task import Task, on_frame
+from tmca.experiments.scenes import load_scene
+from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
+from tmca.priors import GaussianPrior
+from tmca.sensor import Sensor
 
 SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
@@ -60,10 +64,52 @@ def test_time_per_slot_is_less_noise(found):
 
 def test_designs_are_measured_on_test_scenes(found):
     rows = rows_of_tests(found["test"], found["light"])
-    assert len(rows) == len(CORNERS) * 8
+    assert len(rows) == len(CORNERS) * 10
     designed = [row for row in rows if row["codes"] in ("static, designed", "static, designed for the light")]
     assert all(row["gain"] == row["there"] == 0 for row in designed)
     assert all(10 < row["psnr"] < 60 for row in rows)
+
+
+def test_gains_are_foretold_of_examples_dimmed_to_the_scene(found, folder):
+    cell = {**_kept_cell(folder, "light"), "exposures": 1}
+    bright, light = Task.of(cell), float(load_scene("coffee", bands=3).mean())
+    there = Task.of(cell, light)
+    assert there.examples.light == pytest.approx(min(light, bright.examples.most_light))
+    static, free = (bright.design(kind, slots).camera for kind, slots in (("static", 1), ("free", 2)))
+    errors = [there.examples.held_out(camera, there.noise.read, there.noise.shot) for camera in (static, free)]
+    gain = np.mean([10 * np.log10(errors[0][name] / errors[1][name]) for name in SCENES])
+    assert cell["there"]["free, designed"] == pytest.approx(gain, abs=1e-6)
+    rows = [row for row in scene_rows(found["test"], found["light"]) if row["noise"] == cell["noise"]]
+    own = next(row for row in rows if row["codes"] == "free, designed")
+    assert own["miss"] == pytest.approx(own["gain"] - gain, abs=1e-6)
+
+
+def test_codes_for_the_light_are_decoded_by_both_priors(found, folder):
+    cell = _kept_cell(folder, "light")
+    scene, prior = load_scene("coffee", bands=3), GaussianPrior.load(cell["prior"])
+    camera = Task.of(cell, cell["light"]).design("free", 2).camera
+    whole = on_frame(camera, {"bands": scene["wavelength"].values.tolist()}, scene.shape[1:], Sensor(**cell["sensor"]))
+    taken = take_snapshot(scene, whole, seed=cell["seed"])
+    dimmed = prior.scaled(cell["light"] / float(prior.mean.mean()))
+    for own, kept in ((prior, "plain_prior"), (dimmed, "metrics")):
+        measured = reconstruct_snapshot(taken, "lmmse", prior=own, truth=scene).metrics["psnr"]
+        assert cell[kept]["free, designed for the light"]["psnr"] == pytest.approx(measured, abs=1e-6)
+    rows = [row for row in rows_of_tests(found["test"], found["light"]) if row["noise"] == cell["noise"]]
+    assert [row["prior"] for row in rows] == ["as learned"] * 8 + ["dimmed"] * 2
+
+
+def test_ranked_codes_are_expected_of_dimmed_examples_too(found, folder):
+    cell = _kept_cell(folder, "there")
+    there = Task.of(cell, cell["light"])
+    code = ranks.coded(there, ranks.RANKED["random K = 4"])
+    expected = -10 * np.log10(float(there.error.whole(code)))
+    row = next(r for r in found["ranking"] if (r["noise"], r["codes"]) == (cell["noise"], "random K = 4"))
+    assert row["expected_there"] == pytest.approx(expected, abs=1e-6)
+
+
+def _kept_cell(folder, kind):
+    cells = (json.loads(file.read_text()) for file in sorted((folder / "work").glob("*.json")))
+    return next(cell for cell in cells if cell["kind"] == kind)
 
 
 def test_the_order_of_codes_is_checked(found):

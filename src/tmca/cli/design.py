@@ -70,8 +70,8 @@ def spectral(
             open-shutter where each pixel cannot have a shutter of its own, static-aperture where the mask stands still.
         period: tile of the codes, pixels.
         throughput: share of light that codes shall let through, as near as their kind allows. [default: free]
-        light: mean irradiance of the scenes to come, share of white; noise weighs more in dark ones.
-            [default: as bright as SCENES]
+        light: mean irradiance that SCENES are dimmed to before codes are searched, share of white: the same scenes
+            under less light, where noise weighs more. [default: as they are]
         seed: of random codes.
         overwrite: replace files that exist.
         json: print JSON instead of text.
@@ -147,8 +147,8 @@ def light_field(
         kinds: structures of codes to try, as in `tmca design spectral`.
         period: tile of the codes, pixels.
         throughput: share of light that codes shall let through, as near as their kind allows. [default: free]
-        light: mean irradiance of the scenes to come, share of white; noise weighs more in dark ones.
-            [default: as bright as SCENES]
+        light: mean irradiance that SCENES are dimmed to before codes are searched, share of white: the same scenes
+            under less light, where noise weighs more. [default: as they are]
         seed: of random codes.
         overwrite: replace files that exist.
         json: print JSON instead of text.

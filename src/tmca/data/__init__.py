@@ -19,13 +19,23 @@ from tmca.data.rendering import (
 from tmca.data.shifts import view_shifts
 from tmca.data.splits import checksum_of, read_split, write_split
 from tmca.data.tiff import write_tiff
-from tmca.data.write import atomic_path, check_target, make_folder, plain, write_dataset, write_json, write_text
+from tmca.data.write import (
+    atomic_path,
+    check_folder,
+    check_target,
+    make_folder,
+    plain,
+    write_dataset,
+    write_json,
+    write_text,
+)
 
 __all__ = [
     "KNOWN_SETS",
     "KnownSet",
     "Negative",
     "atomic_path",
+    "check_folder",
     "check_target",
     "checksum_of",
     "describe",

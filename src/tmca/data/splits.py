@@ -111,7 +111,8 @@ def _belongs(listed: str, name: str) -> bool:
 
 
 def _missing(split: Path, path: Path) -> DataError:
-    return DataError(path, f"no such file or folder, named in {split}", "an existing one", "fetch the data again")
+    remedy = "correct the path, or fetch the data again"
+    return DataError(path, f"no such file or folder, named in {split}", "an existing one", remedy)
 
 
 def _require(split: Path, path: Path, checksum: str | None) -> None:

@@ -8,6 +8,7 @@ import math
 import os
 import secrets
 import shutil
+import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -85,6 +86,23 @@ def make_folder(path: str | Path) -> Path:
             folder, f"no folder and none can be made ({error.strerror})", "a folder", "choose another"
         ) from error
     return folder
+
+
+def check_folder(path: str | Path) -> None:
+    """Say before long work that a folder cannot be made or written to; nothing is left behind.
+
+    Raises:
+        OutputError: a file is in its place, or its nearest existing parent cannot be written to.
+    """
+    folder = Path(path).absolute()
+    try:
+        there = next(place for place in (folder, *folder.parents) if place.exists())
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        raise OutputError(
+            path, f"no folder that can be written to ({error.strerror})", "a folder", "choose another"
+        ) from error
 
 
 def _replace(temporary: Path, path: Path) -> None:

@@ -78,27 +78,40 @@ class Examples:
         model: geometry of the blocks.
         scenes: prior of each scene alone, by name.
         areas: pixels of each.
+        peaks: largest value of each, share of white.
     """
 
     model: BlockModel
     scenes: dict[str, GaussianPrior]
     areas: dict[str, int]
+    peaks: dict[str, float]
 
     @property
     def light(self) -> float:
         """Mean irradiance of the scenes, share of white, by area."""
         return float(self.prior.mean.mean())
 
+    @property
+    def most_light(self) -> float:
+        """Mean irradiance at which their brightest value is white: a sensor that saturates is not modelled."""
+        return self.light / min(1.0, max(self.peaks.values()))
+
     def under(self, light: float) -> Examples:
-        """The same scenes in another light, so that this is their mean irradiance, share of white.
+        """The same scenes dimmed, or lit more, so that this is their mean irradiance, share of white.
+
+        Every value is scaled alike. A scene of this mean with bright parts on black is another scene.
 
         Raises:
-            SettingError: no light, or more than white.
+            SettingError: no light, white or more, or so much that the brightest value would be above white.
         """
-        if not 0 < light <= 1:
-            raise SettingError("light", f"{light:g}", "mean irradiance of scenes, above 0 and at most 1 = white")
-        scenes = {name: prior.scaled(light / self.light) for name, prior in self.scenes.items()}
-        return Examples(self.model, scenes, self.areas)
+        if not 0 < light < 1:
+            raise SettingError("light", f"{light:g}", "mean irradiance of scenes, above 0 and below 1 = white")
+        gain = light / self.light
+        if light > 1.001 * self.most_light:  # a limit that was rounded for the message is taken
+            found = f"{light:g}, which brings the brightest value to {gain * max(self.peaks.values()):.3g} times white"
+            raise SettingError("light", found, f"at most {self.most_light:.4g} with these scenes")
+        scenes = {name: prior.scaled(gain) for name, prior in self.scenes.items()}
+        return Examples(self.model, scenes, self.areas, {name: gain * peak for name, peak in self.peaks.items()})
 
     @cached_property
     def prior(self) -> GaussianPrior:
@@ -163,4 +176,5 @@ def learn_examples(
             found = f"{cube.shape[1]}×{cube.shape[2]} pixels"
             raise ShapeError(name, found, f"at least {block[0]}×{block[1]}, the blocks of this camera")
         scenes[name] = GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name], views=views)
-    return Examples(model, scenes, {name: cube[0].numel() for name, cube in cubes.items()})
+    areas = {name: cube[0].numel() for name, cube in cubes.items()}
+    return Examples(model, scenes, areas, {name: float(cube.max()) for name, cube in cubes.items()})

@@ -25,7 +25,7 @@ from tmca.design import (
     measures,
 )
 from tmca.design.flips import tile_bytes
-from tmca.design.kinds import check_kind
+from tmca.design.kinds import KINDS
 from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design_figures import gains_figure
@@ -90,7 +90,7 @@ def design_codes(
         period: side of the tile of codes, pixels.
         effort: of the last searches.
         throughput: share of light that all codes shall let through; free if None.
-        light: mean irradiance of the scenes to come, share of white; as bright as the examples if None.
+        light: mean irradiance that the examples are dimmed to, share of white; as they are if None.
         seed: of random codes.
         overwrite: replace files that exist.
         progress: told the share that is done and what is done.
@@ -102,14 +102,13 @@ def design_codes(
     Raises:
         SettingError: impossible sensor, slots, kinds or period.
         DataError, ShapeError: scenes that cannot be used, or that are too small.
-        OutputError: files exist.
+        OutputError: files exist, or none can be written.
     """
-    from tmca.data import make_folder, write_json
+    from tmca.data import check_folder, make_folder, write_json
 
     check_new((out / name for name in FILES), overwrite)
     _check(sheet, slots, kinds, period, seed, throughput, light, bare)
-    if out.exists():
-        make_folder(out)  # refuses a file of this name before anything is searched
+    check_folder(out)
     told = progress or (lambda share, step: None)
     learned = learn(told)
     examples = learned.examples if light is None else learned.examples.under(light)
@@ -118,7 +117,7 @@ def design_codes(
         seed=seed, progress=lambda share, step: told(0.3 + 0.68 * share, step), **learned.camera,
     )  # fmt: skip
     make_folder(out)
-    found = _described(advice, examples, period, command)
+    found = _described(advice, examples, learned.examples.light, period, command)
     sections = _sections(advice, found)  # before anything is written
     _write_codes(advice.best.design.camera, out, found, overwrite)
     write_json(found, out / "design.json", overwrite=overwrite)
@@ -151,7 +150,7 @@ def _check(
         raise SettingError("--seed", str(seed), "0 or more")
     for name, share in (("--throughput", throughput), ("--light", light)):
         if share is not None and not 0 < share < 1:
-            raise SettingError(name, f"{share:g}", "a share between 0 and 1")
+            raise SettingError(name, f"{share:g}", "a share above 0 and below 1")
     needed = tile_bytes(design_model(designable("static", 1, (8, 8), **camera).taps()), (period, period))
     if needed > _MOST_BYTES:
         found = f"{period}, {needed / 1e9:.1f} GB for the blocks of one tile"
@@ -164,13 +163,21 @@ def _check(
             raise SettingError(
                 "--slots", found, f"at most {_MOST_PIXELS} code pixels", "take fewer or a smaller period"
             )
-    for kind in kinds:
-        check_kind(kind)
+    _check_kinds(kinds)
+
+
+def _check_kinds(kinds: Sequence[str]) -> None:
     if "static" in kinds:
         raise SettingError("--kinds", "static", "codes of several slots", "the static code is always searched")
+    known = [name for name in KINDS if name != "static"]
+    for kind in kinds:
+        if kind not in known:
+            raise SettingError("--kinds", repr(kind), f"some of {', '.join(known)}")
 
 
-def _described(advice: Advice, examples: Examples, period: int, command: Sequence[str]) -> dict[str, Any]:
+def _described(
+    advice: Advice, examples: Examples, given_light: float, period: int, command: Sequence[str]
+) -> dict[str, Any]:
     best = advice.best
     light = measures(best.design.camera)
     return {
@@ -178,7 +185,7 @@ def _described(advice: Advice, examples: Examples, period: int, command: Sequenc
         "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
         "camera": best.design.camera.application, "channels": examples.model.block[0],
-        "light": examples.light,
+        "light": examples.light, "examples_light": given_light,
         "block": list(examples.model.block), "scenes": list(examples.scenes),
         "best": {**best.row(), "held_out": best.held_out, "gains": best.gains,
                  "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
@@ -205,6 +212,19 @@ def _write_codes(camera: CodedCamera, out: Path, found: Mapping[str, Any], overw
     write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)
 
 
+def _light(found: Mapping[str, Any]) -> str:
+    """How bright the scenes are taken to be."""
+    light, given = found["light"], found["examples_light"]
+    if light == given:
+        return f"Scenes of mean irradiance {given:.3g} (white = 1), as given; dimmed ones see more noise, see --light."
+    changed = "dimmed" if light < given else "lit"
+    return (
+        f"Judged as if {changed} to a mean irradiance of {light:.3g} (the examples have {given:.3g}, white = 1), by an "
+        f"estimate whose prior is {changed} alike; that of tmca reconstruct is not. PSNR counts against white, so "
+        "compare gains, not PSNR."
+    )
+
+
 def _training(found: Mapping[str, Any]) -> str:
     """The command that trains a network for the codes."""
     camera = {"slots": found["best"]["slots"], "period": found["period"], "learn": "none"}
@@ -228,7 +248,7 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
         advice.sentence(),
         "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
-        f"unit. Scenes of mean irradiance {found['light']:.3g} (white = 1); darker ones see more noise, see --light.",
+        f"unit. {_light(found)}",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
         "anything is captured. Codes are searched for all scenes; gains are those of each scene when the estimate "
         "knows only the others.",
@@ -242,5 +262,5 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
         Section("Every number of slots", survey, found["surveyed"], COLUMNS,
                 {"Gain over the static code, and its spread over the scenes": gains_figure(advice)}),
         Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
-        Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera)}),
+        Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera, found["period"])}),
     ]  # fmt: skip

@@ -30,13 +30,17 @@ def gains_figure(advice: Advice) -> Figure:
             x, [c.gain for c in own], [c.spread or 0.0 for c in own], fmt="o-", capsize=3, label=kind,
             color=_COLOURS[place % len(_COLOURS)], linewidth=1.2, markersize=4,
         )  # fmt: skip
-    if advice.chosen is not None:
-        axis.plot(advice.chosen.design.slots, advice.chosen.gain, "k*", markersize=11, label="searched longer")
+    if (chosen := advice.chosen) is not None:
+        said = ("recommended, " if advice.multiplex else "") + "searched longer, over its own static code"
+        axis.errorbar(
+            chosen.design.slots, chosen.gain, chosen.spread or 0.0, fmt="k*", capsize=3, markersize=11, label=said
+        )
     slots = sorted({c.design.slots for c in surveyed}) or [1]
     axis.set_xscale("log", base=2)
+    axis.set_xlim(slots[0] / 1.5, slots[-1] * 1.5)
     axis.set_xticks(slots, [str(k) for k in slots])
     axis.minorticks_off()
     if surveyed:
-        axis.legend(fontsize=8)
+        figure.legend(fontsize=8, loc="outside lower center", ncols=len(kinds) + 1)
     plain_axes(axis, "each scene under the prior of the others", "slots K", "gain over the static code (dB)")
     return figure

@@ -68,7 +68,8 @@ def _for_scenes(choose: Callable[[str, Examples], bool]) -> Made:
     def made(task: Task, slots: int) -> CodedCamera:
         wide = load_examples(Path(task.cell["wide"]))
         chosen = {name: prior for name, prior in wide.scenes.items() if choose(name, task.examples)}
-        return _free_from()(Task(Examples(wide.model, chosen, wide.areas), task.noise, task.cell), slots)
+        own = Examples(wide.model, chosen, wide.areas, wide.peaks)
+        return _free_from()(Task(own, task.noise, task.cell), slots)
 
     return made
 

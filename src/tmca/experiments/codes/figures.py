@@ -48,7 +48,7 @@ def gain_maps(rows: Sequence[dict[str, Any]], noises: Sequence[str], label: str)
             shown = axis.imshow(values, cmap="RdBu", vmin=-top, vmax=top, aspect="auto")
             for (y, x), value in np.ndenumerate(values):
                 colour = "white" if abs(value) > 0.6 * top else "black"
-                axis.text(x, y, f"{value:+.1f}", ha="center", va="center", fontsize=8, color=colour)
+                axis.text(x, y, f"{value:+z.1f}", ha="center", va="center", fontsize=8, color=colour)
             axis.set_xticks(range(len(slots)), [str(k) for k in slots])
             axis.set_yticks(range(len(noises)), [_short(noise) for noise in noises])
             plain_axes(axis, f"{kind}, {meaning}", "slots K", label)
@@ -70,30 +70,32 @@ def gains_figure(found: dict[str, Any]) -> Figure:
         bars = {
             "expected": {noise: row["expected"] for noise, row in own.items()},
             "prior of the other scenes": {noise: row["predicted"] for noise, row in own.items()},
-            "the same in the scenes' light": {noise: row["there"] for noise, row in own.items()},
+            "the same, examples dimmed to each scene": {noise: row["there"] for noise, row in own.items()},
             "LMMSE, test scenes": {noise: row["gain"] for noise, row in own.items()},
             "unrolled, test scenes": {row["noise"]: row["gain"] for row in networks if row["codes"] == designed},
         }
-        _draw_bars(axis, {name: values for name, values in bars.items() if values})
+        order = dict.fromkeys(row["noise"] for row in found["grid"])
+        _draw_bars(axis, {name: values for name, values in bars.items() if values}, list(order))
         plain_axes(axis, f"{kind} codes, K = {found['slots']}", "", "gain over the static design (dB)")
     return figure
 
 
-def _draw_bars(axis: Any, bars: dict[str, dict[str, float]]) -> None:
-    noises = list(dict.fromkeys(noise for values in bars.values() for noise in values))
+def _draw_bars(axis: Any, bars: dict[str, dict[str, float]], order: Sequence[str]) -> None:
+    noises = [noise for noise in order if any(noise in values for values in bars.values())]
     width = 0.8 / len(bars)
     for place, (name, values) in enumerate(bars.items()):
         x = [noises.index(noise) + (place - (len(bars) - 1) / 2) * width for noise in values]
         shown = axis.bar(x, list(values.values()), width, label=name, color=_COLOURS[place])
-        axis.bar_label(shown, fmt="%+.1f", fontsize=6.5)
+        axis.bar_label(shown, fmt="{:+z.1f}", fontsize=6.5)
     axis.axhline(0, color="#333333", linewidth=0.8)
     axis.set_xticks(range(len(noises)), [_short(noise) if noise[0] != "σ" else noise for noise in noises])
     axis.margins(y=0.12)
+    axis.set_xlim(-0.6, len(noises) - 0.4)
     axis.legend(fontsize=8)
 
 
 def order_figure(ranked: Sequence[dict[str, Any]]) -> Figure:
-    """Every ranked code: PSNR on test scenes against that expected in their light, a panel for each noise."""
+    """Every ranked code: PSNR on test scenes against that expected of dimmed examples, a panel for each noise."""
     noises = list(dict.fromkeys(row["noise"] for row in ranked))
     figure, axes = grid(1, len(noises), width=4.6, aspect=0.8)
     for axis, noise in zip(axes[0], noises, strict=True):
@@ -105,5 +107,6 @@ def order_figure(ranked: Sequence[dict[str, Any]]) -> Figure:
             if known:
                 axis.plot(x, y, "o", color=_COLOURS[place], markersize=5, label=shown)
         axis.legend(fontsize=8)
-        plain_axes(axis, noise, "PSNR expected in the scenes' light (dB)", "PSNR on test scenes (dB)")
+        title = f"{noise}: only the order is compared, not the level"
+        plain_axes(axis, title, "PSNR expected, examples dimmed (dB)", "PSNR on test scenes (dB)")
     return figure

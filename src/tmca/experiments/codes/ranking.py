@@ -77,7 +77,7 @@ def ranking(cell: Settings) -> Measured:
 
 
 def ranked_there(cell: Settings) -> Measured:
-    """Expected PSNR of every ranked code in the light of the test scenes."""
+    """Expected PSNR of every ranked code, the examples dimmed to the mean irradiance of the test scenes."""
     task, there = Task.of(cell), Task.of(cell, cell["light"])
     return {"expected_there": {name: there.psnr(coded(task, code)) for name, code in RANKED.items()}}
 
@@ -133,8 +133,8 @@ def _frame(period: Sequence[int]) -> list[int]:
 
 
 def correlations(cells: Sequence[Measured]) -> list[dict[str, Any]]:
-    """Spearman's rank correlation of expected PSNR, in the light of the examples and of the test scenes and under a
-    mixture, with each decoder's mean over the test scenes."""
+    """Spearman's rank correlation of expected PSNR, by the examples as they are and dimmed and under a mixture, with
+    each decoder's mean over the test scenes."""
     from scipy.stats import spearmanr
 
     found = []

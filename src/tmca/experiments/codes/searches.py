@@ -50,17 +50,18 @@ def on_test_scene(cell: Settings) -> Measured:
 
 
 def in_the_light(cell: Settings) -> Measured:
-    """What knowing the light of a test scene changes: the gains foretold for its own mean irradiance, and codes
-    designed for the mean irradiance of the test scenes, as a light meter tells it, decoded by a prior that knows it."""
+    """What the mean irradiance of test scenes changes where the examples are dimmed to it: the gains foretold for each
+    scene's own, and codes designed for that of all, decoded by the prior as it was learned and by one dimmed alike."""
     scene, slots = load_scene(cell["path"], bands=cell["bands"]), cell["slots"][0]
     there, lit = Task.of(cell, float(scene.mean())), Task.of(cell, cell["light"])
     cameras = _cameras(Task.of(cell), slots)
     prior = GaussianPrior.load(cell["prior"])
-    metered = prior.scaled(cell["light"] / float(prior.mean.mean()))
+    dimmed = prior.scaled(cell["light"] / float(prior.mean.mean()))
     designs = {f"{kind}, designed for the light": lit.design(kind, k).camera
                for kind, k in {"static": 1, "free": slots}.items()}  # fmt: skip
     foretold = _foretold(there, cameras) | _foretold(there, designs)
-    return {"metrics": _compared(cell, lit, designs, metered), "there": foretold}
+    plain = {name: _measured(cell, camera, prior) for name, camera in designs.items()}
+    return {"metrics": _compared(cell, lit, designs, dimmed), "plain_prior": plain, "there": foretold}
 
 
 def _cameras(task: Task, slots: int) -> dict[str, CodedCamera]:

@@ -27,7 +27,7 @@ _NETWORK_NOISE = _RANKED_NOISES[1]
 """Where every ranked code gets a network of its own."""
 _KEPT = {
     "test": ("noise", "scene", "seed", "metrics"),
-    "light": ("noise", "scene", "seed", "metrics", "there"),
+    "light": ("noise", "scene", "seed", "metrics", "plain_prior", "there"),
     "ranking": ("noise", "codes", "expected", "expected_mixture", "lmmse", "unrolled", "throughput"),
     "network": ("noise", "codes", "seed", "expected", "lmmse", "unrolled", "throughput"),
     "ablation": ("noise", "rows"),
@@ -173,7 +173,7 @@ def _common(train: Sequence[str], work: Path, bands: int, period: tuple[int, int
 
 
 def _light(scenes: Sequence[str], bands: int) -> float:
-    """Mean irradiance of scenes, share of white: what a light meter would say."""
+    """Mean irradiance of scenes, share of white, to which the examples are dimmed."""
     from tmca.experiments.scenes import load_scene
 
     return sum(float(load_scene(name, bands=bands).mean()) for name in scenes) / len(scenes)
@@ -235,7 +235,7 @@ def _ranking_cells(common: Settings, test: Sequence[str], trained: Settings, wor
 
 
 def _there_cells(common: Settings, light: float) -> list[Settings]:
-    """The order of the ranked codes in the light of the test scenes."""
+    """The order of the ranked codes by examples that are dimmed to the mean irradiance of the test scenes."""
     return [
         {**common, "kind": "there", "name": f"order in the light · {noise}", "noise": noise, "sensor": CORNERS[noise],
          "light": light}

@@ -42,11 +42,11 @@ class Task:
 
         Args:
             cell: settings.
-            light: mean irradiance that the examples are brought to; as they are if None.
+            light: mean irradiance that the examples are dimmed to, or lit to as far as white; as they are if None.
         """
         found = load_examples(Path(cell["examples"]), cell.get("views"))
         if light is not None:
-            found, cell = found.under(light), {**cell, "under": light}
+            found, cell = found.under(min(light, found.most_light)), {**cell, "under": light}
         noise, times = Sensor(**cell["sensor"]).noise(float(found.model.block[0])), cell["exposures"]
         return cls(found, Noise(noise.read / times, noise.shot / times), cell)
 
@@ -137,16 +137,16 @@ def save_examples(examples: Examples, folder: Path) -> None:
 
     for name, prior in examples.scenes.items():
         prior.save(folder / f"scene-{name}.nc", overwrite=True)
-    write_json({"areas": examples.areas}, folder / "examples.json", overwrite=True)
+    write_json({"areas": examples.areas, "peaks": examples.peaks}, folder / "examples.json", overwrite=True)
 
 
 def load_examples(folder: Path, views: Sequence[int] | None = None) -> Examples:
     """Examples that ``save_examples`` wrote; (V, U) views where they are light fields."""
     import json
 
-    areas = json.loads((folder / "examples.json").read_text())["areas"]
-    scenes = {name: GaussianPrior.load(folder / f"scene-{name}.nc") for name in areas}
+    kept = json.loads((folder / "examples.json").read_text())
+    scenes = {name: GaussianPrior.load(folder / f"scene-{name}.nc") for name in kept["areas"]}
     bands = next(iter(scenes.values())).wavelengths
     one = designable("static", 1, (8, 8), **camera_arguments(bands or (), views))
     with torch.no_grad():
-        return Examples(design_model(one.taps()), scenes, areas)
+        return Examples(design_model(one.taps()), scenes, kept["areas"], kept["peaks"])
