@@ -17,6 +17,7 @@ from tmca.experiments.light_field import (
     true_disparity,
 )
 from tmca.priors import GaussianPrior, PatchDictionary, learn_light_field_prior
+from tmca.priors.light_field import _MIXTURE
 
 SCENE = {"views": 3, "size": (24, 30)}
 
@@ -86,6 +87,19 @@ def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
     assert not GaussianPrior.load(tmp_path / "p.nc").mirrored
 
 
+def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(_MIXTURE, "samples", 2000)
+    main(["prior", "learn-views", "rocket", "--views", "3", "--mixture", "--out", "m.nc", "--figure", "m.png"])
+    assert "Gaussian mixture of blocks 9 ×" in capsys.readouterr().out
+    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
+    main(["reconstruct", "s.nc", "-d", "mixture", "--prior", "m.nc", "--truth", "coffee", "--no-figures", "--json"])
+    assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
+    both = ["prior", "learn-views", "rocket", "--mixture", "--dictionary", "--out", "b.nc"]
+    assert "one of them" in refused(capsys, *both)
+    assert "Gaussian-mixture prior" in refused(capsys, "reconstruct", "s.nc", "-d", "mixture", "--prior", str(prior))
+
+
 def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     camera = "camera={views: 3, size: [24, 24], slots: 2, period: 6, learn: both}"
@@ -133,7 +147,8 @@ def test_a_spectral_decoder_is_refused_a_light_field(prior, tmp_path, capsys, mo
     monkeypatch.chdir(tmp_path)
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
     capsys.readouterr()
-    assert "one of lmmse, dictionary" in refused(capsys, "reconstruct", "s.nc", "-d", "mixture")
+    assert "one of lmmse, mixture, dictionary" in refused(capsys, "reconstruct", "s.nc", "-d", "lmmse-adapted")
+    assert "learn-views … --mixture" in refused(capsys, "reconstruct", "s.nc", "-d", "mixture")
     assert "one for dictionary" in refused(capsys, "reconstruct", "s.nc", "-d", "dictionary")
     assert "--wavelengths" in refused(capsys, "reconstruct", "s.nc", "--truth", "coffee", "--wavelengths", "400:700:3")
     five = GaussianPrior.load(prior)

@@ -5,9 +5,12 @@ import json
 
 import pytest
 
+from tmca.cameras import LightFieldCamera
 from tmca.data import rendered_scene, select_bands, write_dataset
 from tmca.errors import SettingError
 from tmca.experiments.cells import CellsFailed
+from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.sweep_light_field import sweep_light_field
 from tmca.experiments.sweep_spectral import sweep_spectral
 
 
@@ -110,3 +113,50 @@ def test_a_network_is_trained_once_for_all_scenes(tmp_path):
     found = sweep(tmp_path, {"slots": [1]}, ["coffee", "motorcycle"], **changes)
     assert set(found["rows"][0]["scenes"]) == {"coffee", "motorcycle"}
     assert len(list((tmp_path / "work").glob("point-*"))) == 1
+
+
+def light_fields(folder, vary, **changes):
+    for name in ("rocket", "coffee"):
+        if not (folder / f"{name}.nc").exists():
+            field = load_light_field(name, views=3, size=(26, 28))
+            field.to_dataset(name="light_field").to_netcdf(folder / f"{name}.nc")
+    options = {"views": 3, "train": [str(folder / "rocket.nc")]} | changes
+    return sweep_light_field(vary, [str(folder / "coffee.nc")], folder / "out", folder / "work", **options)
+
+
+def test_light_fields_are_swept_with_named_codes(tmp_path):
+    fixed = {"shutter": "one-hot", "period": 4}
+    found = light_fields(tmp_path, {"slots": [2, 4], "noise": [0.0, 0.1]}, fixed=fixed)
+    assert [(row["slots"], row["noise"]) for row in found["rows"]] == [(2, 0.0), (2, 0.1), (4, 0.0), (4, 0.1)]
+    camera = LightFieldCamera(3, (26, 28), 4, shutter="one-hot", period=4)
+    truth = load_light_field(str(tmp_path / "coffee.nc"), views=3)
+    (prior,) = (tmp_path / "work").glob("prior-*.nc")
+    own = reconstruct_light_field(take_light_field_snapshot(truth, camera), prior=prior, truth=truth)
+    assert found["rows"][2]["psnr"] == pytest.approx(own.metrics["psnr"], abs=1e-4)
+    assert "SAM" not in (tmp_path / "out.md").read_text()
+    assert "Light-field camera" in (tmp_path / "out.md").read_text()
+
+
+def test_codes_are_searched_for_every_combination(tmp_path, monkeypatch):
+    monkeypatch.setattr("tmca.experiments.sweep_light_field.EFFORT", {"descents": 1, "steps": 20, "flips": 100})
+    found = light_fields(tmp_path, {"noise": [0.0, 1.0]}, fixed={"slots": 2, "design": "one-hot"})
+    assert len(list((tmp_path / "work" / "designs").glob("one-hot-2-*.nc"))) == 2
+    quiet, loud = (row["throughput"] for row in found["rows"])
+    assert loud > quiet
+
+
+@pytest.mark.parametrize(
+    ("vary", "fixed", "words"),
+    [
+        ({"dispersion": [1]}, {}, "one of"),
+        ({"slots": [2]}, {"decoder": "unet"}, "unet"),
+        ({"design": ["pretty"]}, {}, "pretty"),
+        ({"design": ["static"]}, {"slots": 2}, "static"),
+        ({"design": ["free"]}, {"shutter": "open"}, "shutter"),
+        ({"shear": ["nan"]}, {}, "finite"),
+    ],
+)
+def test_impossible_light_field_sweeps_are_refused_before_any_work(tmp_path, vary, fixed, words):
+    with pytest.raises(SettingError, match=words):
+        light_fields(tmp_path, vary, fixed=fixed)
+    assert not (tmp_path / "work").exists()

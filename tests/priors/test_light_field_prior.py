@@ -8,8 +8,10 @@ import torch
 
 from tmca.cameras import LightFieldCamera
 from tmca.decoders import PatchLMMSE
+from tmca.decoders.mixture import MixtureLMMSE
 from tmca.errors import ShapeError
-from tmca.priors import GaussianPrior, cropped, pooled
+from tmca.priors import GaussianMixturePrior, GaussianPrior, cropped, pooled
+from tmca.priors.statistics import random_blocks
 
 VIEWS = (3, 3)
 
@@ -52,6 +54,30 @@ def test_covariances_are_those_of_slow_loops_over_mirror_images(block):
                     total += float(one[y, x] * other[y + dy, x + dx])
         assert float(prior.moments[c, o, h - 1 + dy, w - 1 + dx]) == pytest.approx(total / pixels, abs=1e-10)
     torch.testing.assert_close(prior.mean[:, 0, 0], mean)
+
+
+def test_blocks_are_mirrored_together_with_their_views():
+    """A plane of one disparity stays one: what the centre shows, every view shows displaced, in any mirror image."""
+    blocks = random_blocks([parallax(1)], (5, 6), 40, 0, mirrored=True, views=VIEWS).unflatten(1, VIEWS)
+    for v, u in product((-1, 0, 1), repeat=2):
+        centre = blocks[:, 1, 1, max(v, 0) : 5 + min(v, 0), max(u, 0) : 6 + min(u, 0)]
+        view = blocks[:, 1 + v, 1 + u, max(-v, 0) : 5 - max(v, 0), max(-u, 0) : 6 - max(u, 0)]
+        torch.testing.assert_close(view, centre)
+    assert len({tuple(block.flatten().tolist()) for block in blocks}) == 40
+    apart = random_blocks([parallax(1)], (5, 6), 40, 0, mirrored=True).unflatten(1, VIEWS)
+    assert (apart[:, 1, 2, :, :-1] - apart[:, 1, 1, :, 1:]).abs().max() > 0.1
+
+
+def test_a_mixture_of_one_kind_and_gain_is_the_gaussian_of_its_subspace():
+    fields = [parallax(1, (30, 34)), parallax(0, (30, 34), seed=2)]
+    found = GaussianMixturePrior.learn(fields, (3, 3), kinds=1, rank=6, gains=1, samples=600, steps=1, views=VIEWS)
+    assert not found.base.mirrored
+    camera = LightFieldCamera(3, (12, 14), 2, period=4)
+    snapshot = camera(fields[0].float().unflatten(0, VIEWS)[None, :, :, :12, :14])
+    taps = camera.operator().taps
+    one = MixtureLMMSE(found)(snapshot, taps).estimate
+    other = PatchLMMSE(found.component(0))(snapshot, taps).estimate
+    torch.testing.assert_close(one, other, atol=2e-3, rtol=1e-3)
 
 
 def test_a_blocks_covariance_is_symmetric_and_positive():
