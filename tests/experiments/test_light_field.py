@@ -97,7 +97,8 @@ def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
     assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
     both = ["prior", "learn-views", "rocket", "--mixture", "--dictionary", "--out", "b.nc"]
     assert "one of them" in refused(capsys, *both)
-    assert "Gaussian-mixture prior" in refused(capsys, "reconstruct", "s.nc", "-d", "mixture", "--prior", str(prior))
+    wrong = ["reconstruct", "s.nc", "-d", "mixture", "--prior", str(prior), "--out", "other.nc"]
+    assert "Gaussian-mixture prior" in refused(capsys, *wrong)
 
 
 def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
