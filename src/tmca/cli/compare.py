@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json as json_module
+import json
 import sys
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.options import cluster_parameters
+from tmca.cli.options import GridOptions
 
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
+_GRID = GridOptions()
 
 
 @app.command
@@ -28,10 +28,7 @@ def spectral(
     seed: Whole = 0,
     seeds: Whole = 1,
     steps: Whole = 400,
-    jobs: Whole = 1,
-    slurm: str | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    grid: GridOptions = _GRID,
 ) -> None:
     """Static CASSI against time-multiplexed codes, noise-free, at σ = 0.01 and with a real sensor.
 
@@ -50,19 +47,14 @@ def spectral(
         seed: of codes, noise and trainings.
         seeds: how many codes and trainings, from --seed on (ADMM-TV: one).
         steps: optimiser steps of the unrolled network with fixed codes; others take as many minutes.
-        jobs: processes side by side.
-        slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
-        overwrite: replace result files that exist.
-        json: print the results as JSON.
     """
     from tmca.experiments.compare_spectral import compare_spectral
 
     results = compare_spectral(
         train, test, out, work, bands=bands, decoders=decoders.split(","), validation=validation,
-        seed=seed, seeds=seeds, steps=steps, jobs=jobs, cluster=cluster_parameters(slurm),
-        overwrite=overwrite, progress=_told, command=["tmca", *sys.argv[1:]],
+        seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
     )  # fmt: skip
-    print(json_module.dumps(results, indent=1) if json else (out / "spectral.md").read_text())
+    print(json.dumps(results, indent=1) if grid.json else (out / "spectral.md").read_text())
 
 
 @app.command
@@ -82,10 +74,7 @@ def light_field(
     seed: Whole = 0,
     seeds: Whole = 1,
     steps: Whole = 300,
-    jobs: Whole = 1,
-    slurm: str | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    grid: GridOptions = _GRID,
 ) -> None:
     """Compressive light-field photography (static mask) against time-multiplexed masks, with geometry.
 
@@ -109,10 +98,6 @@ def light_field(
         seed: of codes, noise and trainings.
         seeds: how many codes and trainings, from --seed on.
         steps: optimiser steps of every network.
-        jobs: processes side by side.
-        slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
-        overwrite: replace result files that exist.
-        json: print the results as JSON.
     """
     from tmca.cli.options import size
     from tmca.experiments.compare_light_field import compare_light_field
@@ -123,10 +108,9 @@ def light_field(
     sizes = Sizes(views=views, period=period, frame=middle)
     results = compare_light_field(
         train, test, out, work, decoders=decoders.split(","), sizes=sizes, scale=scale, test_scale=test_scale,
-        atoms=atoms, seed=seed, seeds=seeds, steps=steps, jobs=jobs, cluster=cluster_parameters(slurm),
-        overwrite=overwrite, progress=_told, command=["tmca", *sys.argv[1:]],
+        atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
     )  # fmt: skip
-    print(json_module.dumps(results, indent=1) if json else (out / "light-field.md").read_text())
+    print(json.dumps(results, indent=1) if grid.json else (out / "light-field.md").read_text())
 
 
 def _told(done: int, total: int, name: str, left: float) -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _SENSOR = Group("Sensor", sort_key=2)
 _OUTPUT = Group("Output", sort_key=3)
+_GRID = Group("Computation", sort_key=4)
 _SCENE = Group("Reading the scene", sort_key=0)
 
 
@@ -75,6 +76,26 @@ class SensorOptions:
     "Read noise in electrons, standard deviation; needs --full-well."
     bits: Annotated[int | None, Parameter(group=_SENSOR, converter=whole)] = None
     "Bits of the analogue-to-digital converter."
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class GridOptions:
+    """How a grid of cells is computed."""
+
+    jobs: Annotated[int, Parameter(group=_GRID, converter=whole)] = 1
+    "Processes side by side."
+    slurm: Annotated[str | None, Parameter(group=_GRID)] = None
+    "Parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu."
+    overwrite: Annotated[bool, Parameter(group=_GRID, negative="")] = False
+    "Replace results that exist."
+    json: Annotated[bool, Parameter(group=_GRID, negative="")] = False
+    "Print the results as JSON."
+
+    def how(self) -> dict[str, Any]:
+        """Arguments of a comparison or a sweep."""
+        cluster, command = cluster_parameters(self.slurm), ["tmca", *sys.argv[1:]]
+        return {"jobs": self.jobs, "cluster": cluster, "overwrite": self.overwrite, "command": command}
 
 
 @Parameter(name="*")

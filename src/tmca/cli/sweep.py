@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json as json_module
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,10 +11,11 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.options import cluster_parameters
+from tmca.cli.options import GridOptions
 from tmca.errors import SettingError
 
 app = App(name="sweep", help="Every combination of some settings, over test scenes.")
+_GRID = GridOptions()
 
 
 @app.command
@@ -31,10 +32,7 @@ def spectral(
     steps: Whole = 300,
     bands: Whole = 12,
     crop: str | None = None,
-    jobs: Whole = 1,
-    slurm: str | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    grid: GridOptions = _GRID,
 ) -> None:
     """Sweep settings of the spectral camera over SCENES: `--vary noise=0,0.01,0.1 --vary slots=2,4,8`.
 
@@ -55,10 +53,6 @@ def spectral(
         steps: of each training.
         bands: bands, nearest to even spacing from 400 to 700 nm.
         crop: HEIGHTxWIDTH, the middle of the scenes.
-        jobs: processes side by side.
-        slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
-        overwrite: replace results that exist.
-        json: print the results as JSON.
     """
     from tmca.cli.options import size
     from tmca.data import read_split, split_rendered
@@ -70,10 +64,9 @@ def spectral(
 
     found = sweep_spectral(
         axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, validation=checked, steps=steps,
-        bands=bands, size=size(crop, "--crop"), jobs=jobs, cluster=cluster_parameters(slurm), overwrite=overwrite,
-        progress=_told, command=["tmca", *sys.argv[1:]],
+        bands=bands, size=size(crop, "--crop"), progress=_told, **grid.how(),
     )  # fmt: skip
-    print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
+    print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 
 
 @app.command
@@ -90,10 +83,7 @@ def light_field(
     scale: MaybeWhole = None,
     test_scale: MaybeWhole = None,
     crop: str | None = None,
-    jobs: Whole = 1,
-    slurm: str | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    grid: GridOptions = _GRID,
 ) -> None:
     """Sweep settings of the light-field camera over SCENES: `--vary noise=0.01,0.1 --set slots=8 --set design=free`.
 
@@ -114,10 +104,6 @@ def light_field(
         scale: whole number of pixels per axis that are averaged into one, in the light fields of --train.
         test_scale: the same in those that are measured.
         crop: HEIGHTxWIDTH, the middle of the light fields.
-        jobs: processes side by side.
-        slurm: parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu.
-        overwrite: replace results that exist.
-        json: print the results as JSON.
     """
     from tmca.cli.options import size
     from tmca.data import read_split, split_rendered_light_fields
@@ -129,10 +115,9 @@ def light_field(
     examples = [str(path) for path in read_split(train)] if train else []
     found = sweep_light_field(
         axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=views,
-        scale=scale, test_scale=test_scale, size=size(crop, "--crop"), jobs=jobs, cluster=cluster_parameters(slurm),
-        overwrite=overwrite, progress=_told, command=["tmca", *sys.argv[1:]],
+        scale=scale, test_scale=test_scale, size=size(crop, "--crop"), progress=_told, **grid.how(),
     )  # fmt: skip
-    print(json_module.dumps(found, indent=1) if json else out.with_suffix(".md").read_text())
+    print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 
 
 def _told(done: int, total: int, name: str) -> None:
