@@ -143,7 +143,7 @@ class SpatialAngular(Network):
         gather: int = 4,
     ) -> None:
         super().__init__(bands, start)
-        self.views = view_grid(bands, views)
+        self.views = grid_of_views(bands, views)
         if stages < 0 or min(width, blocks, gather) < 1:
             found = f"{stages} stages, width {width}, {blocks} blocks, gather {gather}"
             raise SettingError("size", found, "no stage or more, all else at least 1")
@@ -193,7 +193,7 @@ class SpatialAngular(Network):
             return operator.A_adjoint(operator.gram_solve(snapshot - operator.A(estimate), shift))
 
 
-def view_grid(bands: int, views: Sequence[int] | None) -> tuple[int, int]:
+def grid_of_views(bands: int, views: Sequence[int] | None) -> tuple[int, int]:
     """(V, U) of so many views, square unless it is given.
 
     Raises:
