@@ -9,7 +9,7 @@ from torch.nn.functional import conv2d
 
 from tmca.decoders.network import build_network
 from tmca.decoders.neural import NeuralDecoder
-from tmca.decoders.spatial_angular import AngularConv, SpatialAngularBody, view_grid
+from tmca.decoders.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
 from tmca.decoders.start import first_estimate
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator, Taps
@@ -265,11 +265,11 @@ def test_half_precision_leaves_the_steps_precise():
 
 
 def test_a_square_grid_needs_no_name_and_others_do():
-    assert view_grid(25, None) == (5, 5)
-    assert view_grid(15, [3, 5]) == (3, 5)
+    assert grid_of_views(25, None) == (5, 5)
+    assert grid_of_views(15, [3, 5]) == (3, 5)
     for bands, views in ((15, None), (25, (3, 5)), (9, (-3, -3))):
         with pytest.raises(SettingError, match="views"):
-            view_grid(bands, views)
+            grid_of_views(bands, views)
 
 
 @pytest.mark.parametrize(
