@@ -10,7 +10,9 @@ from tmca.experiments import light_field_rows as rows
 from tmca.experiments.compare_light_field import compare_light_field
 from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field_cells import coded_camera
+from tmca.experiments.light_field_comparison_figures import slug
 from tmca.experiments.light_field_tables import margins, steps_between
+from tmca.experiments.scenes import short_names
 
 SIZES = rows.Sizes(views=3, period=6, frame=(30, 36), rendered=(26, 30), crop=(20, 20), patch=16)
 EFFORT = {"descents": 1, "steps": 3, "flips": 10}
@@ -83,6 +85,27 @@ def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
     )
 
 
+def test_the_json_has_what_results_have_and_every_view(found):
+    assert {"command", "commit", "split", "budget", "rows"} <= set(found)
+    assert found["budget"]["effort"] == EFFORT
+    for row in found["rows"]:
+        assert row["exposure"] == "equal"
+        assert row["method"] == f"{row['code']} + {rows.DECODER_NAMES[row['decoder']]}"
+        for scene, own in row["views"].items():
+            assert np.shape(own["psnr"]) == np.shape(own["ssim"]) == (3, 3)
+            assert row["scenes"][scene]["ssim"] == pytest.approx(np.mean(own["ssim"]), abs=1e-6)
+
+
+def test_scenes_of_one_name_stay_apart():
+    assert short_names(["x/views", "y/views", "coffee"]) == {
+        "x/views": "x/views",
+        "y/views": "y/views",
+        "coffee": "coffee",
+    }
+    assert slug("../x/views") == "x-views"
+    assert slug("coffee:1") == "coffee-1"
+
+
 def test_designs_are_searched_for_their_noise(found):
     searched = {(row["code"], row["noise"]): row for row in found["searches"]}
     assert len(searched) == 4
@@ -114,19 +137,24 @@ def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small
 
 def test_margins_compare_the_best_of_each_kind():
     def row(code, psnr, shape, decoder="lmmse"):
-        scenes = {"a": {"psnr": psnr - 1}, "b": {"psnr": psnr + 1}}
         geometry = {"disparity_mae": shape, "disparity_badpix": shape, "agreement_mae": shape}
-        return {"code": code, "noise": "noise-free", "decoder": decoder, "psnr": psnr, "scenes": scenes, **geometry}
+        scenes = {"a": {"psnr": psnr}, "b": {"psnr": 2 * psnr, **geometry}}
+        return {"code": code, "noise": "noise-free", "decoder": decoder, "psnr": psnr, "scenes": scenes}
 
     table = [row("CLFP static random", 30.0, 0.3), row("CLFP optimised", 31.0, 0.4)]
     table += [row("TMCA random K = 8", 30.5, 0.1), row("TMCA optimised K = 8", 33.0, 0.2)]
-    (said,) = margins({"rows": table})
-    assert (said["static"], said["best"]) == ("CLFP optimised", "TMCA optimised K = 8")
-    assert said["gain"] == pytest.approx(2.0)
-    assert (said["disparity_mae"], said["static_disparity_mae"]) == (0.1, 0.3)
+    split = {"test": ["a", "b"], "real": ["a"]}
+    real, rendered = margins({"rows": table, "split": split})
+    assert (real["part"], rendered["part"]) == ("real", "rendered")
+    assert (real["static"], real["best"]) == ("CLFP optimised", "TMCA optimised K = 8")
+    assert real["gain"] == real["designed"] == pytest.approx(2.0)
+    assert rendered["gain"] == pytest.approx(4.0)
+    assert (rendered["disparity_mae"], rendered["static_disparity_mae"]) == (0.1, 0.3)
+    assert real["disparity_mae"] is None
     better = [row("CLFP optimised", 32.5, 0.1, "consistent"), row("TMCA optimised K = 8", 33.5, 0.1, "consistent")]
-    (step,) = steps_between({"rows": table + better, "crop_rows": []})
-    assert (step["least"], step["mean"], step["most"]) == pytest.approx((0.5, 1.0, 1.5))
+    steps = steps_between({"rows": table + better, "crop_rows": [], "split": split})
+    assert [step["where"] for step in steps] == ["real", "rendered"]
+    assert (steps[0]["least"], steps[0]["mean"], steps[0]["most"]) == pytest.approx((0.5, 1.0, 1.5))
 
 
 def test_bad_input_is_refused(folder, tmp_path, capsys):
@@ -136,6 +164,8 @@ def test_bad_input_is_refused(folder, tmp_path, capsys):
     assert "--frame" in refused(capsys, *command, "--frame", "30")
     assert "--steps" in refused(capsys, *command, "--steps", "0")
     assert "4" in refused(capsys, *command, "--views", "4")
+    assert "crop" in refused(capsys, *command, "--frame", "64x80")
+    assert "chelsea.nc" in refused(capsys, *command, "--views", "3", "--frame", "270x480")
     assert "missing" in refused(capsys, *command[:2], "--train", str(tmp_path / "missing.txt"), *split[2:])
     assert not (tmp_path / "o").exists()
     assert not (tmp_path / "w").exists()

@@ -51,7 +51,8 @@ class CodeOptions:
     weights: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Learned codes: a file or run of `tmca train`."
     preset: Annotated[str | None, Parameter(group=_CAMERA)] = None
-    "Start from a named camera: thesis, one-hot, and the static one (cassi, clfp). Other options replace its values."
+    """Start from a named camera: thesis, one-hot, and of the spectral camera cassi (static), of the light field clfp
+    (static) and quick. Other options replace its values."""
 
     def chosen(self) -> dict[str, Any]:
         """Camera arguments that were given, files read and numbers parsed."""

@@ -57,10 +57,12 @@ class LightFieldSceneOptions:
     "Red, green and blue, a snapshot of each, instead of their luminance."
     pattern: Annotated[str | None, Parameter(group=_SCENE)] = None
     "File names of a folder of views where they are not recognised, such as view_{row}_{column}.png."
+    lens: Annotated[str | None, Parameter(group=_SCENE)] = None
+    "ROWSxCOLUMNS of the views under a lens of a lenslet picture. [default: 14x14]"
 
     def reading(self) -> dict[str, Any]:
         """Arguments of ``load_light_field``."""
-        return vars(self)
+        return {**vars(self), "lens": size(self.lens, "--lens")}
 
 
 @Parameter(name="*")
@@ -69,7 +71,7 @@ class SensorOptions:
     """The sensor."""
 
     read_noise: Annotated[float, Parameter(group=_SENSOR)] = 0.0
-    "Standard deviation in snapshot units (1 = one band of a white scene)."
+    "Standard deviation in snapshot units (1 = one band or view of a white scene)."
     full_well: Annotated[float | None, Parameter(group=_SENSOR)] = None
     "Electrons at full scale; switches shot noise on."
     read_noise_electrons: Annotated[float, Parameter(group=_SENSOR)] = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import os
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -120,7 +121,9 @@ def _run(train: Any, settings: Any, out: Path, load: Any, accelerator: str, json
     if json:
         print(json_module.dumps({"weights": str(found.weights), "best": found.best, "steps": found.steps}, indent=1))
         return
-    said = f", validation PSNR {found.best['psnr']:.2f} dB at step {found.best['step']}" if found.best["step"] else ""
+    checked = found.best["step"] and isfinite(found.best["psnr"])
+    said = f", validation PSNR {found.best['psnr']:.2f} dB at step {found.best['step']}" if checked else ""
+    said += "" if checked else "; no scene was set aside to choose the best step: --validation names some"
     print(f"{found.weights}: {found.steps} steps{said}; {', '.join(picture.name for picture in pictures)} beside it")
 
 

@@ -155,7 +155,7 @@ def _own_patterns(values: Tensor, slots: int, size: tuple[int, int], tile: tuple
             name,
             f"patterns of {values.shape[1]}×{values.shape[2]} pixels",
             f"{size[0]}×{size[1]}",
-            "crop the patterns or give period= their size",
+            "make them of this size (a mask: sensor and the views' shear around it), or give period= their size",
         )
     if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1:
         raise SettingError(name, "values outside [0, 1]", "0 = closed, 1 = open", "scale the patterns")

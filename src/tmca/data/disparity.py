@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tmca.data.datasets import SUFFIXES as LABELLED
 from tmca.data.datasets import read_dataset
-from tmca.data.formats.arrays import open_npy
+from tmca.data.formats.arrays import open_labelled, open_npy
 from tmca.data.formats.images import read_picture
 from tmca.data.formats.views import open_views
 from tmca.data.light_fields import centre_window
@@ -25,14 +25,22 @@ USUAL = "gt_disp_lowres.pfm"
 
 
 def find_disparity(folder: str | Path) -> Path | None:
-    """The disparity map of a folder of views: `USUAL`, or the only ``.pfm`` with ``disp`` in its name."""
+    """The disparity map of a folder of views: `USUAL`, or the only ``.pfm`` with ``disp`` in its name; of a labelled
+    file, the file itself if it holds ``disparity``."""
     folder = Path(folder)
-    if not folder.is_dir():
-        return None
+    if folder.suffix.lower() in LABELLED or not folder.is_dir():
+        return folder if _holds_disparity(folder) else None
     if (folder / USUAL).is_file():
         return folder / USUAL
     others = [file for file in sorted(folder.glob("*.pfm")) if "disp" in file.name.lower()]
     return others[0] if len(others) == 1 else None
+
+
+def _holds_disparity(path: Path) -> bool:
+    if path.suffix.lower() not in LABELLED or not path.exists():
+        return False
+    with open_labelled(path) as stored:
+        return "disparity" in stored.data_vars
 
 
 def read_disparity(

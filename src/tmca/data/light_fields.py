@@ -208,7 +208,8 @@ def centre_views(grid: tuple[int, int], views: int | None, where: object) -> tup
     if isinstance(views, bool) or not isinstance(views, (int, np.integer)) or views < 1 or views % 2 == 0:
         raise SettingError("views", repr(views), "an odd number n, for the centre n×n views")
     if views > min(grid):
-        raise SettingError("views", str(views), f"at most {min(grid)}, of the {grid[0]}×{grid[1]} views of {where}")
+        most = min(grid) - (min(grid) % 2 == 0)
+        raise SettingError("views", str(views), f"odd, at most {most}, of the {grid[0]}×{grid[1]} views of {where}")
     top, left = ((n - views + 1) // 2 for n in grid)
     return range(top, top + views), range(left, left + views)
 

@@ -10,8 +10,8 @@ from typing import Any
 from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
 from tmca.experiments.light_field_cells import measure
-from tmca.experiments.light_field_comparison_figures import comparison_pictures, picture_files
-from tmca.experiments.light_field_learned import Learned
+from tmca.experiments.light_field_comparison_figures import comparison_pictures, picture_files, slug
+from tmca.experiments.light_field_learned import Learned, read
 from tmca.experiments.light_field_rows import (
     DECODER_NAMES,
     DESIGNED,
@@ -29,7 +29,7 @@ from tmca.experiments.light_field_rows import (
 )
 from tmca.experiments.light_field_tables import markdown, results
 from tmca.experiments.results import check_new
-from tmca.experiments.scenes import identity_of
+from tmca.experiments.scenes import identity_of, short_names
 from tmca.optics import view_grid
 
 _DICTIONARY = "dictionary"
@@ -78,7 +78,7 @@ def compare_light_field(
         command: how the run was called, kept in the results.
 
     Raises:
-        SettingError: unknown decoder, or an even number of views.
+        SettingError: unknown decoder, an even number of views, or a frame smaller than the crop.
         OutputError: the results exist.
         DataError: a light field of a split is missing or altered.
         CellsFailed: some cells failed; the table of the others is written.
@@ -95,9 +95,10 @@ def compare_light_field(
     view_grid(own.views)  # refuses even ones before anything is made
     examples = [str(path) for path in read_split(train)]
     real = [str(path) for path in read_split(test)]
-    scenes = real + sorted(split_rendered_light_fields()["test"])
+    scenes = short_names(real + sorted(split_rendered_light_fields()["test"]))
     files = [out / "light-field.json", out / "light-field.md"]
-    check_new([*files, *picture_files([Path(name).stem for name in scenes], out)], overwrite)
+    check_new([*files, *picture_files([slug(name) for name in scenes.values()], out)], overwrite)
+    _check_readable(examples, real, own, scale, test_scale)
     make_folder(out)
     learned = _learn(Learned(examples, make_folder(work), own.views, scale), decoders, atoms)
     failures = Failures(work)
@@ -120,9 +121,10 @@ def compare_light_field(
     measured += trained + run(_behind_networks(common, places, trained, maps))
     if not any("metrics" in cell for cell in measured):
         failures.check()
-    split: Settings = {"train": [Path(n).name for n in examples], "test": [Path(n).stem for n in scenes]}
+    split: Settings = {"train": list(short_names(examples).values()), "test": list(scenes.values())}
+    split["real"] = [scenes[name] for name in real]
     split |= {"scale": scale, "test_scale": test_scale, "atoms": atoms}
-    found = results(measured, split, {**vars(own), "effort": dict(effort)}, command)
+    found = results(measured, split, {**vars(own), "effort": dict(effort), "steps": steps}, command)
     write_json(found, files[0], overwrite=overwrite)
     write_text(markdown(found), files[1], overwrite=overwrite)
     shown = [cell for cell in measured if cell.get("seed", seed) == seed]
@@ -152,12 +154,26 @@ def _searches(common: Settings, first: int, seeds: int) -> list[Settings]:
     ]  # fmt: skip
 
 
-def _places(scenes: Sequence[str], real: Sequence[str], sizes: Sizes) -> list[Settings]:
+def _check_readable(
+    examples: Sequence[str], real: Sequence[str], sizes: Sizes, scale: int | None, test_scale: int | None
+) -> None:
+    """Refuse light fields that cannot be used, and a frame that the crop does not fit, before anything is learned."""
+    for side, most in zip(sizes.crop, sizes.frame, strict=True):
+        if side > most:
+            found, wanted = "×".join(map(str, sizes.frame)), "×".join(map(str, sizes.crop))
+            raise SettingError("frame", f"{found} pixels", f"at least {wanted}, the crop that the dictionary decodes")
+    for name in examples:
+        read(name, sizes.views, scale)
+    for name in real:
+        read(name, sizes.views, test_scale, sizes.frame)
+
+
+def _places(scenes: Mapping[str, str], real: Sequence[str], sizes: Sizes) -> list[Settings]:
     """Where is measured: on every scene, and on a crop of those from files, where the dictionary can follow."""
     whole: list[Settings] = [
-        {"path": scene, "scene": Path(scene).stem, "checksum": identity_of(scene), "crop": None,
-         "size": list(sizes.frame if scene in real else sizes.rendered)}
-        for scene in scenes
+        {"path": scene, "scene": name, "checksum": identity_of(scene), "crop": None,
+         "size": list(sizes.frame if scene in real else sizes.rendered), "real": scene in real}
+        for scene, name in scenes.items()
     ]  # fmt: skip
     return whole + [{**place, "crop": list(sizes.crop)} for place in whole if place["path"] in real]
 

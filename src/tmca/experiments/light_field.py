@@ -66,6 +66,7 @@ def load_light_field(
     scale: int | None = None,
     colour: bool = False,
     pattern: str | None = None,
+    lens: tuple[int, int] | None = None,
 ) -> xr.DataArray:
     """A light field from files, or a rendered one.
 
@@ -77,6 +78,7 @@ def load_light_field(
         scale: whole number of pixels per axis that are averaged into one.
         colour: red, green and blue instead of their luminance.
         pattern: of the file names of a folder.
+        lens: (rows, columns) of the views under a lens of a lenslet picture; 14×14 without.
 
     Returns:
         (view_v, view_u, y, x), or (colour, view_v, view_u, y, x), with an attribute ``name``.
@@ -90,7 +92,8 @@ def load_light_field(
         if not Path(source).exists():
             wanted = f"a path, or one of {', '.join(rendered_names())}"
             raise DataError(source, "no such file, folder or rendered scene", wanted)
-        return read_light_field(source, views=views, crop=size, scale=scale, colour=colour, pattern=pattern)
+        how: dict[str, Any] = {} if lens is None else {"lens": lens}
+        return read_light_field(source, views=views, crop=size, scale=scale, colour=colour, pattern=pattern, **how)
     return _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
 
 

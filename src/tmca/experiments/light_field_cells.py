@@ -87,7 +87,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     found: Measured = {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
     if not cell["crop"]:
         found["metrics"] = result.metrics | _shape(result.light_field, cell["disparity"])
-        found["per_view"] = _per_view(result.light_field, scene)
+        found |= _per_view(result.light_field, scene)
     if cell["keep"]:
         file = folder / f"estimate-{cell_key(cell)}.npy"
         np.save(file, result.light_field.values.astype(np.float16))
@@ -113,11 +113,12 @@ def _named(name: str, error: dict[str, float]) -> dict[str, float]:
     return {f"{name}_{key}": error[key] for key in ("mae", "badpix")}
 
 
-def _per_view(estimate: xr.DataArray, truth: xr.DataArray) -> list[list[float]]:
-    from tmca.metrics import psnr_per_view
+def _per_view(estimate: xr.DataArray, truth: xr.DataArray) -> Measured:
+    """(V, U) PSNR and SSIM of every view."""
+    from tmca.metrics import psnr_per_view, ssim_per_view
 
-    levels: list[list[float]] = psnr_per_view(estimate.values, truth.values).tolist()
-    return levels
+    both = {"psnr_per_view": psnr_per_view, "ssim_per_view": ssim_per_view}
+    return {name: metric(estimate.values, truth.values).tolist() for name, metric in both.items()}
 
 
 def coded_camera(cell: Settings, size: tuple[int, int]) -> LightFieldCamera:

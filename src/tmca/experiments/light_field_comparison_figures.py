@@ -16,6 +16,11 @@ from tmca.experiments.light_field_rows import DECODER_NAMES, SHOWN
 _MAPS = 4
 
 
+def slug(scene: str) -> str:
+    """A scene's name as part of a file's."""
+    return scene.strip("./").replace("/", "-").replace(":", "-")
+
+
 def picture_files(scenes: Sequence[str], out: Path) -> list[Path]:
     """Views, quality per view and disparity of every scene."""
     return [out / f"light-field_{scene}_{kind}.png" for scene in scenes for kind in ("views", "psnr", "disparity")]
@@ -38,7 +43,7 @@ def comparison_pictures(measured: Sequence[Measured], out: Path, *, overwrite: b
         first = next(iter(shown.values()))
         truth = read(first["path"], first["views"][0], first["test_scale"], first["size"])
         estimates = {name: np.load(cell["kept"]).astype(np.float32) for name, cell in shown.items()}
-        maps = {name: np.asarray(cell["per_view"]) for name, cell in shown.items()}
+        maps = {name: np.asarray(cell["psnr_per_view"]) for name, cell in shown.items()}
         known = np.load(first["disparity"])
         seen = {name: estimate_disparity(estimates[name]) for name in list(estimates)[-_MAPS:]}
         seen = {"estimator on true views": known["seen"], **seen}
@@ -47,7 +52,7 @@ def comparison_pictures(measured: Sequence[Measured], out: Path, *, overwrite: b
             view_psnr_figure(maps),
             disparity_figure(seen, dict(known).get("truth")),
         ]
-        for figure, file in zip(drawn, picture_files([scene], out), strict=True):
+        for figure, file in zip(drawn, picture_files([slug(scene)], out), strict=True):
             files.append(save_figure(figure, file, overwrite=overwrite, dpi=80))
     return files
 

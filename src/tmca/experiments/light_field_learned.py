@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.experiments.cells import Settings, cell_key, source_digest
 from tmca.experiments.light_field import load_light_field
 from tmca.experiments.light_field_rows import RENDERED
-from tmca.experiments.scenes import identity_of
+from tmca.experiments.scenes import identity_of, short_names
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,8 +87,8 @@ class Learned:
         if not (folder / "examples.json").exists():
             one = designable("static", 1, (8, 8), camera_type=LightFieldCamera, views=grid)
             cubes = {
-                Path(name).stem: views_of(field)[0].flatten(0, 1)
-                for name, field in zip(self.names, self.light_fields, strict=True)
+                name.replace("/", "-"): views_of(field)[0].flatten(0, 1)
+                for name, field in zip(short_names(self.names).values(), self.light_fields, strict=True)
             }
             save_examples(learn_examples(cubes, design_model(one.taps()), None, views=grid), make_folder(folder))
         return str(folder)

@@ -82,6 +82,21 @@ def identity_of(source: str) -> str | None:
     return checksum_of(path) if path.is_file() else None
 
 
+def short_names(scenes: Sequence[str]) -> dict[str, str]:
+    """A short name for every scene, longer where two would be the same.
+
+    Raises:
+        SettingError: a scene that is named twice.
+    """
+    if len(set(scenes)) < len(scenes):
+        raise SettingError("scenes", "one that is named twice", "different scenes")
+    stems = [Path(scene).name if Path(scene).is_dir() else Path(scene).stem for scene in scenes]
+    return {
+        scene: stem if stems.count(stem) == 1 else str(Path(scene).with_suffix(""))
+        for scene, stem in zip(scenes, stems, strict=True)
+    }
+
+
 def centre_crop(cube: xr.DataArray, size: tuple[int, int], where: str) -> xr.DataArray:
     """The middle (H, W) of a cube.
 

@@ -16,7 +16,7 @@ from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Progress, Settings, cell_key, run_cells, source_digest
 from tmca.experiments.figures import save_figure
 from tmca.experiments.results import check_new, mean_over_scenes, repository_commit
-from tmca.experiments.scenes import identity_of
+from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
@@ -112,7 +112,7 @@ def sweep(
     kept = {name: values[0] if isinstance(values, list) else values for name, values in kept.items()}
     points = combinations(swept, vary, kept)
     make_folder(out.parent)
-    names = _different(scenes)
+    names = short_names(scenes)
     data = {**data, "train": list(train), "validation": list(validation), "steps": steps}
     data |= prepare(points) if prepare else {}
     cells = [_cell(swept, point, scene, name, data, work) for point in points for scene, name in names.items()]
@@ -218,21 +218,6 @@ def _cell(swept: Swept, point: dict[str, Any], path: str, scene: str, data: dict
     if point["decoder"] in swept.networks:
         common |= {"steps": data["steps"], "validation": data["validation"]}
     return cell | common | {"folder": str(work / f"point-{cell_key(common)}")}
-
-
-def _different(scenes: Sequence[str]) -> dict[str, str]:
-    """A short name for every scene, longer where two would be the same.
-
-    Raises:
-        SettingError: a scene that is named twice.
-    """
-    if len(set(scenes)) < len(scenes):
-        raise SettingError("scenes", "one that is named twice", "different scenes")
-    stems = [Path(scene).stem for scene in scenes]
-    return {
-        scene: stem if stems.count(stem) == 1 else str(Path(scene).with_suffix(""))
-        for scene, stem in zip(scenes, stems, strict=True)
-    }
 
 
 def _rows(
