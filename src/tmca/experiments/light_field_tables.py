@@ -194,9 +194,11 @@ def markdown(found: dict[str, Any]) -> str:
         "Disparity (px per view step) is what one fixed estimator sees in the reconstructed views; its error counts "
         "where the geometry is known (rendered scenes), and it is compared with what the same estimator sees in the "
         f"true views everywhere. On the true views it errs by {_own_error(found)}.", "",
-        f"Optimised codes: searches on the expected error with {effort['descents']} descents of {effort['steps']} "
-        f"steps and {effort['flips']} flips, static codes with the same effort; for σ = 0.05 and used under all "
-        "noises, or for the noise of the table. A network is trained for each code, for all three noises together.", "",
+        f"Optimised codes: searches on the expected error, each of {effort['descents']} descents of {effort['steps']} "
+        f"steps and {effort['flips']} flips; for σ = 0.05 and used under all noises, or for the noise of the table. "
+        "The time-multiplexed design starts from designs of fewer slots and one-hot designs: seven searches in all, "
+        "the static design is one. A network is trained for each code, for all three noises together; codes are not "
+        "learned with it.", "",
     ]  # fmt: skip
     for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
         lines += [f"## {noise}", "", _table(found["rows"], noise)]
