@@ -150,7 +150,7 @@ def test_codes_are_searched_for_every_combination(tmp_path, monkeypatch):
     [
         ({"dispersion": [1]}, {}, "one of"),
         ({"slots": [2]}, {"decoder": "unet"}, "unet"),
-        ({"design": ["pretty"]}, {}, "pretty"),
+        ({"design": ["pretty"]}, {}, "design.*pretty.*free"),
         ({"design": ["static"]}, {"slots": 2}, "static"),
         ({"design": ["free"]}, {"shutter": "open"}, "shutter"),
         ({"shear": ["nan"]}, {}, "finite"),
@@ -159,4 +159,6 @@ def test_codes_are_searched_for_every_combination(tmp_path, monkeypatch):
 def test_impossible_light_field_sweeps_are_refused_before_any_work(tmp_path, vary, fixed, words):
     with pytest.raises(SettingError, match=words):
         light_fields(tmp_path, vary, fixed=fixed)
+    with pytest.raises(SettingError, match="odd"):
+        light_fields(tmp_path, {"slots": [2]}, views=4)
     assert not (tmp_path / "work").exists()

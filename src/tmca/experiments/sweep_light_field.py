@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import LightFieldCamera
-from tmca.design import designable
+from tmca.design import KINDS, designable
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
@@ -15,6 +15,7 @@ from tmca.experiments.light_field import reconstruct_light_field, take_light_fie
 from tmca.experiments.light_field_learned import Learned, read
 from tmca.experiments.light_field_rows import EFFORT, Sizes
 from tmca.experiments.sweep import Swept, Values, sweep
+from tmca.optics import view_grid
 from tmca.sensor import Sensor
 
 _DECODERS = {"lmmse": "patch LMMSE", "mixture": "patch mixture", "admm-tv": "ADMM-TV", "dagger": "least norm"}
@@ -46,6 +47,8 @@ def _check(camera: dict[str, Any], sensor: dict[str, Any]) -> None:
     own = dict(camera)
     kind = own.pop("design", None)
     if kind is not None:
+        if kind not in KINDS:
+            raise SettingError("design", repr(kind), f"one of {', '.join(KINDS)}")
         others = sorted(set(own) - {"slots", "seed"})
         if others:
             raise SettingError("design", f"{kind} with {others[0]}", "slots and seed beside it", "leave it out")
@@ -94,6 +97,7 @@ def sweep_light_field(
     """
     from tmca.data import make_folder, split_rendered_light_fields
 
+    view_grid(views)  # refuses even ones before anything is made
     learned = Learned(list(train) or sorted(split_rendered_light_fields()["train"]), work, views, scale)
 
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
