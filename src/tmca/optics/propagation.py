@@ -92,9 +92,18 @@ class AngularSpectrum(nn.Module):
         wanted = (len(self.wavelengths), *self.size)
         if tuple(field.shape[-3:]) != wanted:
             raise ShapeError("field", f"{tuple(field.shape)}", f"(…, {', '.join(map(str, wanted))})")
-        spectrum = torch.fft.fft2(field, s=self.padded)
-        arrived = torch.fft.ifft2(spectrum * self.transfer.to(spectrum.dtype))
-        return arrived[..., : self.size[0], : self.size[1]]
+        return self._filtered(field, self.transfer)
+
+    def adjoint(self, field: Tensor) -> Tensor:
+        """The adjoint of ``forward``."""
+        return self._filtered(field, self.transfer.conj())
+
+    def _filtered(self, field: Tensor, transfer: Tensor) -> Tensor:
+        """Rows that are zero are not transformed, rows that are cut are not brought back."""
+        (rows, columns), (height, width) = self.padded, self.size
+        spectrum = torch.fft.fft(torch.fft.fft(field, columns), rows, dim=-2)
+        arrived = torch.fft.ifft(spectrum * transfer.to(spectrum.dtype), dim=-2)[..., :height, :]
+        return torch.fft.ifft(arrived)[..., :width]
 
 
 class FocalPlane(nn.Module):
@@ -156,3 +165,7 @@ class FocalPlane(nn.Module):
             wanted = f"(…, {len(self.rows)}, {self.size[0]}, {self.size[1]})"
             raise ShapeError("field", f"{tuple(field.shape)}", wanted)
         return self.rows.to(field.dtype) @ field @ self.columns.to(field.dtype).mT
+
+    def adjoint(self, field: Tensor) -> Tensor:
+        """The adjoint of ``forward``: (..., L, H, W) of (..., L, h, w)."""
+        return self.rows.to(field.dtype).mH @ field @ self.columns.to(field.dtype).conj()
