@@ -1,0 +1,78 @@
+"""Depth planes: evenly spaced in inverse depth, and which plane every pixel belongs to (thesis eq. 29, errata)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import torch
+from torch import Tensor
+
+from tmca.errors import SettingError, ShapeError
+
+
+@dataclass(frozen=True)
+class DepthPlanes:
+    """D planes from far to near, evenly spaced in inverse depth.
+
+    Args:
+        near, far: nearest and farthest plane, metres; ``far`` may be ``inf``.
+        count: D ≥ 1; one plane is the one in the middle.
+
+    Raises:
+        SettingError: planes that are not in front of the camera, or none.
+    """
+
+    near: float
+    far: float
+    count: int
+
+    def __post_init__(self) -> None:
+        if not 0 < self.near < self.far or not isfinite(self.near):
+            raise SettingError("depth", f"{self.near:g} to {self.far:g} m", "0 < near < far")
+        if isinstance(self.count, bool) or self.count != int(self.count) or self.count < 1:
+            raise SettingError("depth planes", repr(self.count), "1 or more")
+
+    @property
+    def step(self) -> float:
+        """Distance of planes in inverse metres: a depth bin."""
+        return (1 / self.near - 1 / self.far) / max(1, self.count - 1)
+
+    @property
+    def inverse(self) -> Tensor:
+        """(D,) inverse metres, from far to near, float64."""
+        low, high = 1 / self.far, 1 / self.near
+        if self.count == 1:
+            return torch.tensor([(low + high) / 2], dtype=torch.float64)
+        return torch.linspace(low, high, self.count, dtype=torch.float64)
+
+    @property
+    def metres(self) -> Tensor:
+        """(D,) from far to near, float64; the first may be infinite."""
+        return 1 / self.inverse
+
+    def known(self, depth: Tensor) -> Tensor:
+        """Where depth is a number in the design range, half a bin of margin included; boolean, shape of ``depth``."""
+        inverse, margin = 1 / depth.double(), self.step / 2 * (1 + 1e-6)
+        inside = (inverse >= 1 / self.far - margin) & (inverse <= 1 / self.near + margin)
+        return torch.isfinite(depth) & (depth > 0) & inside
+
+    def nearest(self, depth: Tensor) -> Tensor:
+        """Index of the plane nearest in inverse depth, int64; of unknown pixels (see ``known``) 0."""
+        place = (1 / depth.double() - 1 / self.far) / self.step if self.count > 1 else torch.zeros_like(depth).double()
+        place = torch.where(self.known(depth), place, torch.zeros_like(place))
+        return place.round().long().clamp(0, self.count - 1)
+
+    def weights(self, depth: Tensor) -> Tensor:
+        """ω (B, D, H, W): one in the plane of every pixel, zero in the others; unknown pixels are in the farthest.
+
+        Args:
+            depth: (B, 1, H, W) metres.
+
+        Raises:
+            ShapeError: another shape.
+        """
+        if depth.ndim != 4 or depth.shape[1] != 1:
+            raise ShapeError("depth", str(tuple(depth.shape)), "(B, 1, H, W)")
+        planes = torch.arange(self.count, device=depth.device)[None, :, None, None]
+        return (self.nearest(depth) == planes).to(torch.float32)

@@ -1,0 +1,171 @@
+"""Propagation of light from the mask to the sensor (thesis eqs 26, 27)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, pi
+from warnings import warn
+
+import torch
+from torch import Tensor, nn
+
+from tmca.errors import SettingError, ShapeError
+from tmca.optics.phase import pixel_places
+
+
+class Undersampled(UserWarning):
+    """A field whose phase turns faster than its pixels can follow."""
+
+
+def largest_pitch(wavelength: float, radius: float, distance: float) -> float:
+    """Pitch at which light of a cone is still sampled twice per wave at its rim, metres: ``λ √(r² + s²) / 2r``.
+
+    Args:
+        wavelength: the shortest, metres.
+        radius: of the aperture, metres.
+        distance: from the aperture to the tip of the cone, metres.
+    """
+    return wavelength * (radius**2 + distance**2) ** 0.5 / (2 * radius) if radius > 0 else float("inf")
+
+
+def check_sampling(pitch: float, wavelengths: Sequence[float], radius: float, distance: float, where: str) -> None:
+    """Warns ``Undersampled`` where the pitch is larger than ``largest_pitch``: states it, the bound and a remedy."""
+    bound = largest_pitch(min(wavelengths), radius, distance)
+    if pitch > bound * (1 + 1e-9):
+        found = (
+            f"{where}: a pitch of {pitch * 1e6:.3g} µm is larger than {bound * 1e6:.3g} µm, the most that a cone of "
+        )
+        found += (
+            f"radius {radius * 1e3:.3g} mm over {distance * 1e3:.3g} mm allows at {min(wavelengths) * 1e9:.0f} nm; "
+        )
+        warn(found + "take a finer pitch, a smaller aperture or a longer distance", Undersampled, stacklevel=3)
+
+
+class AngularSpectrum(nn.Module):
+    """Free space by its transfer function (eq. 26), band-limited, on a padded grid; exact, evanescent waves left out.
+
+    Frequencies that the padded grid would fold back are cut: ``|f| ≤ 1 / (λ √((2 s Δf)² + 1))``. Source: Matsushima and
+    Shimobaba, Opt. Express 17, 19662 (2009).
+
+    Args:
+        size: (H, W) of the fields, pixels.
+        pitch: metres.
+        wavelengths: (L,) metres.
+        distance: s, metres; negative goes back.
+        padding: sides of the padded grid over those of the field, ≥ 1.
+
+    Raises:
+        SettingError: impossible numbers.
+    """
+
+    transfer: Tensor
+
+    def __init__(
+        self, size: tuple[int, int], pitch: float, wavelengths: Sequence[float], distance: float, padding: float = 2.0
+    ) -> None:
+        super().__init__()
+        if not (pitch > 0 and isfinite(distance) and padding >= 1 and min(wavelengths) > 0):
+            found = f"pitch {pitch:g}, distance {distance:g}, padding {padding:g}, wavelengths {list(wavelengths)}"
+            raise SettingError("propagation", found, "finite metres, pitch and wavelengths above 0, padding ≥ 1")
+        self.size = (int(size[0]), int(size[1]))
+        self.padded = (round(self.size[0] * padding), round(self.size[1] * padding))
+        self.pitch, self.wavelengths, self.distance = float(pitch), tuple(map(float, wavelengths)), float(distance)
+        self.register_buffer("transfer", self._transfer().to(torch.complex64), persistent=False)
+
+    def _transfer(self) -> Tensor:
+        """(L, H', W'), without the phase of the axis."""
+        fy, fx = (torch.fft.fftfreq(n, self.pitch, dtype=torch.float64) for n in self.padded)
+        waves = torch.tensor(self.wavelengths, dtype=torch.float64)[:, None, None]
+        sine = waves**2 * (fy[:, None] ** 2 + fx**2)
+        cosine = torch.sqrt((1 - sine).clamp(min=0))
+        phase = -2 * pi * self.distance / waves * sine / (1 + cosine)
+        limits = [1 / (waves * ((2 * self.distance / (n * self.pitch)) ** 2 + 1) ** 0.5) for n in self.padded]
+        kept = (fy[:, None].abs() <= limits[0]) & (fx.abs() <= limits[1]) & (sine < 1)
+        return torch.polar(kept.double(), phase)
+
+    def forward(self, field: Tensor) -> Tensor:
+        """Fields (..., L, H, W) at the distance.
+
+        Raises:
+            ShapeError: fields of another size or number of wavelengths.
+        """
+        wanted = (len(self.wavelengths), *self.size)
+        if tuple(field.shape[-3:]) != wanted:
+            raise ShapeError("field", f"{tuple(field.shape)}", f"(…, {', '.join(map(str, wanted))})")
+        return self._filtered(field, self.transfer)
+
+    def adjoint(self, field: Tensor) -> Tensor:
+        """The adjoint of ``forward``."""
+        return self._filtered(field, self.transfer.conj())
+
+    def _filtered(self, field: Tensor, transfer: Tensor) -> Tensor:
+        """Rows that are zero are not transformed, rows that are cut are not brought back."""
+        (rows, columns), (height, width) = self.padded, self.size
+        spectrum = torch.fft.fft(torch.fft.fft(field, columns), rows, dim=-2)
+        arrived = torch.fft.ifft(spectrum * transfer.to(spectrum.dtype), dim=-2)[..., :height, :]
+        return torch.fft.ifft(arrived)[..., :width]
+
+
+class FocalPlane(nn.Module):
+    """One Fresnel step to any sampling of the sensor, by two matrix products: exact sums, no padding.
+
+    ``U(x) ∝ ∫ U(x') exp(iπ x'²/(λ s)) exp(-2πi x x'/(λ s)) dx'``; without the chirp, the pupil form: a lens of focal
+    length s takes it away, as on a 4f bench with a mirror in the pupil. Source: Soummer et al., Opt. Express 15, 15935
+    (2007).
+
+    Args:
+        size: (H, W) of the fields, pixels.
+        pitch: of the mask's pixels, metres.
+        wavelengths: (L,) metres.
+        distance: s, metres, or the focal length.
+        out_size: (h, w) of the sensor, pixels.
+        out_pitch: metres.
+        chirp: whether light travels freely; False for the pupil form.
+
+    Raises:
+        SettingError: impossible numbers.
+    """
+
+    rows: Tensor
+    columns: Tensor
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        pitch: float,
+        wavelengths: Sequence[float],
+        distance: float,
+        out_size: tuple[int, int],
+        out_pitch: float,
+        *,
+        chirp: bool = True,
+    ) -> None:
+        super().__init__()
+        if not (distance > 0 and isfinite(distance) and min(wavelengths) > 0):
+            raise SettingError("propagation", f"distance {distance:g} m", "above 0, with wavelengths above 0")
+        self.size, self.out_size = (int(size[0]), int(size[1])), (int(out_size[0]), int(out_size[1]))
+        waves = torch.tensor(list(map(float, wavelengths)), dtype=torch.float64)[:, None, None]
+        places, seen = pixel_places(self.size, pitch), pixel_places(self.out_size, out_pitch)
+        for axis, name in enumerate(("rows", "columns")):
+            own, other = places[axis].flatten(), seen[axis].flatten()
+            phase = -2 * pi * other[:, None] * own / (waves * distance)
+            if chirp:
+                phase = phase + pi * own**2 / (waves * distance)
+            scale = (pitch * out_pitch / (waves * distance)) ** 0.5
+            matrix = torch.polar(scale.expand_as(phase).clone(), phase)
+            self.register_buffer(name, matrix.to(torch.complex64), persistent=False)
+
+    def forward(self, field: Tensor) -> Tensor:
+        """(..., L, h, w) fields on the sensor of fields (..., L, H, W) at the mask.
+
+        Raises:
+            ShapeError: fields of another size.
+        """
+        if tuple(field.shape[-3:]) != (len(self.rows), *self.size):
+            wanted = f"(…, {len(self.rows)}, {self.size[0]}, {self.size[1]})"
+            raise ShapeError("field", f"{tuple(field.shape)}", wanted)
+        return self.rows.to(field.dtype) @ field @ self.columns.to(field.dtype).mT
+
+    def adjoint(self, field: Tensor) -> Tensor:
+        """The adjoint of ``forward``: (..., L, H, W) of (..., L, h, w)."""
+        return self.rows.to(field.dtype).mH @ field @ self.columns.to(field.dtype).conj()

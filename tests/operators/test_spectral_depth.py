@@ -1,0 +1,163 @@
+"""Layered image formation against plain convolutions and brute force."""
+
+import pytest
+import torch
+from scipy.signal import convolve2d
+
+from tmca.errors import ShapeError
+from tmca.operators.spectral_depth import (
+    coded_exposure,
+    coded_exposure_adjoint,
+    composited,
+    equivalent_psf,
+    framed,
+    layered,
+    layered_adjoint,
+    periodic_transfer_functions,
+    transfer_functions,
+)
+
+SLOTS, DEPTHS, BANDS, CHANNELS = 3, 4, 2, 2
+
+
+def parts(size=(13, 16), psf=(5, 6), seed=0, dtype=torch.float64):
+    generator = torch.Generator().manual_seed(seed)
+    spread = torch.rand(SLOTS, DEPTHS, BANDS, *psf, generator=generator, dtype=dtype)
+    spread = spread / spread.sum((-2, -1), keepdim=True)
+    scene = torch.rand(2, BANDS, *size, generator=generator, dtype=dtype)
+    chosen = torch.randint(0, DEPTHS, (2, *size), generator=generator)
+    weights = torch.nn.functional.one_hot(chosen, DEPTHS).permute(0, 3, 1, 2).to(dtype)
+    return spread, scene, weights, framed(size, psf)
+
+
+def same(image, kernel):
+    """Plain convolution, dark around, the kernel's pixel (h//2, w//2) in its middle."""
+    h, w = kernel.shape
+    whole = convolve2d(image.numpy(), kernel.numpy())
+    return torch.from_numpy(whole)[h // 2 : h // 2 + image.shape[0], w // 2 : w // 2 + image.shape[1]]
+
+
+@pytest.mark.parametrize(("size", "psf"), [((13, 16), (5, 6)), ((12, 11), (6, 3)), ((9, 9), (9, 9))])
+def test_layers_are_plain_convolutions(size, psf):
+    spread, scene, weights, frame = parts(size, psf)
+    found = layered(scene, weights, transfer_functions(spread, size), frame)
+    for b, k, band in ((0, 0, 0), (1, 2, 1)):
+        slow = sum(same(scene[b, band] * weights[b, d], spread[k, d, band]) for d in range(DEPTHS))
+        torch.testing.assert_close(found[b, k, band], slow)
+
+
+def test_a_constant_depth_is_one_convolution_and_no_flipped_kernel():
+    spread, scene, _, frame = parts()
+    weights = torch.zeros(2, DEPTHS, 13, 16, dtype=torch.float64)
+    weights[:, 2] = 1
+    transfer = transfer_functions(spread, (13, 16))
+    for model in (layered, composited):
+        found = model(scene, weights, transfer, frame)
+        expected = same(scene[0, 1], spread[1, 2, 1])
+        if model is composited:  # it divides by the blurred frame: the dark around is no part of the layer
+            expected = expected / same(torch.ones(13, 16, dtype=torch.float64), spread[1, 2, 1])
+        torch.testing.assert_close(found[0, 1, 1], expected)
+
+
+def test_energy_is_kept_away_from_the_rim():
+    spread, scene, weights, frame = parts((20, 22))
+    scene[..., :5, :] = scene[..., -5:, :] = 0
+    scene[..., :6] = scene[..., -6:] = 0
+    found = layered(scene, weights, transfer_functions(spread, (20, 22)), frame)
+    torch.testing.assert_close(found.sum((-2, -1)), scene.sum((-2, -1))[:, None].expand(-1, SLOTS, -1))
+
+
+@pytest.mark.parametrize(("size", "psf"), [((13, 16), (5, 6)), ((12, 11), (6, 3))])
+def test_the_adjoint_is_the_adjoint(size, psf):
+    spread, scene, weights, frame = parts(size, psf)
+    transfer = transfer_functions(spread, size)
+    image = torch.rand(2, SLOTS, BANDS, *size, dtype=torch.float64)
+    there = (layered(scene, weights, transfer, frame) * image).sum()
+    torch.testing.assert_close(there, (scene * layered_adjoint(image, weights, transfer, frame)).sum())
+    colour, shutter = torch.rand(CHANNELS, BANDS, *size).double(), (torch.rand(SLOTS, *size) > 0.5).double()
+    snapshot = torch.rand(2, CHANNELS, *size, dtype=torch.float64)
+    for exposure in ("equal", "per-slot"):
+        there = (coded_exposure(image, colour, shutter, exposure) * snapshot).sum()
+        torch.testing.assert_close(there, (image * coded_exposure_adjoint(snapshot, colour, shutter, exposure)).sum())
+
+
+def test_brute_force_with_the_equivalent_psf_is_the_fast_path():
+    """Eq. (34): every point of the scene adds its own spatially variant P̃."""
+    size, psf = (9, 10), (5, 4)
+    spread, scene, weights, frame = parts(size, psf)
+    colour, shutter = torch.rand(CHANNELS, BANDS, *size).double(), (torch.rand(SLOTS, *size) > 0.5).double()
+    fast = coded_exposure(layered(scene, weights, transfer_functions(spread, size), frame), colour, shutter)
+    slow = torch.zeros(CHANNELS, size[0] + 2 * psf[0], size[1] + 2 * psf[1], dtype=torch.float64)
+    for i in range(size[0]):
+        for j in range(size[1]):
+            own = equivalent_psf(spread, colour, shutter, (i, j), int(weights[0, :, i, j].argmax()))
+            top, left = i - psf[0] // 2 + psf[0], j - psf[1] // 2 + psf[1]
+            slow[:, top : top + psf[0], left : left + psf[1]] += torch.einsum("clhw,l->chw", own, scene[0, :, i, j])
+    torch.testing.assert_close(fast[0], slow[:, psf[0] : -psf[0], psf[1] : -psf[1]], atol=1e-10, rtol=1e-10)
+
+
+def test_equal_masks_and_an_open_shutter_are_a_static_camera():
+    spread, scene, weights, frame = parts()
+    one = spread[:1].expand(SLOTS, -1, -1, -1, -1)
+    colour = torch.rand(CHANNELS, BANDS, 13, 16, dtype=torch.float64)
+    several, static = (
+        coded_exposure(layered(scene, weights, transfer_functions(p, (13, 16)), frame), colour,
+                       torch.ones(len(p), 13, 16, dtype=torch.float64))
+        for p in (one, spread[:1])
+    )  # fmt: skip
+    torch.testing.assert_close(several, static)
+
+
+def test_a_scene_may_change_from_slot_to_slot():
+    spread, scene, weights, frame = parts()
+    transfer = transfer_functions(spread, (13, 16))
+    moving = torch.stack([scene * (k + 1) for k in range(SLOTS)], 1)
+    found, still = layered(moving, weights, transfer, frame), layered(scene, weights, transfer, frame)
+    torch.testing.assert_close(found, still * torch.arange(1, SLOTS + 1).double()[None, :, None, None, None])
+
+
+def test_near_layers_hide_far_ones():
+    """Light of a far layer does not pass a near one: behind a wide opaque plane nothing of it is left."""
+    size, psf = (24, 24), (7, 7)
+    spread = torch.zeros(1, 2, 1, *psf, dtype=torch.float64)
+    spread[0, 0, 0], spread[0, 1, 0, 3, 3] = 1 / 49, 1.0  # the far plane is blurred, the near one sharp
+    weights = torch.zeros(1, 2, *size, dtype=torch.float64)
+    weights[:, 1, :, :12], weights[:, 0, :, 12:] = 1, 1
+    scene = weights[:, :1].clone()  # the far plane shines, the near one is black
+    transfer, frame = transfer_functions(spread, size), framed(size, psf)
+    linear, hidden = layered(scene, weights, transfer, frame), composited(scene, weights, transfer, frame)
+    assert float(linear[..., 5:-5, 10].min()) > 0.1
+    assert float(hidden[..., :12].abs().max()) < 1e-9
+    torch.testing.assert_close(hidden[..., 5:-5, 12:], torch.ones(1, 1, 1, 14, 12, dtype=torch.float64))
+
+
+def test_periodic_scenes_go_round():
+    spread, scene, weights, _ = parts((16, 16), (5, 5))
+    found = layered(scene, weights, periodic_transfer_functions(spread, (16, 16)), (16, 16))
+    rolled = layered(scene.roll(3, -1), weights.roll(3, -1), periodic_transfer_functions(spread, (16, 16)), (16, 16))
+    torch.testing.assert_close(rolled, found.roll(3, -1))
+
+
+def test_gradients_reach_scene_weights_and_psfs():
+    spread, scene, weights, frame = parts((5, 6), (3, 2))
+    inputs = [part.clone().requires_grad_() for part in (scene[:1], weights[:1], spread)]
+    for model in (layered, composited):
+        assert torch.autograd.gradcheck(
+            lambda s, w, p, model=model: model(s, w, transfer_functions(p, (5, 6)), frame), inputs
+        )
+
+
+def test_what_does_not_fit_is_refused():
+    spread, scene, weights, frame = parts()
+    transfer = transfer_functions(spread, (13, 16))
+    with pytest.raises(ShapeError, match="larger patches"):
+        periodic_transfer_functions(spread, (4, 16))
+    for bad in (
+        (scene[:, :1], weights, transfer),
+        (scene, weights[:, :1], transfer),
+        (scene, weights, transfer[..., 1:]),
+    ):
+        with pytest.raises(ShapeError):
+            layered(*bad, frame)
+    with pytest.raises(ShapeError, match="pixel"):
+        equivalent_psf(spread, scene, scene[0], (13, 0), 0)

@@ -1,0 +1,40 @@
+"""Depth planes: evenly spaced in inverse depth, weights that sum to one, unknown pixels found."""
+
+import pytest
+import torch
+
+from tmca.errors import SettingError, ShapeError
+from tmca.optics.depth import DepthPlanes
+
+
+def test_planes_are_even_in_inverse_depth_from_far_to_near():
+    planes = DepthPlanes(0.4, 2.0, 8)
+    assert float(planes.metres[0]) == pytest.approx(2.0)
+    assert float(planes.metres[-1]) == pytest.approx(0.4)
+    torch.testing.assert_close(planes.inverse.diff(), torch.full((7,), planes.step, dtype=torch.float64))
+    assert float(DepthPlanes(0.5, float("inf"), 2).inverse[0]) == 0
+
+
+def test_every_pixel_is_in_one_plane_the_nearest():
+    planes = DepthPlanes(0.4, 2.0, 8)
+    depth = 0.4 + 1.6 * torch.rand(2, 1, 9, 7, generator=torch.Generator().manual_seed(0))
+    weights = planes.weights(depth)
+    torch.testing.assert_close(weights.sum(1), torch.ones(2, 9, 7))
+    slow = (1 / depth - planes.inverse[None, :, None, None]).abs().argmin(1)
+    assert (weights.argmax(1) == slow).all()
+    assert (planes.weights(planes.metres[None, :, None, None].permute(1, 0, 2, 3))[:, :, 0, 0] == torch.eye(8)).all()
+
+
+def test_unknown_depth_is_found_never_clamped():
+    planes = DepthPlanes(0.4, 2.0, 8)
+    depth = torch.tensor([0.0, float("nan"), -1.0, float("inf"), 0.3, 5.0, 0.4, 2.0, 0.39])
+    assert planes.known(depth).tolist() == [False] * 6 + [True] * 3
+    assert planes.nearest(depth)[:6].tolist() == [0] * 6
+
+
+def test_impossible_planes_are_refused():
+    for near, far, count in ((0.0, 1.0, 2), (2.0, 1.0, 2), (0.5, 1.0, 0)):
+        with pytest.raises(SettingError):
+            DepthPlanes(near, far, count)
+    with pytest.raises(ShapeError):
+        DepthPlanes(0.5, 1.0, 2).weights(torch.ones(4, 4))

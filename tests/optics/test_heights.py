@@ -1,0 +1,79 @@
+"""Height maps: what is put in is shown, within the device's stroke; gradients reach every parameter."""
+
+import pytest
+import torch
+
+from tmca.errors import SettingError, ShapeError
+from tmca.optics.heights import FreeForm, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
+from tmca.optics.materials import MATERIALS
+from tmca.optics.phase import circular_aperture, mask_field, radians_per_metre
+from tmca.optics.propagation import FocalPlane
+from tmca.optics.zernike import noll, zernike_modes
+
+GREEN = 550e-9
+
+
+@pytest.mark.parametrize("size", [(12, 12), (11, 14)])
+def test_parametrisations_show_what_they_are_given(size):
+    heights = 2e-6 * torch.rand(3, *size)
+    torch.testing.assert_close(FreeForm(heights)(), heights)
+    modes = [noll(4), noll(6)]
+    coefficients = torch.tensor([[1e-7, -2e-7], [0.0, 3e-7]])
+    expected = torch.einsum("km,mhw->khw", coefficients.double(), zernike_modes(modes, size)).float()
+    torch.testing.assert_close(ZernikeHeights(coefficients, modes, size)(), expected, atol=1e-12, rtol=1e-5)
+    radii = torch.tensor([[0.0, 1e-6, 4e-6]])
+    shown = RotationalProfile(radii, size)()
+    torch.testing.assert_close(shown, shown.flip(1, 2))
+    middle = [(n - 1) / 2 for n in size]
+    for row, column in ((1, 3), (5, 5), (0, 0)):
+        rho = min(2 * ((row - middle[0]) ** 2 + (column - middle[1]) ** 2) ** 0.5 / min(size), 1)
+        expected = 1e-6 * (2 * rho if rho <= 0.5 else 1 + 3 * (2 * rho - 1))
+        assert float(shown[0, row, column]) == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_device_shows_its_stroke_and_levels_and_gradients_pass():
+    stroke = Stroke(0.0, 1e-6, levels=5)
+    maps = FreeForm(torch.tensor([[[-1e-7, 1.3e-7, 6.1e-7, 2e-6]]]), stroke, learnable=True)
+    torch.testing.assert_close(maps(), torch.tensor([[[0.0, 2.5e-7, 5e-7, 1e-6]]]), atol=1e-12, rtol=1e-5)
+    maps().sum().backward()
+    assert (maps.heights.grad != 0).flatten().tolist() == [False, True, True, False]
+    stroke.check(maps())
+    with pytest.raises(SettingError, match="stroke"):
+        stroke.check(maps.profile())
+    for refused in (lambda: Stroke(1e-6, 1e-6), lambda: Stroke(0, 1e-6, levels=1)):
+        with pytest.raises(SettingError):
+            refused()
+
+
+@pytest.mark.parametrize("material", [MATERIALS["fused-silica"], None])
+def test_a_fresnel_lens_focuses_its_wavelength(material):
+    size, pitch, focal = (200, 200), 8e-6, 100e-3
+    heights = fresnel_lens(size, pitch, focal, GREEN, material, slots=2)
+    factor = 2 if material is None else material.index([GREEN])[0] - 1
+    assert heights.shape == (2, 200, 200)
+    assert 0 <= float(heights.min()) <= float(heights.max()) <= GREEN / factor + 1e-12
+    field = circular_aperture(size) * mask_field(heights[0], radians_per_metre([GREEN], material))
+    plane = FocalPlane(size, pitch, [GREEN], focal, (1, 1), 1e-6)
+    peak = float(plane(field.to(torch.complex64)).abs().squeeze() ** 2)
+    best = (float(circular_aperture(size).sum()) * pitch * 1e-6 / (GREEN * focal)) ** 2
+    assert peak == pytest.approx(best, rel=1e-2)
+
+
+def test_gradients_reach_every_parametrisation():
+    for maps in (
+        ZernikeHeights(torch.full((2, 2), 1e-8), [noll(4), noll(5)], (6, 7), learnable=True),
+        RotationalProfile(torch.rand(1, 4) * 1e-6, (6, 7), learnable=True),
+    ):
+        (maps() * torch.rand(6, 7)).sum().backward()
+        assert all(parameter.grad.abs().sum() > 0 for parameter in maps.parameters())
+
+
+def test_wrong_shapes_are_refused():
+    with pytest.raises(ShapeError, match="heights"):
+        FreeForm(torch.zeros(3, 3))
+    with pytest.raises(ShapeError, match="coefficients"):
+        ZernikeHeights(torch.zeros(1, 3), [noll(2)], (4, 4))
+    with pytest.raises(ShapeError, match="radii"):
+        RotationalProfile(torch.zeros(1, 1), (4, 4))
+    with pytest.raises(SettingError, match="focal"):
+        fresnel_lens((4, 4), 1e-6, 0.0, GREEN, None)

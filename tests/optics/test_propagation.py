@@ -1,0 +1,159 @@
+"""Propagation matches the Airy disk, defocus, the Gaussian beam, and a slow sum over spherical waves."""
+
+from math import pi
+
+import numpy as np
+import pytest
+import torch
+from scipy.special import j1
+
+from tmca.errors import SettingError, ShapeError
+from tmca.optics.phase import circular_aperture, mask_field, pixel_places, radians_per_metre, spherical_wave
+from tmca.optics.propagation import AngularSpectrum, FocalPlane, Undersampled, check_sampling, largest_pitch
+
+GREEN, RED = 550e-9, 650e-9
+
+
+def test_a_circular_pupil_makes_the_airy_disk():
+    size, pitch, focal, diameter = (256, 255), 10e-6, 50e-3, 240
+    pupil = circular_aperture(size, diameter).to(torch.complex64).expand(2, -1, -1)
+    seen = FocalPlane(size, pitch, [GREEN, RED], focal, (41, 41), 0.8e-6, chirp=False)(pupil).abs() ** 2
+    y, x = pixel_places((41, 41), 0.8e-6)
+    radius = torch.hypot(y, x).numpy()
+    for image, wavelength in zip(seen, (GREEN, RED), strict=True):
+        v = pi * diameter * pitch * np.maximum(radius, 1e-12) / (wavelength * focal)
+        airy = np.where(radius < 1e-9, 1, (2 * j1(v) / v) ** 2)
+        np.testing.assert_allclose(image.numpy() / float(image.max()), airy, atol=4e-3)
+    area = float(circular_aperture(size, diameter).sum()) * pitch**2
+    on_axis = (area / (GREEN * focal)) ** 2 * (0.8e-6 / pitch) ** 2
+    assert float(seen[0].max()) == pytest.approx(on_axis, rel=1e-4)
+
+
+def test_defocus_lowers_the_peak_as_the_sinc_of_its_phase():
+    """On the axis of a circular pupil with defocus phase W ρ², the intensity is sinc²(W/2)."""
+    size, pitch, focal = (300, 300), 10e-6, 50e-3
+    rho = torch.hypot(*pixel_places(size, 2 / 280))
+    plane = FocalPlane(size, pitch, [GREEN], focal, (1, 1), 1e-6, chirp=False)
+    aperture = circular_aperture(size, 280)
+    peaks = []
+    for defocus in (0.0, 2.0, 4.5, 2 * pi):
+        field = torch.polar(aperture, defocus * rho**2)[None].to(torch.complex64)
+        peaks.append(float(plane(field).abs().squeeze() ** 2))
+    expected = [np.sinc(w / 2 / pi) ** 2 for w in (0.0, 2.0, 4.5, 2 * pi)]
+    np.testing.assert_allclose(np.array(peaks) / peaks[0], expected, atol=3e-3)
+
+
+def test_a_small_aberration_lowers_the_peak_by_its_variance():
+    """Strehl ratio ≈ exp(-σ²) (Maréchal)."""
+    from tmca.optics.zernike import noll, zernike_modes
+
+    size = (257, 257)
+    mode = zernike_modes([noll(11)], size)[0]
+    aperture = (torch.hypot(*pixel_places(size, 2 / 257)) <= 1).double()
+    plane = FocalPlane(size, 10e-6, [GREEN], 50e-3, (1, 1), 1e-6, chirp=False)
+    perfect, aberrated = (
+        float(plane(torch.polar(aperture, sigma * mode)[None].to(torch.complex64)).abs().squeeze() ** 2)
+        for sigma in (0.0, 0.3)
+    )
+    assert aberrated / perfect == pytest.approx(np.exp(-(0.3**2)), rel=5e-3)
+
+
+@pytest.mark.parametrize("size", [(128, 128), (127, 130)])
+def test_energy_is_kept_and_going_back_brings_the_field_back(size):
+    y, x = pixel_places(size, 1.0)
+    field = torch.exp(-(y**2 + x**2) / 2 / 14**2) * (1 + 0.5 * torch.cos(0.3 * x) * torch.sin(0.2 * y))
+    field = (field * torch.exp(0.2j * x))[None].to(torch.complex64)
+    there = AngularSpectrum(size, 5e-6, [GREEN], 4e-3)
+    back = AngularSpectrum(size, 5e-6, [GREEN], -4e-3)
+    arrived = there(field)
+    assert float((arrived.abs() ** 2).sum()) == pytest.approx(float((field.abs() ** 2).sum()), rel=2e-3)
+    torch.testing.assert_close(back(arrived), field, atol=3e-3 * float(field.abs().max()), rtol=0)
+
+
+def test_a_gaussian_beam_widens_as_it_should():
+    size, pitch, waist, distance = (256, 256), 4e-6, 60e-6, 30e-3
+    y, x = pixel_places(size, pitch)
+    field = torch.exp(-(y**2 + x**2) / waist**2)[None].to(torch.complex64)
+    seen = AngularSpectrum(size, pitch, [GREEN], distance)(field)[0].abs() ** 2
+    width = waist * (1 + (distance * GREEN / (pi * waist**2)) ** 2) ** 0.5
+    expected = (waist / width) ** 2 * torch.exp(-2 * (y**2 + x**2) / width**2)
+    torch.testing.assert_close(seen.double(), expected, atol=2e-3 * float(expected.max()), rtol=0)
+
+
+def test_it_is_the_sum_over_spherical_waves():
+    """Rayleigh–Sommerfeld's first integral, pixel by pixel, on a few points of the sensor."""
+    size, pitch, distance = (48, 51), 2e-6, 3e-3
+    y, x = pixel_places(size, pitch)
+    field = torch.exp(-(y**2 + (x - 6e-6) ** 2) / (22e-6) ** 2).to(torch.complex128)
+    field = field * torch.exp(1j * 6e4 * x)
+    seen = AngularSpectrum(size, pitch, [RED], distance, padding=3)(field[None].to(torch.complex64))[0]
+    k = 2 * pi / RED
+    slow, places = [], [(24, 25), (20, 30), (30, 22), (24, 33)]
+    for row, column in places:
+        r = torch.sqrt((y - y[row]) ** 2 + (x - x[0, column]) ** 2 + distance**2)
+        kernel = distance / (2 * pi) * torch.exp(1j * k * (r - distance)) / r**2 * (1 / r - 1j * k)
+        slow.append((field * kernel).sum() * pitch**2)
+    found = torch.stack([seen[place] for place in places]).to(torch.complex128)
+    torch.testing.assert_close(found, torch.stack(slow), atol=4e-3 * float(seen.abs().max()), rtol=0)
+
+
+def test_one_fresnel_step_agrees_with_the_angular_spectrum():
+    size, pitch, distance = (160, 160), 6e-6, 40e-3
+    aperture = circular_aperture(size, 100).to(torch.complex128)
+    lens = spherical_wave(size, pitch, [GREEN], float("inf"), focus=distance)
+    field = (aperture * lens).to(torch.complex64)
+    one = FocalPlane(size, pitch, [GREEN], distance, (21, 21), pitch)(field)[0].abs() ** 2
+    other = AngularSpectrum(size, pitch, [GREEN], distance)(field)[0].abs() ** 2
+    middle = other[70:91, 70:91]  # 21 pixels, whose middle is half a pixel off
+    shifted = FocalPlane(size, pitch, [GREEN], distance, (22, 22), pitch)(field)[0].abs() ** 2
+    torch.testing.assert_close(shifted[:21, :21], other[69:90, 69:90], atol=4e-3 * float(middle.max()), rtol=0)
+    assert float(one.max()) > float(middle.max())
+
+
+def test_a_point_source_is_focused_where_the_lens_equation_says():
+    """A lens that brings a source at 0.5 m to a focus at s leaves one at 1 m out of focus by the analytic phase."""
+    size, pitch = (64, 66), 20e-6
+    field = spherical_wave(size, pitch, [GREEN, RED], 1.0, focus=0.5)
+    y, x = pixel_places(size, pitch)
+    phase = pi * (y**2 + x**2) * (1 / 1.0 - 1 / 0.5)
+    for own, wavelength in zip(field, (GREEN, RED), strict=True):
+        torch.testing.assert_close(own, torch.polar(torch.ones_like(phase), phase / wavelength), atol=2e-4, rtol=0)
+    torch.testing.assert_close(spherical_wave(size, pitch, [GREEN], 0.5, focus=0.5).real, torch.ones(1, *size).double())
+
+
+def test_heights_delay_light_by_their_index_and_mirrors_twice():
+    from tmca.optics.materials import MATERIALS
+
+    glass, mirror = (radians_per_metre([GREEN], material) for material in (MATERIALS["N-BK7"], None))
+    assert float(glass) == pytest.approx(2 * pi * (MATERIALS["N-BK7"].index([GREEN])[0] - 1) / GREEN)
+    assert float(mirror) == pytest.approx(4 * pi / GREEN)
+    height = torch.full((2, 3, 4), GREEN / 4, dtype=torch.float64)
+    torch.testing.assert_close(mask_field(height, mirror).real, -torch.ones(2, 1, 3, 4, dtype=torch.float64))
+
+
+def test_sampling_is_checked_with_pitch_bound_and_remedy():
+    assert largest_pitch(GREEN, 1e-3, 50e-3) == pytest.approx(GREEN * 50e-3 / 2e-3, rel=1e-3)
+    with pytest.warns(Undersampled, match=r"20 µm is larger than 13\.8 µm.*550 nm.*finer pitch"):
+        check_sampling(20e-6, [GREEN, RED], 1e-3, 50e-3, "mask")
+
+
+def test_gradients_reach_the_heights():
+    heights = 1e-7 * torch.randn(1, 9, 8, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    heights = (heights / 1e-7).requires_grad_()
+    per_metre, target = radians_per_metre([GREEN, RED], None) * 1e-7, torch.rand(2, 5, 5, dtype=torch.float64)
+    plane = FocalPlane((9, 8), 10e-6, [GREEN, RED], 5e-3, (5, 5), 8e-6).double()
+    plane.rows, plane.columns = plane.rows.to(torch.complex128), plane.columns.to(torch.complex128)
+    assert torch.autograd.gradcheck(lambda h: (plane(mask_field(h, per_metre)).abs() ** 2 * target).sum(), heights)
+
+
+def test_impossible_numbers_are_refused():
+    with pytest.raises(SettingError, match="padding"):
+        AngularSpectrum((4, 4), 1e-6, [GREEN], 1e-3, padding=0.5)
+    with pytest.raises(SettingError, match="distance"):
+        FocalPlane((4, 4), 1e-6, [GREEN], 0.0, (4, 4), 1e-6)
+    with pytest.raises(ShapeError, match="field"):
+        AngularSpectrum((4, 4), 1e-6, [GREEN], 1e-3)(torch.zeros(2, 4, 4))
+    with pytest.raises(SettingError, match="focus"):
+        spherical_wave((4, 4), 1e-6, [GREEN], 1.0, focus=-1)
+    with pytest.raises(SettingError, match="wavelengths"):
+        radians_per_metre([0.0], None)
