@@ -23,8 +23,8 @@ _CORESET = 8000
 class PatchDictionary:
     """Patches x of shape (L, h, w) as ``mean + Σ_k c_k atom_k`` with few coefficients c (Marwah et al. 2013).
 
-    It is overcomplete in the leading subspace that atoms are learned in (400 dimensions by default), not in all entries of
-    a patch (3025 of 11×11×5×5).
+    It is overcomplete in the leading subspace that atoms are learned in (400 dimensions by default), not in all 3025
+    entries of a patch of 11×11×5×5.
 
     Atoms have mean zero: the mean of a patch is a coefficient of its own, that of a constant atom, and is not
     counted as sparse.
