@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.cli.refusals import refused
+from tmca.decoders import Weights
 from tmca.experiments import light_field_rows as rows
 from tmca.experiments.compare_light_field import compare_light_field
 from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
@@ -38,7 +39,7 @@ def small():
             patch.setitem(rows.NETWORKS, name, network | own)
         for table, name in ((rows.NOISES, list(rows.NOISES)[2]), *((rows.CODES, list(rows.CODES)[i]) for i in (1, 3))):
             patch.delitem(table, name)
-        patch.setattr(rows, "TRAINED", ("CLFP optimised",))
+        patch.setattr(rows, "TRAINED", ("CLFP optimised", "CLFP E2E"))
         patch.setattr("tmca.experiments.compare_light_field.TRAINED", rows.TRAINED)
         patch.setattr(
             "tmca.experiments.compare_light_field.scenes_of", lambda train: {"train": [*train], "prior": [*train]}
@@ -60,7 +61,7 @@ def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found):
             own = {code for name, column, code in whole if (name, column) == (decoder, noise)}
             twice = {code for code in rows.DESIGNED if code.endswith("this noise") and noise == "σ = 0.05"}
             assert own == {*rows.CODES, *rows.DESIGNED} - twice
-    assert {code for name, _, code in whole if name in rows.NETWORKS} == {"CLFP optimised"}
+    assert {code for name, _, code in whole if name in rows.NETWORKS} == {"CLFP optimised", "CLFP E2E"}
     assert {row["decoder"] for row in found["crop_rows"]} == set(rows.DECODER_NAMES)
     assert all(len(row["seed_psnr"]) == 2 for row in found["rows"])
 
@@ -83,6 +84,21 @@ def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
     assert row["disparity_mae"] == pytest.approx(
         np.mean([row["scenes"][n]["disparity_mae"] for n in ("coffee", "motorcycle")])
     )
+
+
+def test_codes_learn_end_to_end_from_the_designed_ones(found, folder):
+    learned = {}
+    for file in (folder / "work").glob("*.json"):
+        cell = json.loads(file.read_text())
+        if cell.get("kind") == "training" and (cell["decoder"], cell["seed"]) == ("sub-network", 0):
+            learned[cell["code"]] = (Weights.load(cell["weights"]), cell["training"])
+    (fixed, plain), (tuned, settings) = learned["CLFP optimised"], learned["CLFP E2E"]
+    assert (plain["camera"]["learn"], settings["camera"]["learn"]) == ("none", "aperture")
+    assert settings["codes"]["start"] == plain["codes"]["start"]
+    assert (tuned.shutter == 1).all()
+    camera = coded_camera({"code": "CLFP E2E", "noise": "noise-free"}, (30, 36), tuned)
+    assert (camera.multiplexed.aperture.tile() == tuned.aperture).all()
+    assert fixed.aperture.shape == tuned.aperture.shape
 
 
 def test_the_json_has_what_results_have_and_every_view(found):
@@ -123,6 +139,8 @@ def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small
     page = (out / "light-field.md").read_text()
     assert "## noise-free" in page
     assert "TMCA optimised K = 8 for this noise" in page
+    row = next(r for r in found["rows"] if (r["code"], r["decoder"]) == ("CLFP E2E", "sub-network"))
+    assert f"| CLFP E2E | 33.21 | {row['scenes']['chelsea']['psnr']:.2f} |" in page
     pictures = {file.name for file in out.glob("*.png")}
     assert pictures == {
         f"light-field_{scene}_{kind}.png"

@@ -16,6 +16,7 @@ from tmca.experiments.light_field_rows import (
     DECODER_NAMES,
     DESIGNED,
     EFFORT,
+    LEARNED,
     NETWORKS,
     NOISES,
     SHOWN,
@@ -237,9 +238,9 @@ def _trainings(
     for seed in range(first, first + seeds):
         for decoder in (name for name in decoders if name in NETWORKS):
             for code in TRAINED:
-                codes = None
-                if code in DESIGNED:
-                    kind, slots, target = search_of(code, "")
+                codes, start = None, LEARNED.get(code, (code,))[0]
+                if start in DESIGNED:
+                    kind, slots, target = search_of(start, "")
                     codes = str(Task.of({**common, "seed": seed, "sensor": NOISES[target]}).file(kind, slots))
                 training = training_of(code, decoder, seed, steps, sizes, codes)
                 training["data"] = {**training["data"], **scenes_of(examples)}

@@ -18,11 +18,13 @@ from tmca.experiments.light_field import (
     true_disparity,
 )
 from tmca.experiments.light_field_learned import read
-from tmca.experiments.light_field_rows import CODES, NETWORKS, NOISES, search_of
+from tmca.experiments.light_field_rows import CODES, LEARNED, NETWORKS, NOISES, search_of
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from tmca.decoders import Weights
 
 
 def measure(cell: Settings, folder: str) -> Measured:
@@ -75,10 +77,10 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
 
     scene = read(cell["path"], cell["views"][0], cell["test_scale"], cell["size"])
     scene = _middle(scene, cell["crop"]) if cell["crop"] else scene
-    camera = coded_camera(cell, (scene.sizes["y"], scene.sizes["x"]))
     given: dict[str, Any] = {name: cell[name] for name in ("prior", "dictionary") if cell.get(name)}
     if cell.get("weights"):
         given["weights"] = Weights.load(cell["weights"])
+    camera = coded_camera(cell, (scene.sizes["y"], scene.sizes["x"]), given.get("weights"))
     method = "network" if cell["decoder"] in NETWORKS else cell["decoder"]
     snapshot = take_light_field_snapshot(scene, camera, seed=cell["seed"])
     with catch_warnings():
@@ -121,9 +123,11 @@ def _per_view(estimate: xr.DataArray, truth: xr.DataArray) -> Measured:
     return {name: metric(estimate.values, truth.values).tolist() for name, metric in both.items()}
 
 
-def coded_camera(cell: Settings, size: tuple[int, int]) -> LightFieldCamera:
-    """The camera of a cell's code and noise."""
+def coded_camera(cell: Settings, size: tuple[int, int], weights: Weights | None = None) -> LightFieldCamera:
+    """The camera of a cell's code and noise; codes that learned with a network are in its weights."""
     code, sensor = cell["code"], Sensor(**NOISES[cell["noise"]])
+    if code in LEARNED and weights is not None:
+        return weights.light_field_camera(size, sensor=sensor)
     if code in CODES:
         return LightFieldCamera(
             (cell["views"][0], cell["views"][1]),

@@ -52,9 +52,14 @@ DESIGNED: dict[str, tuple[tuple[str, int], str | None]] = {
     "TMCA optimised K = 8 for this noise": (_MULTIPLEXED, None),
 }
 """Kind and slots of a search and the noise it is for; the column's own with None."""
-TRAINED = (*CODES, *list(DESIGNED)[:2])
+LEARNED: dict[str, tuple[str, str]] = {
+    "CLFP E2E": ("CLFP optimised", "aperture"),
+    "TMCA E2E K = 8": ("TMCA optimised K = 8", "both"),
+}
+"""Codes learned end to end with a network: the design that they start from, and what learns."""
+TRAINED = (*CODES, *list(DESIGNED)[:2], *LEARNED)
 """Codes that networks are trained behind: one network for all noises."""
-STATIC_CODES = tuple(name for name in (*CODES, *DESIGNED) if name.startswith("CLFP"))
+STATIC_CODES = tuple(name for name in (*CODES, *DESIGNED, *LEARNED) if name.startswith("CLFP"))
 DECODER_NAMES = {
     "dictionary": "dictionary (LASSO)",
     "lmmse": "patch LMMSE",
@@ -70,6 +75,10 @@ NETWORKS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 PACE = {"sub-network": 0.6, "consistent": 1.0}
 """Steps in the minutes of one step of the measurement-consistent network, its first estimates included."""
+LEARNING = {"sub-network": 0.7, "consistent": 0.6}
+"""Steps of a run that learns codes, relative to one with fixed codes, in the same minutes."""
+FROZEN = {"sub-network": 0.5, "consistent": 0.9}
+"""Share of the steps after which codes stay: behind the LMMSE a step that learns codes costs several others."""
 SHOWN_NOISE = "noise-free"
 SHOWN = (
     ("CLFP static random", "lmmse"),
@@ -103,19 +112,22 @@ def training_of(code: str, decoder: str, seed: int, steps: int, sizes: Sizes, co
     Args:
         codes: file of designed codes.
     """
-    camera = CODES.get(code) or {"slots": DESIGNED[code][0][1]}
+    start, learn = LEARNED.get(code, (code, "none"))
+    camera = CODES.get(start) or {"slots": DESIGNED[start][0][1]}
     frame, period = 2 * [-(-sizes.patch // sizes.period) * sizes.period], 2 * [sizes.period]
     camera = {**camera, "views": sizes.views, "size": frame, "period": period, "seed": seed}
+    camera["learn"] = learn
     if camera["slots"] == 1:
         camera["shutter"] = "open"
-    steps = max(4, round(steps * PACE[decoder]))
+    steps = max(4, round(steps * PACE[decoder] * (1 if learn == "none" else LEARNING[decoder])))
+    learning = {} if learn == "none" else {"frozen": FROZEN[decoder], "slope": [2.0, 40.0]}
     return {
         "camera": camera,
         "noise": list(NOISES.values()),
         "decoder": NETWORKS[decoder],
-        "codes": {"start": codes} if codes else {},
+        "codes": {**({"start": codes} if codes else {}), **learning},
         "data": {"patch": sizes.patch, "batch": 4, "pool": 1024, "brightness": 1.0},
-        "optimiser": {"steps": steps, "loss": "log", "decoder_rate": 3e-3},
+        "optimiser": {"steps": steps, "loss": "log", "decoder_rate": 3e-3, "code_rate": 0.06},
         "validate_every": max(1, steps // 4),
         "seed": seed,
     }
