@@ -72,8 +72,8 @@ def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Te
     total = None
     for depth in range(transfer.shape[1]):
         spectrum = torch.fft.rfft2(moving * weights[:, None, None, depth], s=frame)
-        part = spectrum * transfer[:, depth]
-        total = part if total is None else total + part
+        own = transfer[:, depth]
+        total = spectrum * own if total is None else torch.addcmul(total, spectrum, own)
     assert total is not None
     return torch.fft.irfft2(total, s=frame)[..., : scene.shape[-2], : scene.shape[-1]]
 

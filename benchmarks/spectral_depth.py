@@ -1,0 +1,98 @@
+"""Ratios of wave optics and layered images to bare FFTs of the same size: ``python benchmarks/spectral_depth.py``.
+
+One thread, CPU time, medians. 200 fields (25 wavelengths × 8 depths) of 256² padded to 512²: fields, propagation and
+intensity ≤ 3.2 passes of a bare ``fft2``, with backward ≤ 8. 25 bands × 8 depths of 256², transfer functions given:
+linear ≤ 2.5 passes of a bare ``rfft2`` of the volume, occlusion-aware ≤ 25, linear at K = 4 ≤ 4.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+import torch
+from timing import milliseconds
+from torch import Tensor
+
+from tmca.operators.spectral_depth import composited, layered, periodic_transfer_functions
+from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
+from tmca.optics.point_spread import point_spread
+from tmca.optics.propagation import AngularSpectrum
+
+BANDS, DEPTHS, SIZE, PITCH = 25, 8, (256, 256), 8e-6
+BOUNDS = {
+    "fields to intensity": 3.2, "with backward": 8.0, "linear": 2.5, "occlusion-aware": 25.0, "linear, K = 4": 4.0,
+}  # fmt: skip
+
+
+def waves_of(wavelengths: list[float]) -> Tensor:
+    """(D, L, H, W)."""
+    found = [spherical_wave(SIZE, PITCH, wavelengths, 0.4 + 0.2 * d, focus=1.0) for d in range(DEPTHS)]
+    return (circular_aperture(SIZE) * torch.stack(found)).to(torch.complex64)
+
+
+def measure_light(repeats: int) -> dict[str, float]:
+    """Passes over 200 fields; the bare ones depth by depth, too."""
+    wavelengths = torch.linspace(440e-9, 680e-9, BANDS).tolist()
+    waves, per_metre = waves_of(wavelengths), radians_per_metre(wavelengths, None)
+    propagator = AngularSpectrum(SIZE, PITCH, wavelengths, 50e-3)
+    heights = (2e-7 * torch.rand(1, *SIZE)).requires_grad_()
+    padded = torch.randn(BANDS, 512, 512, dtype=torch.complex64)
+
+    def bare() -> None:
+        for _ in range(DEPTHS):
+            torch.fft.fft2(padded)
+
+    def forward() -> None:
+        with torch.no_grad():
+            point_spread(heights, waves, per_metre, propagator)
+
+    def both() -> None:
+        point_spread(heights, waves, per_metre, propagator).square().sum().backward()
+
+    base = milliseconds(bare, repeats)
+    return {
+        "bare fft2 (ms)": base,
+        "fields to intensity": milliseconds(forward, repeats) / base,
+        "with backward": milliseconds(both, repeats) / base,
+    }
+
+
+def measure_layers(repeats: int) -> dict[str, float]:
+    """Passes over the volume."""
+    scene, chosen = torch.rand(1, BANDS, *SIZE), torch.randint(0, DEPTHS, (1, *SIZE))
+    weights = torch.nn.functional.one_hot(chosen, DEPTHS).permute(0, 3, 1, 2).float()
+    volume = torch.rand(DEPTHS, BANDS, *SIZE)
+    one, four = (periodic_transfer_functions(torch.rand(k, DEPTHS, BANDS, 31, 31), SIZE) for k in (1, 4))
+
+    def bare() -> None:
+        for part in volume:
+            torch.fft.rfft2(part)
+
+    base = milliseconds(bare, repeats)
+    with torch.no_grad():
+        return {
+            "bare rfft2 (ms)": base,
+            "linear": milliseconds(lambda: layered(scene, weights, one, SIZE), repeats) / base,
+            "occlusion-aware": milliseconds(lambda: composited(scene, weights, one, SIZE), repeats) / base,
+            "linear, K = 4": milliseconds(lambda: layered(scene, weights, four, SIZE), repeats) / base,
+        }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    found = measure_light(arguments.repeats) | measure_layers(arguments.repeats)
+    if arguments.json:
+        print(json.dumps({"found": found, "bounds": BOUNDS}, indent=1))
+        return
+    for name, value in found.items():
+        bound = BOUNDS.get(name)
+        print(f"{name:24s} {value:8.2f}" + (f"  (bound {bound:g})" if bound else ""))
+
+
+if __name__ == "__main__":
+    main()
