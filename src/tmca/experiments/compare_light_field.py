@@ -173,7 +173,7 @@ def _places(scenes: Mapping[str, str], real: Sequence[str], sizes: Sizes) -> lis
     """Where is measured: on every scene, and on a crop of those from files, where the dictionary can follow."""
     whole: list[Settings] = [
         {"path": scene, "scene": name, "checksum": identity_of(scene), "crop": None,
-         "size": list(sizes.frame if scene in real else sizes.rendered), "real": scene in real}
+         "size": list(sizes.frame if scene in real else sizes.rendered)}
         for scene, name in scenes.items()
     ]  # fmt: skip
     return whole + [{**place, "crop": list(sizes.crop)} for place in whole if place["path"] in real]

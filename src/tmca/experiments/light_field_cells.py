@@ -9,6 +9,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from tmca.cameras import LightFieldCamera
+from tmca.data.light_fields import centre_window
 from tmca.decoders.decoding import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.codes.task import Task, on_frame
@@ -76,7 +77,9 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     from tmca.decoders import Weights
 
     scene = read(cell["path"], cell["views"][0], cell["test_scale"], cell["size"])
-    scene = _middle(scene, cell["crop"]) if cell["crop"] else scene
+    if cell["crop"]:
+        rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), tuple(cell["crop"]), None, cell["scene"])
+        scene = scene.isel(y=rows, x=columns)
     given: dict[str, Any] = {name: cell[name] for name in ("prior", "dictionary") if cell.get(name)}
     if cell.get("weights"):
         given["weights"] = Weights.load(cell["weights"])
@@ -95,11 +98,6 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
         np.save(file, result.light_field.values.astype(np.float16))
         found["kept"] = str(file)
     return found
-
-
-def _middle(scene: xr.DataArray, size: list[int]) -> xr.DataArray:
-    top, left = ((scene.sizes[axis] - side) // 2 for axis, side in zip(("y", "x"), size, strict=True))
-    return scene.isel(y=slice(top, top + size[0]), x=slice(left, left + size[1]))
 
 
 def _shape(estimate: xr.DataArray, maps: str) -> dict[str, float]:

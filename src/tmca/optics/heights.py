@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from tmca.errors import SettingError, ShapeError
 from tmca.optics.materials import Material
+from tmca.optics.phase import pixel_places
 from tmca.optics.zernike import Mode, pupil_coordinates, zernike_modes
 
 
@@ -74,7 +75,7 @@ class HeightMaps(nn.Module):
 
     def profile(self) -> Tensor:
         """(K, H, W), before the device's limits."""
-        raise NotImplementedError
+        raise TypeError(f"{type(self).__name__} defines no profile")
 
     def _hold(self, name: str, values: Tensor, learnable: bool) -> None:
         kept = values.detach().clone().float()
@@ -208,11 +209,10 @@ def fresnel_lens(
     Raises:
         SettingError: a focal length of zero, or a pitch or wavelength that is not positive.
     """
-    for name, value, fine in (("focal", focal, focal != 0), ("pitch", pitch, pitch > 0)):
-        if not fine:
-            raise SettingError(name, f"{value:g} m", "not 0" if name == "focal" else "above 0")
-    y, x = (pitch * (torch.arange(n, dtype=torch.float64) - (n - 1) / 2) for n in size)
-    square = y[:, None] ** 2 + x[None] ** 2
+    if focal == 0:
+        raise SettingError("focal", f"{focal:g} m", "not 0")
+    y, x = pixel_places(size, pitch)
+    square = y**2 + x**2
     path = (abs(focal) - torch.sqrt(focal**2 + square)) * (1 if focal > 0 else -1)
     factor = 2.0 if material is None else float(material.index([wavelength])[0]) - 1
     return (torch.remainder(path, wavelength) / factor).expand(slots, -1, -1).clone()
