@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from tmca.cameras.checks import checked_size, choice
+from tmca.cameras.camera import Camera
 from tmca.codes import MultiplexedCodes
 from tmca.errors import SettingError
-from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps
-from tmca.sensor import Noise, Sensor
+from tmca.operators import LinearOperator, TapOperator, Taps
+from tmca.sensor import Sensor
 
 
-class CodedCamera(nn.Module):
+class CodedCamera(Camera):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
     Subclasses hold ``response``, the weight of every channel of the scene, and ``multiplexed``, the codes, and define
@@ -27,16 +27,11 @@ class CodedCamera(nn.Module):
         sensor: ideal if None.
     """
 
-    application: ClassVar[str]
-    channel: ClassVar[str]
     response: Tensor
     multiplexed: MultiplexedCodes
 
     def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: Sensor | None) -> None:
-        super().__init__()
-        self.size, self.slots = checked_size(size), slots
-        self.exposure = choice("exposure", exposure, EXPOSURES)
-        self.sensor = sensor or Sensor()
+        super().__init__(size, slots, exposure, sensor)
         self._fixed: tuple[tuple[object, ...], TapOperator] | None = None
 
     @property
@@ -74,14 +69,9 @@ class CodedCamera(nn.Module):
         return float(share) / (self.slots if self.exposure == "per-slot" else 1)
 
     @property
-    def full_scale(self) -> float:
-        """Level of a white scene with everything open, snapshot units: the summed response, K times that per slot."""
-        return float(self.response.detach().sum()) * (self.slots if self.exposure == "per-slot" else 1)
-
-    @property
-    def noise(self) -> Noise:
-        """Read and shot noise in snapshot units."""
-        return self.sensor.noise(*self._light())
+    def white(self) -> float:
+        """The summed response."""
+        return float(self.response.detach().sum())
 
     def operator(self) -> LinearOperator:
         """The linear part with the present codes, on scenes (B, channels, H, W)."""
@@ -110,16 +100,6 @@ class CodedCamera(nn.Module):
             SettingError: a camera that images moving scenes as a whole only.
         """
         raise SettingError("motion", "some", f"none behind a part of a {self.application} camera")
-
-    def record(self, irradiance: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
-        """What the sensor makes of exact irradiance of any shape: noise, saturation, converter."""
-        full_scale, exposures = self._light()
-        return self.sensor(irradiance, full_scale, generator, exposures)
-
-    def _light(self) -> tuple[float, int]:
-        """Full scale of one exposure time, and the exposure times that are accumulated (K per slot)."""
-        exposures = self.slots if self.exposure == "per-slot" else 1
-        return self.full_scale / exposures, exposures
 
     def _geometry(self) -> tuple[object, ...]:
         """What else the operator depends on."""

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError
+from tmca.operators.linear import LinearOperator
 
 Size = tuple[int, int]
 
@@ -187,3 +188,44 @@ def equivalent_psf(
     own_colour = torch.nn.functional.pad(colour, pad)[..., top : top + h, left : left + w]
     mixed = torch.einsum("klhw,khw->lhw", psf[:, depth], own_shutter) / (len(shutter) if exposure == "equal" else 1)
     return own_colour * mixed
+
+
+class LayeredOperator(LinearOperator):
+    """The linear camera at a given depth map: layers blurred slot by slot, seen through filters and shutter (eq. 34).
+
+    Args:
+        weights: ω (B, D, H, W) of the depth maps of a batch, or (1, D, H, W) for any batch.
+        transfer: (K, D, L, H', W'/2+1), see ``transfer_functions``.
+        frame: (H', W').
+        colour: (C, L, H, W), filters times the response of the sensor's channels.
+        shutter: (K, H, W).
+        exposure: ``"equal"`` or ``"per-slot"``.
+
+    Raises:
+        ShapeError: parts that do not fit each other.
+    """
+
+    def __init__(
+        self, weights: Tensor, transfer: Tensor, frame: Size, colour: Tensor, shutter: Tensor, exposure: str = "equal"
+    ) -> None:
+        super().__init__()
+        size = (int(weights.shape[-2]), int(weights.shape[-1]))
+        self.scene_shape = (transfer.shape[2], *size)
+        self.snapshot_shape = (colour.shape[0], *size)
+        self.weights, self.transfer, self.frame = weights, transfer, frame
+        self.colour, self.shutter, self.exposure = colour, shutter, exposure
+
+    def A(self, scene: Tensor) -> Tensor:
+        """(B, L, H, W) → (B, C, H, W)."""
+        self._check(scene, self.scene_shape, "scene")
+        seen = layered(scene, self._weights_of(scene), self.transfer, self.frame)
+        return coded_exposure(seen, self.colour, self.shutter, self.exposure)
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        """(B, C, H, W) → (B, L, H, W)."""
+        self._check(snapshot, self.snapshot_shape, "snapshot")
+        spread = coded_exposure_adjoint(snapshot, self.colour, self.shutter, self.exposure)
+        return layered_adjoint(spread, self._weights_of(snapshot), self.transfer, self.frame)
+
+    def _weights_of(self, batch: Tensor) -> Tensor:
+        return self.weights.expand(len(batch), -1, -1, -1) if len(self.weights) == 1 else self.weights

@@ -1,7 +1,39 @@
-"""Light between the mask and the sensor: dispersion, view shear and blur."""
+"""Light between scene and sensor: dispersion, view shear, blur, phase masks and their point spread functions."""
 
+from tmca.optics.depth import DepthPlanes
 from tmca.optics.dispersion import Dispersion
+from tmca.optics.heights import FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
 from tmca.optics.light_field import MaskGeometry, ViewShear, view_coordinates, view_grid
+from tmca.optics.mask_families import FAMILIES, mask_heights
+from tmca.optics.materials import MATERIALS, Material
+from tmca.optics.point_spread import PointSpread
+from tmca.optics.propagation import AngularSpectrum, FocalPlane, Undersampled
 from tmca.optics.relay import gaussian_spread
+from tmca.optics.spectral_depth import PhaseMaskBench, StrayLight, stray_light
 
-__all__ = ["Dispersion", "MaskGeometry", "ViewShear", "gaussian_spread", "view_coordinates", "view_grid"]
+__all__ = [
+    "FAMILIES",
+    "MATERIALS",
+    "AngularSpectrum",
+    "DepthPlanes",
+    "Dispersion",
+    "FocalPlane",
+    "FreeForm",
+    "HeightMaps",
+    "MaskGeometry",
+    "Material",
+    "PhaseMaskBench",
+    "PointSpread",
+    "RotationalProfile",
+    "StrayLight",
+    "Stroke",
+    "Undersampled",
+    "ViewShear",
+    "ZernikeHeights",
+    "fresnel_lens",
+    "gaussian_spread",
+    "mask_heights",
+    "stray_light",
+    "view_coordinates",
+    "view_grid",
+]

@@ -34,6 +34,7 @@ class PointSpread(nn.Module):
         propagator: to the sensor.
         energy: ``"unit"``: every PSF sums to one; ``"aperture"``: to the share of the light that arrives in the window,
             of what passes the aperture.
+        oversampling: samples of the propagator per side of a pixel; the light of a pixel is their sum.
 
     Raises:
         ShapeError: waves that do not fit the heights or the wavelengths.
@@ -44,7 +45,13 @@ class PointSpread(nn.Module):
     per_metre: Tensor
 
     def __init__(
-        self, heights: HeightMaps, waves: Tensor, per_metre: Tensor, propagator: Propagator, energy: str = "unit"
+        self,
+        heights: HeightMaps,
+        waves: Tensor,
+        per_metre: Tensor,
+        propagator: Propagator,
+        energy: str = "unit",
+        oversampling: int = 1,
     ) -> None:
         super().__init__()
         if waves.ndim != 4 or tuple(waves.shape[2:]) != heights.size or waves.shape[1] != len(per_metre):
@@ -53,16 +60,32 @@ class PointSpread(nn.Module):
         if energy not in ENERGIES:
             raise SettingError("energy", repr(energy), f"one of {', '.join(ENERGIES)}")
         self.heights, self.propagator, self.energy = heights, propagator, energy
+        self.oversampling = oversampling
         self.register_buffer("waves", waves.to(torch.complex64), persistent=False)
         self.register_buffer("per_metre", per_metre, persistent=False)
 
     def forward(self) -> Tensor:
         """(K, D, L, h, w)."""
-        found = point_spread(self.heights(), self.waves, self.per_metre, self.propagator)
+        found = self._pixels()
         if self.energy == "unit":
             return found / found.sum((-2, -1), keepdim=True).clamp_min(torch.finfo(found.dtype).tiny)
-        light = self.waves.abs().square().sum((-2, -1), keepdim=True)
-        return found / light
+        return found / self._light()
+
+    def arrived(self) -> Tensor:
+        """(K, D, L) share of the light behind the aperture that arrives in the window."""
+        return (self._pixels() / self._light()).sum((-2, -1))
+
+    def _pixels(self) -> Tensor:
+        """(K, D, L, h, w) light of every pixel."""
+        found = point_spread(self.heights(), self.waves, self.per_metre, self.propagator)
+        if self.oversampling == 1:
+            return found
+        flat = torch.nn.functional.avg_pool2d(found.flatten(0, 1), self.oversampling, divisor_override=1)
+        return flat.unflatten(0, found.shape[:2])
+
+    def _light(self) -> Tensor:
+        """(D, L, 1, 1) light behind the aperture."""
+        return self.waves.abs().square().sum((-2, -1), keepdim=True)
 
 
 def point_spread(heights: Tensor, waves: Tensor, per_metre: Tensor, propagator: Propagator) -> Tensor:

@@ -185,8 +185,7 @@ class ImagingSystem(nn.Module):
         return torch.cat(rows)
 
     def _light(self) -> tuple[float, int]:
-        exposures = self.camera.slots if self.camera.exposure == "per-slot" else 1
-        return self.camera.full_scale / exposures, exposures
+        return self.camera.white, self.camera.slots if self.camera.exposure == "per-slot" else 1
 
     def _noise(self, sensor: Sensor) -> Noise:
         return sensor.noise(*self._light())

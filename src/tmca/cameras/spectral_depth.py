@@ -1,0 +1,275 @@
+"""The spectral-depth camera: a phase mask that changes K times within one exposure, filters and shutter on the sensor
+(thesis section 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tmca.cameras.camera import Camera
+from tmca.cameras.checks import band_wavelengths, choice
+from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
+from tmca.codes import CodePlane
+from tmca.errors import SettingError, ShapeError
+from tmca.operators.spectral_depth import (
+    LayeredOperator,
+    coded_exposure,
+    composited,
+    equivalent_psf,
+    framed,
+    layered,
+    transfer_functions,
+)
+from tmca.optics import DepthPlanes, FreeForm, HeightMaps, PhaseMaskBench, mask_heights
+from tmca.sensor import ColourCodedAperture, Sensor, channel_response, feasible_filters
+
+IMAGE_FORMATIONS = ("linear", "occlusion")
+LEARNABLE = ("mask", "shutter", "filters")
+
+
+class SpectralDepthCamera(Camera):
+    """A snapshot camera for spectrum and depth with a time-multiplexed phase mask.
+
+    ``e_{c,m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ κ_{c,ℓ} C_{ℓ,m,n} Σ_d (p_{k,d,ℓ} * ω_d f_ℓ)_{m,n}`` (thesis eqs 30–36,
+    errata), then noise. With ``slots=1, shutter="open", filters="clear"`` only the phase mask codes.
+
+    Args:
+        bands: number of bands L, or their wavelengths in metres. A number means even spacing from 400 to 700 nm.
+        size: (H, W) of the scene and the sensor, pixels; it is dark around the scene.
+        slots: number of time slots K within the exposure.
+        depth: nearest and farthest plane, metres.
+        planes: number of depth planes D, even in inverse depth.
+        bench: distances, pitches and sizes.
+        mask: family of the height maps (``tmca.optics.FAMILIES``), the maps (K, H, W) in metres, or ``HeightMaps``.
+        rms: of random heights, metres.
+        shutter: family of the shutter codes (``tmca.codes.FAMILIES``) or patterns (K, H, W), or (K, Q, Q) of a tile.
+        filters: family of the feasible filters (``tmca.sensor.FILTERS``) or transmittances (R, L).
+        cells: (Q, Q) index of the filter over every pixel; random if None.
+        period: tile Q of shutter and filters, pixels.
+        channels: of the sensor: ``"monochrome"``, ``"rgb"``, or responses (C, L).
+        exposure: ``"equal"``: the slots share one exposure time (mean); ``"per-slot"``: each has its own (sum).
+        energy: of the point spread functions, see ``tmca.optics.PointSpread``.
+        image_formation: ``"linear"``, or ``"occlusion"``: near layers hide far ones.
+        sensor: noise, full well, bits; an ideal sensor if None.
+        seed: of mask, shutter and filters.
+        learnable: ``True``, ``False``, or some of ``"mask"``, ``"shutter"``, ``"filters"``.
+
+    Raises:
+        SettingError, ShapeError: an impossible value, or parts that do not fit.
+    """
+
+    application = "spectral-depth"
+    channel = "band"
+    response: Tensor
+
+    def __init__(
+        self,
+        bands: int | Sequence[float] = 8,
+        size: tuple[int, int] = (96, 96),
+        slots: int = 4,
+        *,
+        depth: tuple[float, float] = (0.4, 2.0),
+        planes: int = 8,
+        bench: PhaseMaskBench | None = None,
+        mask: str | Tensor | HeightMaps = "zernike",
+        rms: float = 0.1e-6,
+        shutter: str | Tensor = "one-hot",
+        filters: str | Tensor = "clear",
+        cells: Tensor | None = None,
+        period: int = 4,
+        channels: str | Tensor = "monochrome",
+        exposure: str = "equal",
+        energy: str = "unit",
+        image_formation: str = "linear",
+        sensor: Sensor | None = None,
+        seed: int = 0,
+        learnable: bool | str | Collection[str] = False,
+    ) -> None:
+        super().__init__(size, slots, exposure, sensor)
+        learned = _learned(learnable)
+        self.wavelengths = band_wavelengths(bands)
+        self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
+        self.bench = bench or PhaseMaskBench()
+        self.image_formation = choice("image formation", image_formation, IMAGE_FORMATIONS)
+        self.register_buffer("response", channel_response(channels, self.wavelengths))
+        heights = self._heights(mask, rms, seed, "mask" in learned)
+        self.spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
+        tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == self.size else period
+        self.shutter = CodePlane(
+            shutter, slots, self.size, period=tile, seed=2 * seed + 1, learnable="shutter" in learned, name="shutter"
+        )
+        given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
+        if given.shape[-1] != len(self.wavelengths):
+            raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")
+        self.filters = ColourCodedAperture(
+            given, self.size, period, cells=cells, seed=2 * seed, learnable="filters" in learned and len(given) > 1
+        )
+        self._kept: tuple[tuple[object, ...], Tensor] | None = None
+
+    @classmethod
+    def from_preset(cls, name: str, **changes: Any) -> SpectralDepthCamera:
+        """A named camera: ``"thesis"``, ``"quick"``, or ``"diffractive"``, the thesis' with nothing but the mask.
+
+        Args:
+            name: of the preset.
+            changes: arguments that replace the preset's.
+
+        Raises:
+            SettingError: unknown preset.
+        """
+        known = tuple(SPECTRAL_DEPTH_PRESETS)
+        return cls(**{**SPECTRAL_DEPTH_PRESETS[choice("preset", name, known)], **changes})
+
+    def _heights(self, mask: str | Tensor | HeightMaps, rms: float, seed: int, learnable: bool) -> HeightMaps:
+        if isinstance(mask, str):
+            return mask_heights(mask, self.slots, self.bench, rms=rms, seed=seed, learnable=learnable)
+        maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, learnable=learnable)
+        found, wanted = tuple(maps().shape), (self.slots, *self.bench.mask_size)
+        if found != wanted:
+            raise ShapeError("mask", str(found), f"{wanted}, (K, mask pixels, mask pixels)")
+        return maps
+
+    @property
+    def white(self) -> float:
+        """Level of a white scene in the channel that sees most."""
+        return float(self.response.detach().sum(1).max())
+
+    @property
+    def learnable(self) -> bool:
+        """Whether mask, shutter or filters are learned."""
+        return any(True for _ in self.parameters())
+
+    @property
+    def bands(self) -> int:
+        """L."""
+        return len(self.wavelengths)
+
+    @property
+    def channel_names(self) -> list[str]:
+        """Wavelengths of the bands."""
+        return [f"{w * 1e9:.0f} nm" for w in self.wavelengths]
+
+    @property
+    def scene_shape(self) -> tuple[int, int, int]:
+        """(L, H, W)."""
+        return (self.bands, *self.size)
+
+    @property
+    def snapshot_shape(self) -> tuple[int, int, int]:
+        """(C, H, W)."""
+        return (len(self.response), *self.size)
+
+    def codes(self) -> tuple[Tensor, Tensor]:
+        """(height maps (K, Hm, Wm) in metres, shutter (K, H, W) of zeros and ones)."""
+        return self.spread.heights(), self.shutter()
+
+    def colour(self) -> Tensor:
+        """(C, L, H, W) filters over every pixel times the response of the sensor's channels."""
+        return self.response[:, :, None, None] * self.filters()
+
+    def psf(self) -> Tensor:
+        """(K, D, L, h, w) point spread functions, planes from far to near."""
+        found: Tensor = self.spread()
+        return found
+
+    def equivalent_psf(self, pixel: tuple[int, int], plane: int) -> Tensor:
+        """(C, L, h, w) what a point at a pixel and depth plane leaves on the sensor, eq. (35)."""
+        return equivalent_psf(self.psf(), self.colour(), self.shutter(), pixel, plane, self.exposure)
+
+    def throughput(self) -> float:
+        """Share of a white scene's light that is recorded, mean over channels."""
+        with torch.no_grad():
+            open_share = self.shutter().mean(0)
+            passed = torch.einsum("lhw,cl->chw", self.filters(), self.response) / self.response.sum(1)[:, None, None]
+            light = 1.0 if self.spread.energy == "unit" else float(self.spread.arrived().mean())
+        return float((open_share * passed).mean()) * light
+
+    def transfer(self) -> Tensor:
+        """(K, D, L, H', W'/2+1) transfer functions in ``frame``; kept as long as nothing is learned."""
+        if self.learnable:
+            return transfer_functions(self.psf(), self.size)
+        versions = tuple((t.data_ptr(), t._version) for t in self.spread.heights.buffers())
+        if self._kept is None or self._kept[0] != versions:
+            self._kept = (versions, transfer_functions(self.psf(), self.size))
+        return self._kept[1]
+
+    @property
+    def frame(self) -> tuple[int, int]:
+        """(H', W') that holds the scene and its blur."""
+        return framed(self.size, self.bench.window)
+
+    def operator(self, depth: Tensor) -> LayeredOperator:
+        """The linear part at depth maps (B, 1, H, W) in metres; unknown depth is in the farthest plane."""
+        weights = self.planes.weights(depth).to(self.response)
+        return LayeredOperator(
+            weights, self.transfer(), self.frame, self.colour(), self.shutter(), self.exposure
+        )  # fmt: skip
+
+    def A(self, scene: Tensor, depth: Tensor) -> Tensor:
+        """(B, L, H, W) at depth (B, 1, H, W) → exact snapshot (B, C, H, W) of the linear model."""
+        return self.operator(depth).A(scene)
+
+    def A_adjoint(self, snapshot: Tensor, depth: Tensor) -> Tensor:
+        """(B, C, H, W) → (B, L, H, W)."""
+        return self.operator(depth).A_adjoint(snapshot)
+
+    def A_dagger(self, snapshot: Tensor, depth: Tensor) -> Tensor:
+        """(B, C, H, W) → least-norm scene (B, L, H, W), by iteration."""
+        return self.operator(depth).A_dagger(snapshot)
+
+    def exact(self, scene: Tensor, depth: Tensor) -> Tensor:
+        """Exact snapshot (B, C, H, W); arguments as ``forward``."""
+        self._check(scene, depth)
+        moving = scene if scene.ndim == 5 else scene[:, None]
+        if depth.ndim == 5:
+            seen = torch.cat([self._seen(moving[:, k], depth[:, k], slice(k, k + 1)) for k in range(self.slots)], 1)
+        else:
+            seen = self._seen(scene, depth, slice(None))
+        return coded_exposure(seen, self.colour(), self.shutter(), self.exposure)
+
+    def forward(self, scene: Tensor, depth: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
+        """Take a snapshot.
+
+        Args:
+            scene: (B, L, H, W) relative irradiance, or (B, K, L, H, W) where it changes from slot to slot.
+            depth: (B, 1, H, W) metres, or (B, K, 1, H, W) beside such a scene. What is unknown or outside the design
+                range (``planes.known``) is imaged in the farthest plane.
+            generator: source of the sensor's randomness, or a seed.
+
+        Returns:
+            (B, C, H, W) snapshot.
+
+        Raises:
+            ShapeError: other shapes.
+        """
+        return self.record(self.exact(scene, depth), generator)
+
+    def _seen(self, scene: Tensor, depth: Tensor, slots: slice) -> Tensor:
+        form = layered if self.image_formation == "linear" else composited
+        return form(scene, self.planes.weights(depth).to(scene), self.transfer()[slots], self.frame)
+
+    def _check(self, scene: Tensor, depth: Tensor) -> None:
+        kept = scene.shape[2:] if scene.ndim == 5 and scene.shape[1] == self.slots else scene.shape[1:]
+        if tuple(kept) != self.scene_shape:
+            wanted = f"(batch, {', '.join(map(str, self.scene_shape))}), or (batch, {self.slots}, …)"
+            raise ShapeError("scene", str(tuple(scene.shape)), wanted, "give the camera its size and bands")
+        plane, moving = (1, *self.size), (self.slots, 1, *self.size)
+        if tuple(depth.shape[1:]) not in ({plane, moving} if scene.ndim == 5 else {plane}):
+            raise ShapeError("depth", str(tuple(depth.shape)), f"(batch, {', '.join(map(str, plane))}) in metres")
+
+    def _apply(self, fn: Any, recurse: bool = True) -> SpectralDepthCamera:
+        self._kept = None
+        return super()._apply(fn, recurse)
+
+
+def _learned(learnable: bool | str | Collection[str]) -> tuple[str, ...]:
+    if isinstance(learnable, bool):
+        return LEARNABLE if learnable else ()
+    names = (learnable,) if isinstance(learnable, str) else tuple(learnable)
+    for name in names:
+        if name not in LEARNABLE:
+            raise SettingError("learnable", repr(name), f"True, False, or some of {', '.join(LEARNABLE)}")
+    return names

@@ -1,0 +1,78 @@
+"""Named height maps to start from: what a spectral-depth camera's phase mask shows in its K slots."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from tmca.errors import SettingError
+from tmca.optics.heights import FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
+from tmca.optics.zernike import noll
+
+if TYPE_CHECKING:
+    from tmca.optics.spectral_depth import PhaseMaskBench
+
+FAMILIES = ("flat", "zernike", "free-form", "rotational", "lens")
+MODES = 18
+"""Noll modes 4 to 21: those of a mirror with 40 actuators, less piston and tilts, which shift an image only."""
+_RADII = 16
+
+
+def mask_heights(
+    family: str,
+    slots: int,
+    bench: PhaseMaskBench,
+    *,
+    rms: float = 0.1e-6,
+    wavelength: float = 550e-9,
+    modes: int = MODES,
+    stroke: Stroke | None = None,
+    seed: int = 0,
+    learnable: bool = False,
+) -> HeightMaps:
+    """K height maps of a family, different in every slot where they are random.
+
+    ``"flat"``: zero, free-form. ``"zernike"``: random modes from defocus on, as a deformable mirror shows them.
+    ``"free-form"``: the same start, every pixel free. ``"rotational"``: random profiles over the radius. ``"lens"``: a
+    Fresnel lens that focuses objects at infinity on the sensor, free-form.
+
+    Args:
+        family: one of ``FAMILIES``.
+        slots: K.
+        bench: size, pitch and material of the maps.
+        rms: of random heights over the aperture, metres.
+        wavelength: that ``"lens"`` focuses, metres.
+        modes: number of Zernike modes, from Noll's fourth on.
+        stroke: of the device.
+        seed: of random maps.
+        learnable: whether they are learned.
+
+    Raises:
+        SettingError: unknown family, no modes, or a negative rms.
+    """
+    if family not in FAMILIES:
+        raise SettingError("mask", repr(family), f"one of {', '.join(FAMILIES)}")
+    if slots < 1 or modes < 1 or not rms >= 0:
+        found = f"{slots} slots, {modes} modes, {rms:g} m rms"
+        raise SettingError("mask", found, "a slot and a mode or more, rms ≥ 0")
+    size, generator = bench.mask_size, torch.Generator().manual_seed(seed)
+    if family == "flat":
+        return FreeForm(torch.zeros(slots, *size), stroke, learnable=learnable)
+    if family == "lens":
+        heights = fresnel_lens(size, bench.mask_pitch, bench.distance, wavelength, bench.phase_material(), slots)
+        return FreeForm(heights, stroke, learnable=learnable)
+    if family == "rotational":
+        radii = _of_rms(torch.randn(slots, _RADII, generator=generator), rms * _RADII**0.5)
+        return RotationalProfile(radii, size, stroke=stroke, learnable=learnable)
+    drawn = torch.randn(slots, modes, generator=generator)
+    kept = ZernikeHeights(
+        _of_rms(drawn, rms), [noll(4 + index) for index in range(modes)], size, stroke=stroke, learnable=learnable
+    )
+    return kept if family == "zernike" else FreeForm(kept.profile().detach(), stroke, learnable=learnable)
+
+
+def _of_rms(values: Tensor, rms: float) -> Tensor:
+    """Scaled so that every row has this norm: Zernike modes have unit variance, their squares add up."""
+    return values * (rms / values.norm(dim=-1, keepdim=True))

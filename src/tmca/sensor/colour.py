@@ -1,0 +1,149 @@
+"""Colour on the sensor: filters over its pixels, and how its channels see the spectrum (thesis eqs 31 to 36)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from tmca.codes import CodePlane
+from tmca.errors import SettingError, ShapeError
+
+SENSORS = ("monochrome", "rgb")
+FILTERS = ("clear", "gaussian", "rgbw")
+_CAMERA = "Nikon 5100 (NPL)"
+
+
+class ColourCodedAperture(nn.Module):
+    """Filters over the pixels of the sensor, repeated with a period: ``C_{ℓ,m,n} = Σ_r w_{r,m,n} F_{r,ℓ}``.
+
+    Each cell is a mixture of R feasible filters while ``relaxed``, and one of them otherwise; gradients pass in both.
+    Source: thesis section 5.1; Arguello et al., Optica 8, 1424 (2021).
+
+    Args:
+        filters: (R, L) transmittance.
+        size: (H, W) of the sensor, pixels.
+        period: side of the tile Q, or (height, width), pixels; that of ``cells`` if given.
+        cells: (Q, Q) index of the filter over every pixel of the tile; random if None.
+        seed: of random cells.
+        learnable: whether the choice of filters is learned.
+        slope: of the softmax over filters.
+        spread: see ``CodePlane``.
+
+    Raises:
+        ShapeError, SettingError: filters outside [0, 1], or cells that name no filter.
+    """
+
+    filters: Tensor
+
+    def __init__(
+        self,
+        filters: Tensor,
+        size: tuple[int, int],
+        period: int | tuple[int, int] = 4,
+        *,
+        cells: Tensor | None = None,
+        seed: int = 0,
+        learnable: bool = False,
+        slope: float = 4.0,
+        spread: float = 0.5,
+    ) -> None:
+        super().__init__()
+        values = torch.as_tensor(filters, dtype=torch.get_default_dtype())
+        if values.ndim != 2 or 0 in values.shape:
+            raise ShapeError("filters", str(tuple(values.shape)), "(R, L)")
+        if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 + 1e-6:
+            raise SettingError("filters", "values outside [0, 1]", "transmittance of every filter and band")
+        self.register_buffer("filters", values)
+        tile = period if cells is None else (len(cells), len(cells[0]))
+        self.plane = CodePlane(
+            "one-hot", len(values), size, period=tile, seed=seed, learnable=learnable, slope=slope, spread=spread,
+            name="colour-coded aperture",
+        )  # fmt: skip
+        if cells is not None:
+            self.plane.show(_one_hot(cells, len(values)), spread=spread, seed=seed)
+
+    @property
+    def learnable(self) -> bool:
+        """Whether the choice of filters is learned."""
+        return self.plane.learnable
+
+    def relax(self, relaxed: bool) -> None:
+        """Let cells be mixtures, or one filter each again."""
+        self.plane.relaxed = relaxed
+
+    def forward(self) -> Tensor:
+        """(L, H, W) transmittance over every pixel."""
+        return torch.einsum("rhw,rl->lhw", self.plane(), self.filters)
+
+    def cells(self) -> Tensor:
+        """(Q, Q) index of the filter over every pixel of the tile."""
+        return self.plane.tile().argmax(0)
+
+
+def _one_hot(cells: Tensor, count: int) -> Tensor:
+    chosen = torch.as_tensor(cells)
+    if chosen.ndim != 2 or chosen.is_floating_point() or not bool(((chosen >= 0) & (chosen < count)).all()):
+        raise SettingError("cells", str(chosen.tolist())[:60], f"(Q, Q) whole numbers from 0 to {count - 1}")
+    return torch.nn.functional.one_hot(chosen.long(), count).movedim(-1, 0).float()
+
+
+def feasible_filters(family: str, wavelengths: Sequence[float], count: int = 4) -> Tensor:
+    """(R, L) transmittance of named filters.
+
+    ``"clear"``: one that passes everything. ``"gaussian"``: R bell-shaped pass bands side by side over the range.
+    ``"rgbw"``: the red, green and blue of a measured camera, each scaled to a peak of one, and clear.
+
+    Args:
+        family: one of ``FILTERS``.
+        wavelengths: (L,) metres.
+        count: R of ``"gaussian"``.
+
+    Raises:
+        SettingError: unknown family or none.
+    """
+    if family not in FILTERS or count < 1:
+        raise SettingError("filters", f"{family!r}, {count} of them", f"one of {', '.join(FILTERS)}; 1 or more")
+    if family == "clear":
+        return torch.ones(1, len(wavelengths))
+    if family == "rgbw":
+        return torch.cat([channel_response("rgb", wavelengths), torch.ones(1, len(wavelengths))])
+    bands = torch.as_tensor(list(wavelengths), dtype=torch.float64)
+    width = (bands.max() - bands.min()).clamp_min(1e-9) / count
+    middles = bands.min() + width * (torch.arange(count) + 0.5)
+    return torch.exp(-0.5 * ((bands - middles[:, None]) / (width / 2)) ** 2).float()
+
+
+def channel_response(sensor: str | Tensor | Sequence[Sequence[float]], wavelengths: Sequence[float]) -> Tensor:
+    """(C, L) response κ of the sensor's channels, at most 1.
+
+    Args:
+        sensor: ``"monochrome"``, ``"rgb"`` (measured sensitivities of a Nikon D5100, from colour-science), or (C, L).
+        wavelengths: (L,) metres.
+
+    Raises:
+        SettingError: unknown sensor, or values outside [0, 1].
+        ShapeError: a table of another number of bands.
+    """
+    if isinstance(sensor, str):
+        if sensor not in SENSORS:
+            raise SettingError("channels", repr(sensor), f"one of {', '.join(SENSORS)}, or a table (C, L)")
+        return torch.ones(1, len(wavelengths)) if sensor == "monochrome" else _camera_sensitivities(wavelengths)
+    values = torch.as_tensor(sensor, dtype=torch.get_default_dtype())
+    if values.ndim != 2 or values.shape[1] != len(wavelengths):
+        raise ShapeError("channels", str(tuple(values.shape)), f"(C, {len(wavelengths)})")
+    if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 or values.sum(1).min() <= 0:
+        raise SettingError("channels", "values outside [0, 1], or a blind channel", "a response for every band")
+    return values
+
+
+def _camera_sensitivities(wavelengths: Sequence[float]) -> Tensor:
+    """(3, L) red, green, blue, each with a peak of one over the whole spectrum; linear between 5 nm samples."""
+    from colour import MSDS_CAMERA_SENSITIVITIES
+
+    table = MSDS_CAMERA_SENSITIVITIES[_CAMERA]
+    grid, values = np.asarray(table.wavelengths) * 1e-9, np.asarray(table.values)
+    found = np.stack([np.interp(wavelengths, grid, channel, 0, 0) for channel in values.T / values.max()])
+    return torch.from_numpy(found.clip(0, 1)).float()

@@ -1,0 +1,192 @@
+"""The spectral-depth camera against slow loops, its special cases, and what it refuses."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.signal import convolve2d
+
+from tmca.cameras import SPECTRAL_DEPTH_PRESETS, SpectralDepthCamera
+from tmca.errors import SettingError, ShapeError
+from tmca.optics import PhaseMaskBench, Undersampled
+from tmca.sensor import Sensor
+
+BENCH = PhaseMaskBench(window=(9, 11), mask_pixels=24, diameter=1e-3)
+
+
+def camera(size=(13, 16), **changes):
+    settings = {"bands": (450e-9, 550e-9, 650e-9), "slots": 3, "planes": 4, "bench": BENCH, "filters": "gaussian",
+                "shutter": "random", "channels": "rgb", "period": 4}  # fmt: skip
+    return SpectralDepthCamera(size=size, **{**settings, **changes})
+
+
+def scene_of(made, batch=2, seed=0):
+    source = torch.Generator().manual_seed(seed)
+    cube = torch.rand(batch, *made.scene_shape, generator=source)
+    near, far = made.planes.near, made.planes.far
+    return cube, 1 / (1 / far + (1 / near - 1 / far) * torch.rand(batch, 1, *made.size, generator=source))
+
+
+@pytest.mark.parametrize("size", [(13, 16), (12, 15)])
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+def test_a_snapshot_is_that_of_slow_loops(size, exposure):
+    made = camera(size, exposure=exposure)
+    cube, depth = scene_of(made)
+    psf, colour, shutter = (part.double().numpy() for part in (made.psf(), made.colour(), made.shutter()))
+    nearest = np.abs(1 / depth.double().numpy() - made.planes.inverse.numpy()[:, None, None]).argmin(1)
+    expected = np.zeros((2, *made.snapshot_shape))
+    for b in range(2):
+        for k in range(3):
+            for band in range(3):
+                seen = sum(
+                    convolve2d(cube[b, band].double().numpy() * (nearest[b] == d), psf[k, d, band])[
+                        4 : 4 + size[0], 5 : 5 + size[1]
+                    ]
+                    for d in range(4)
+                )
+                expected[b] += shutter[k] * colour[:, band] * seen
+    expected /= 3 if exposure == "equal" else 1
+    torch.testing.assert_close(made(cube, depth).double(), torch.from_numpy(expected), atol=1e-5, rtol=1e-5)
+
+
+def test_the_snapshot_is_the_sum_of_equivalent_psfs():
+    made = camera()
+    cube, depth = scene_of(made, 1)
+    planes = made.planes.nearest(depth)[0, 0]
+    frame = torch.zeros(3, 13 + 8, 16 + 10)
+    for i in range(13):
+        for j in range(16):
+            spread = made.equivalent_psf((i, j), int(planes[i, j]))
+            frame[:, i : i + 9, j : j + 11] += (spread * cube[0, :, i, j, None, None]).sum(1)
+    torch.testing.assert_close(made(cube, depth)[0], frame[:, 4:-4, 5:-5], atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(13, 16), (12, 15)])
+def test_the_adjoint_is_the_transpose_and_the_inverse_explains_the_snapshot(size):
+    made = camera(size).double()
+    cube, depth = (part.double() for part in scene_of(made))
+    snapshot = torch.rand(2, *made.snapshot_shape, dtype=torch.float64)
+    there = (made.A(cube, depth) * snapshot).sum()
+    torch.testing.assert_close(there, (cube * made.A_adjoint(snapshot, depth)).sum(), rtol=1e-6, atol=0)
+    exact = made.A(cube, depth)
+    missed = made.A(made.A_dagger(exact, depth), depth) - exact
+    assert float(missed.norm() / exact.norm()) < 1e-3  # blur leaves singular values near zero
+
+
+def test_equal_masks_behind_an_open_shutter_are_a_static_camera():
+    still = camera(slots=1, shutter="open")
+    maps = still.codes()[0].expand(3, -1, -1)
+    moving = camera(slots=3, shutter="open", mask=maps)
+    cube, depth = scene_of(still)
+    torch.testing.assert_close(moving(cube, depth), still(cube, depth), atol=1e-6, rtol=1e-5)
+
+
+@pytest.mark.parametrize("image_formation", ["linear", "occlusion"])
+def test_a_scene_that_rests_in_every_slot_is_one_that_does_not_move(image_formation):
+    made = camera(image_formation=image_formation)
+    cube, depth = scene_of(made)
+    rest = cube[:, None].expand(-1, 3, -1, -1, -1)
+    torch.testing.assert_close(made(rest, depth), made(cube, depth))
+    together = made(rest, depth[:, None].expand(-1, 3, -1, -1, -1))
+    torch.testing.assert_close(together, made(cube, depth), atol=1e-5, rtol=1e-5)
+
+
+def test_every_slot_sees_its_own_scene_at_its_own_depth():
+    made = camera()
+    cube, depth = scene_of(made, 3, seed=4)
+    alone = [made(cube[k : k + 1], depth[k : k + 1]) for k in range(3)]
+    parts = torch.stack([_only(made, k, cube[k : k + 1], depth[k : k + 1]) for k in range(3)]).sum(0)
+    torch.testing.assert_close(made(cube[None], depth[None]), parts, atol=1e-5, rtol=1e-5)
+    assert all((parts - one).abs().max() > 1e-3 for one in alone)
+
+
+def _only(made, slot, cube, depth):
+    """What one slot adds: the camera with every other slot shut."""
+    shutter = made.shutter().clone()
+    shutter[[k for k in range(made.slots) if k != slot]] = 0
+    return camera(shutter=shutter)(cube, depth)
+
+
+def test_light_is_kept_inside_and_throughput_says_what_the_codes_pass():
+    made = camera(size=(40, 44), shutter="one-hot", filters="clear", period=3, channels="monochrome")
+    flat = torch.ones(1, *made.scene_shape)
+    seen = made(flat, torch.ones(1, 1, *made.size))[0, 0, 12:-12, 12:-12]
+    assert float(seen.mean()) == pytest.approx(3 * made.throughput(), rel=0.02)
+    assert made.throughput() == pytest.approx(1 / 3, rel=1e-6)
+
+
+def test_a_wall_in_a_uniform_light_looks_alike_at_every_depth():
+    made = camera(size=(40, 44))
+    flat = torch.ones(1, *made.scene_shape)
+    views = torch.cat([made(flat, torch.full((1, 1, 40, 44), float(z))) for z in made.planes.metres])
+    inside = views[..., 10:-10, 12:-12]
+    torch.testing.assert_close(inside, inside[:1].expand_as(inside), atol=1e-5, rtol=1e-5)
+
+
+def test_what_is_learned_gets_gradients_and_stays_feasible():
+    made = camera(learnable=True)
+    cube, depth = scene_of(made)
+    made(cube, depth).square().sum().backward()
+    names = {name.split(".")[0]: p.grad for name, p in made.named_parameters()}
+    assert set(names) == {"spread", "shutter", "filters"}
+    assert all(float(grad.abs().max()) > 0 for grad in names.values())
+    assert set(made.shutter().unique().tolist()) <= {0.0, 1.0}
+    assert set(made.filters.plane().sum(0).unique().tolist()) == {1.0}
+    assert not camera(learnable="mask").shutter.learnable
+
+
+def test_the_transfer_functions_are_kept_until_the_mask_changes():
+    made = camera()
+    first = made.transfer()
+    assert made.transfer() is first
+    made.spread.heights.coefficients.mul_(2)
+    assert not torch.equal(made.transfer(), first)
+
+
+def test_noise_is_that_of_the_sensor_and_repeats_by_seed():
+    made = camera(sensor=Sensor(read_noise=0.01), size=(40, 44))
+    cube, depth = scene_of(made)
+    noise = made(cube, depth, 1) - made.exact(cube, depth)
+    assert float(noise.std()) == pytest.approx(0.01, rel=0.05)
+    torch.testing.assert_close(made(cube, depth, 1), made(cube, depth, 1))
+    assert made.full_scale == pytest.approx(float(made.response.sum(1).max()))
+
+
+@pytest.mark.parametrize("name", SPECTRAL_DEPTH_PRESETS)
+def test_presets_are_cameras_without_a_warning(name, recwarn):
+    made = SpectralDepthCamera.from_preset(name, size=(64, 64))
+    assert not [w for w in recwarn if issubclass(w.category, Undersampled)]
+    snapshot = made(torch.rand(1, *made.scene_shape), torch.ones(1, 1, 64, 64))
+    assert tuple(snapshot.shape[1:]) == made.snapshot_shape
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mask": "wavy"}, "free-form"),
+        ({"mask": torch.zeros(2, 24, 24)}, "mask"),
+        ({"shutter": torch.ones(2, 4, 4)}, "slots"),
+        ({"filters": torch.ones(4, 2)}, "bands"),
+        ({"filters": 2 * torch.ones(4, 3)}, "transmittance"),
+        ({"cells": torch.tensor([[0, 7], [1, 2]])}, "cells"),
+        ({"channels": torch.ones(2, 5)}, "channels"),
+        ({"channels": "cmyk"}, "rgb"),
+        ({"depth": (2.0, 0.4)}, "near < far"),
+        ({"learnable": "lens"}, "mask, shutter, filters"),
+        ({"image_formation": "ray"}, "occlusion"),
+        ({"bands": (250e-9, 550e-9), "bench": PhaseMaskBench(material="PMMA")}, "nm"),
+    ],
+)
+def test_impossible_settings_are_refused(changes, message):
+    with pytest.raises((SettingError, ShapeError), match=message):
+        camera(**changes)
+
+
+def test_scenes_that_do_not_fit_are_refused():
+    made = camera()
+    cube, depth = scene_of(made)
+    for wrong, at in ((cube[:, :2], depth), (cube[..., :-1], depth), (cube[:, None], depth)):
+        with pytest.raises(ShapeError, match="scene"):
+            made(wrong, at)
+    for at in (depth[:, 0], depth[..., 1:], depth[:, None].expand(-1, 3, -1, -1, -1)):
+        with pytest.raises(ShapeError, match="depth"):
+            made(cube, at)

@@ -1,0 +1,107 @@
+"""The phase-mask bench: defocus as geometry and diffraction say, light budget, sampling, named masks."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.special import j1
+
+from tmca.errors import SettingError
+from tmca.optics import (
+    FAMILIES,
+    DepthPlanes,
+    PhaseMaskBench,
+    StrayLight,
+    Stroke,
+    Undersampled,
+    mask_heights,
+    stray_light,
+)
+
+GREEN = 550e-9
+
+
+def spread(bench, planes, family="flat", **settings):
+    return bench.point_spread(mask_heights(family, 1, bench, **settings), [GREEN], planes, "aperture")
+
+
+def test_a_sharp_point_is_an_airy_disk_summed_over_pixels():
+    bench = PhaseMaskBench(diameter=2e-3, focus=1.0, mask_pixels=256, window=(15, 15), oversampling=12)
+    found = spread(bench, DepthPlanes(1.0 - 1e-9, 1.0 + 1e-9, 1))()[0, 0, 0]
+    fine = (np.arange(15 * 20) - (15 * 20 - 1) / 2) * bench.pitch / 20
+    radius = np.hypot(*np.meshgrid(fine, fine)) * np.pi * bench.diameter / (GREEN * bench.distance)
+    airy = (2 * j1(radius) / radius) ** 2 * np.pi / 4 * (bench.diameter / (GREEN * bench.distance)) ** 2
+    expected = airy.reshape(15, 20, 15, 20).sum((1, 3)) * (bench.pitch / 20) ** 2
+    np.testing.assert_allclose(found, expected, atol=5e-3 * expected.max())
+
+
+def test_a_point_out_of_focus_is_as_wide_as_geometry_says():
+    bench = PhaseMaskBench(diameter=4e-3, focus=1.0, mask_pixels=160, window=(63, 63))
+    axis = torch.arange(63) - 31
+    radius, order = (axis[:, None] ** 2 + axis**2).sqrt().flatten().sort()
+    for depth in (0.4, 0.5, 0.55):
+        found = spread(bench, DepthPlanes(depth - 1e-9, depth + 1e-9, 1))()[0, 0, 0].flatten()[order]
+        half = radius[(found.cumsum(0) >= found.sum() / 2).nonzero()[0]]
+        assert 2 * 2**0.5 * float(half) == pytest.approx(bench.defocus(depth), rel=0.12)
+
+
+def test_oversampling_settles():
+    planes = DepthPlanes(0.4, 2.0, 3)
+    coarse, fine = (spread(PhaseMaskBench(oversampling=n), planes, "zernike", seed=3)() for n in (2, 6))
+    assert float((coarse - fine).abs().sum((-2, -1)).max()) < 0.03
+
+
+def test_stray_light_is_what_a_larger_window_finds():
+    planes = DepthPlanes(0.4, 2.0, 3)
+    with pytest.warns(StrayLight, match="window"):
+        missed = stray_light(spread(PhaseMaskBench(window=(9, 9)), planes, "zernike", rms=0.2e-6))
+    wide = spread(PhaseMaskBench(window=(63, 63)), planes, "zernike", rms=0.2e-6)()
+    inner = wide[..., 27:36, 27:36].sum((-2, -1))
+    torch.testing.assert_close(missed, 1 - inner, atol=1e-5, rtol=1e-4)
+
+
+def test_coarse_mask_pixels_and_wide_windows_are_warned_of():
+    planes = DepthPlanes(0.2, 5.0, 2)
+    with pytest.warns(Undersampled, match="pitch"):
+        PhaseMaskBench(diameter=10e-3, mask_pixels=16, window=(3, 3)).check_sampling([GREEN], planes)
+    with pytest.warns(Undersampled, match="repeats"):
+        PhaseMaskBench(window=(255, 255), mask_pixels=64).check_sampling([GREEN], planes)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_shows_maps_of_the_bench_within_the_stroke(family):
+    bench, stroke = PhaseMaskBench(mask_pixels=32), Stroke(-0.1e-6, 0.2e-6)
+    maps = mask_heights(family, 3, bench, stroke=stroke, learnable=True)
+    assert tuple(maps().shape) == (3, 32, 32)
+    shown = maps().detach()
+    assert float(shown.min()) >= -0.1e-6 - 1e-12
+    assert float(shown.max()) <= 0.2e-6 + 1e-12
+    assert any(True for _ in maps.parameters())
+    again = mask_heights(family, 3, bench, stroke=stroke)
+    torch.testing.assert_close(maps(), again())
+
+
+def test_random_maps_have_the_height_asked_for():
+    bench = PhaseMaskBench(mask_pixels=128)
+    heights = mask_heights("zernike", 2, bench, rms=0.25e-6)()
+    y, x = np.meshgrid(*(2 * [(np.arange(128) - 63.5) / 64]))
+    inside = torch.from_numpy(np.hypot(y, x) < 1)
+    for one in heights:
+        assert float(one[inside].std()) == pytest.approx(0.25e-6, rel=0.05)
+    assert not torch.allclose(heights[0], heights[1])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"diameter": 0}, {"distance": -1.0}, {"pitch": float("nan")}, {"focus": 0.0}, {"window": (8, 9)},
+     {"mask_pixels": 1}, {"oversampling": 0}, {"material": "jelly"}],
+)  # fmt: skip
+def test_an_impossible_bench_is_refused(wrong):
+    with pytest.raises(SettingError):
+        PhaseMaskBench(**wrong)
+
+
+def test_impossible_masks_are_refused():
+    bench = PhaseMaskBench()
+    for family, settings in (("bumpy", {}), ("zernike", {"modes": 0}), ("zernike", {"rms": -1.0})):
+        with pytest.raises(SettingError, match="mask"):
+            mask_heights(family, 2, bench, **settings)
