@@ -1,0 +1,130 @@
+"""Second moments of what a spectral-depth camera records of a patch at every depth, under a Gaussian prior of scenes.
+
+A plane of constant depth is blurred by one point spread function a slot, so that a stationary prior stays stationary
+behind it: the covariance of two pixels of the snapshot depends on their displacement and on which shutter pattern and
+filter each of them has. It is made in the Fourier domain, without the matrix of the camera, and is differentiable in
+point spread functions, filters and shutter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from tmca.errors import SettingError, ShapeError
+from tmca.operators.spectral_depth import framed, periodic_transfer_functions
+from tmca.priors.gaussian import GaussianPrior
+
+
+@dataclass(frozen=True)
+class SnapshotMoments:
+    """Of windows (C, m, m) of a snapshot that begin at the first pixel of a tile, flattened to n = C·m·m.
+
+    Args:
+        covariance: (D, n, n) second moment of the noise-free window at every depth plane.
+        cross: (D, L·m·m, n) that of the scene behind the window with it, or None.
+        window: m, pixels.
+    """
+
+    covariance: Tensor
+    cross: Tensor | None
+    window: int
+
+
+def needed_block(window: int, psf: tuple[int, int]) -> tuple[int, int]:
+    """(h, w) of the prior's blocks that hold all that a window of m pixels sees."""
+    return (window + psf[0] - 1, window + psf[1] - 1)
+
+
+def snapshot_moments(
+    prior: GaussianPrior,
+    psf: Tensor,
+    colour: Tensor,
+    shutter: Tensor,
+    window: int,
+    *,
+    exposure: str = "equal",
+    brightness: float = 1.0,
+    cross: bool = False,
+) -> SnapshotMoments:
+    """Moments of windows of m pixels at every depth plane.
+
+    Args:
+        prior: of the scene; stationary, its blocks at least ``needed_block``.
+        psf: (K, D, L, h, w).
+        colour: (C, L, Q, Q) filters of a tile times the response of the sensor's channels.
+        shutter: (K, Q, Q) of a tile.
+        window: m, pixels.
+        exposure: ``"equal"`` or ``"per-slot"``.
+        brightness: variance of the scene's overall brightness, in squares of its mean; 0 takes the mean as known.
+        cross: whether the moments with the scene are wanted.
+
+    Raises:
+        ShapeError: a prior whose blocks are too small or of other bands.
+        SettingError: a prior that is not stationary.
+    """
+    _check(prior, psf, window)
+    seen = sensed_psf(psf, colour, shutter, exposure)
+    frame = framed((prior.block[1], prior.block[2]), (psf.shape[-2] + window, psf.shape[-1] + window))
+    power = _power(prior, frame).to(torch.promote_types(seen.dtype, torch.complex64))
+    mean = prior.mean[:, 0, 0].to(seen)
+    pairs, own = _pairs(len(colour), colour.shape[-1], window, seen.device)
+    covariances, crosses = [], []
+    for sensed in seen.unbind(1):
+        spectrum = periodic_transfer_functions(sensed, frame).flatten(2).permute(2, 0, 1)
+        with_scene = power @ spectrum.mH
+        level = sensed.sum((-2, -1)) @ mean
+        lags = _lags(spectrum @ with_scene, frame, window) + brightness * torch.outer(level, level)[..., None, None]
+        covariances.append(_gathered(lags, pairs, own, own))
+        if cross:
+            lags = _lags(with_scene, frame, window) + brightness * torch.outer(mean, level)[..., None, None]
+            scene = torch.arange(len(mean), device=own.device).repeat_interleave(window**2)
+            crosses.append(_gathered(lags, pairs, scene, own))
+    return SnapshotMoments(torch.stack(covariances), torch.stack(crosses) if cross else None, window)
+
+
+def sensed_psf(psf: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
+    """(C·Q·Q, D, L, h, w) response of every kind of pixel to points around it: eq. (35) as a pixel sees it.
+
+    Arguments as in ``snapshot_moments``.
+    """
+    kinds = torch.einsum("clij,kij->cijkl", colour, shutter).flatten(0, 2)
+    return torch.einsum("jkl,kdlhw->jdlhw", kinds, psf) / (len(psf) if exposure == "equal" else 1)
+
+
+def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
+    if not prior.mirrored:
+        raise SettingError("prior", "one that depends on place or direction", "a stationary one", "learn it anew")
+    bands, wanted = psf.shape[2], needed_block(window, (psf.shape[-2], psf.shape[-1]))
+    if prior.block[0] != bands or prior.block[1] < wanted[0] or prior.block[2] < wanted[1]:
+        found, known = f"blocks {prior.block}", f"({bands}, {wanted[0]}, {wanted[1]}) or larger"
+        raise ShapeError("prior", found, known, "learn it with larger blocks, or take a smaller window")
+
+
+def _power(prior: GaussianPrior, frame: tuple[int, int]) -> Tensor:
+    """(F, L, L) spectrum of the prior's covariance on a frame, F frequencies."""
+    lags = prior.displaced
+    return periodic_transfer_functions(lags, frame).flatten(2).permute(2, 0, 1)
+
+
+def _lags(spectrum: Tensor, frame: tuple[int, int], window: int) -> Tensor:
+    """(a, b, 2m-1, 2m-1) of (F, a, b): values by displacement."""
+    half = spectrum.permute(1, 2, 0).unflatten(-1, (frame[0], frame[1] // 2 + 1))
+    around = torch.arange(1 - window, window, device=spectrum.device)
+    return torch.fft.irfft2(half, s=frame)[..., around[:, None], around]
+
+
+def _pairs(channels: int, tile: int, window: int, device: torch.device) -> tuple[tuple[Tensor, Tensor], Tensor]:
+    """Displacement of every pair of pixels (rows, columns; each (m², m²)), and the kind of every pixel (n,)."""
+    y, x = (axis.flatten() for axis in torch.meshgrid(2 * [torch.arange(window, device=device)], indexing="ij"))
+    kind = (torch.arange(channels, device=device)[:, None] * tile + y % tile) * tile + x % tile
+    return (y[:, None] - y + window - 1, x[:, None] - x + window - 1), kind.flatten()
+
+
+def _gathered(lags: Tensor, pairs: tuple[Tensor, Tensor], one: Tensor, other: Tensor) -> Tensor:
+    """(len(one), len(other)) values of pairs of pixels of these kinds, planes of m² pixels after one another."""
+    planes = tuple(len(kinds) // len(pairs[0]) for kinds in (one, other))
+    rows, columns = (axis.repeat(planes) for axis in pairs)
+    return lags[one[:, None], other[None], rows, columns]
