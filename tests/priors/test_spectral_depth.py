@@ -14,10 +14,18 @@ BENCH = PhaseMaskBench(window=(5, 7), mask_pixels=24, diameter=1e-3)
 
 def camera(window, tile=2, **changes):
     """A camera of the scene that a window sees."""
-    size = needed_block(window, BENCH.window)
-    settings = {"bands": (450e-9, 600e-9), "slots": 3, "planes": 3, "bench": BENCH, "filters": "gaussian",
-                "shutter": "random", "channels": "rgb", "period": tile}  # fmt: skip
-    return SpectralDepthCamera(size=size, **{**settings, **changes})
+    settings = {
+        "size": needed_block(window, BENCH.window),
+        "bands": (450e-9, 600e-9),
+        "slots": 3,
+        "planes": 3,
+        "bench": BENCH,
+        "filters": "gaussian",
+        "shutter": "random",
+        "channels": "rgb",
+        "period": tile,
+    }
+    return SpectralDepthCamera(**{**settings, **changes})
 
 
 def prior_of(block, bands=2):

@@ -97,6 +97,7 @@ class SpectralDepthCamera(Camera):
         self.register_buffer("response", channel_response(channels, self.wavelengths))
         heights = self._heights(mask, rms, seed, "mask" in learned)
         self.spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
+        self.period = int(period)
         tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == self.size else period
         self.shutter = CodePlane(
             shutter, slots, self.size, period=tile, seed=2 * seed + 1, learnable="shutter" in learned, name="shutter"
@@ -104,6 +105,8 @@ class SpectralDepthCamera(Camera):
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):
             raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")
+        if cells is not None and tuple(cells.shape) != (period, period):
+            raise ShapeError("cells", str(tuple(cells.shape)), f"({period}, {period}), the period")
         self.filters = ColourCodedAperture(
             given, self.size, period, cells=cells, seed=2 * seed, learnable="filters" in learned and len(given) > 1
         )
@@ -169,6 +172,22 @@ class SpectralDepthCamera(Camera):
     def colour(self) -> Tensor:
         """(C, L, H, W) filters over every pixel times the response of the sensor's channels."""
         return self.response[:, :, None, None] * self.filters()
+
+    @property
+    def tile_size(self) -> int:
+        """Side Q of the tile of shutter and filters.
+
+        Raises:
+            SettingError: shutter patterns that do not repeat.
+        """
+        if self.shutter.period is None:
+            raise SettingError("shutter", "patterns of the whole sensor", "a tile", "give (K, Q, Q) patterns")
+        return self.period
+
+    def tile(self) -> tuple[Tensor, Tensor]:
+        """(colour (C, L, Q, Q), shutter (K, Q, Q)) of one tile."""
+        side = self.tile_size
+        return self.colour()[..., :side, :side], self.shutter()[:, :side, :side]
 
     def psf(self) -> Tensor:
         """(K, D, L, h, w) point spread functions, planes from far to near."""
