@@ -69,6 +69,17 @@ def test_moments_are_those_of_the_explicit_matrix(window, tile):
         torch.testing.assert_close(found.cross[plane], (second @ A.T)[behind.flatten()], atol=1e-9, rtol=1e-7)
 
 
+def test_larger_blocks_of_the_prior_change_nothing():
+    made = camera(4)
+    psf, _, _, colour, shutter = parts(made, 2)
+    small = needed_block(4, BENCH.window)
+    moments = [
+        snapshot_moments(prior_of(block), psf, colour, shutter, 4).covariance
+        for block in (small, (small[0] + 3, small[1] + 8))
+    ]
+    torch.testing.assert_close(*moments)
+
+
 def test_the_explicit_matrix_is_the_camera():
     made, plane = camera(4), 1
     _, _, _, colour, shutter = parts(made, 2)

@@ -67,8 +67,9 @@ def snapshot_moments(
     """
     _check(prior, psf, window)
     seen = sensed_psf(psf, colour, shutter, exposure)
-    frame = framed((prior.block[1], prior.block[2]), (psf.shape[-2] + window, psf.shape[-1] + window))
-    power = _power(prior, frame).to(torch.promote_types(seen.dtype, torch.complex64))
+    needed = needed_block(window, (psf.shape[-2], psf.shape[-1]))
+    frame = framed(needed, (psf.shape[-2] + window, psf.shape[-1] + window))
+    power = _power(prior, needed, frame).to(torch.promote_types(seen.dtype, torch.complex64))
     mean = prior.mean[:, 0, 0].to(seen)
     pairs, own = _pairs(len(colour), colour.shape[-1], window, seen.device)
     covariances, crosses = [], []
@@ -103,10 +104,10 @@ def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
         raise ShapeError("prior", found, known, "learn it with larger blocks, or take a smaller window")
 
 
-def _power(prior: GaussianPrior, frame: tuple[int, int]) -> Tensor:
-    """(F, L, L) spectrum of the prior's covariance on a frame, F frequencies."""
-    lags = prior.displaced
-    return periodic_transfer_functions(lags, frame).flatten(2).permute(2, 0, 1)
+def _power(prior: GaussianPrior, needed: tuple[int, int], frame: tuple[int, int]) -> Tensor:
+    """(F, L, L) spectrum of the prior's covariance over the displacements that are needed, F frequencies."""
+    rows, columns = (slice(have - need, have + need - 1) for have, need in zip(prior.block[1:], needed, strict=True))
+    return periodic_transfer_functions(prior.displaced[..., rows, columns], frame).flatten(2).permute(2, 0, 1)
 
 
 def _lags(spectrum: Tensor, frame: tuple[int, int], window: int) -> Tensor:

@@ -1,0 +1,159 @@
+"""How well a snapshot tells depths apart, without any decoder: Fisher information and distances between depths.
+
+Under the patch prior the snapshot of a window is Gaussian at every depth, with zero mean and the second moments of
+``snapshot_moments`` (its brightness is part of them, so that brightness is no cue). All figures are differentiable in
+the moments, and so in masks, shutter and filters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.errors import SettingError
+from tmca.priors import GaussianPrior
+from tmca.priors.posterior import NOISE_FLOOR
+from tmca.priors.spectral_depth import snapshot_moments
+
+Progress = Callable[[int, int, float], None]
+"""Called with (steps done, steps in all, confusion)."""
+
+
+def window_covariance(camera: SpectralDepthCamera, prior: GaussianPrior, window: int) -> Tensor:
+    """(D, n, n) second moments of recorded windows at every plane: scene and noise of the camera's sensor.
+
+    Shot noise is that of the prior's mean brightness.
+
+    Raises:
+        ShapeError, SettingError: see ``snapshot_moments``.
+    """
+    colour, shutter = (part.double() for part in camera.tile())
+    found = snapshot_moments(prior, camera.psf().double(), colour, shutter, window, exposure=camera.exposure)
+    noise, mean = camera.noise, prior.mean[:, 0, 0].to(colour)
+    passed = shutter.sum(0) / (camera.slots if camera.exposure == "equal" else 1)
+    level = torch.einsum("clij,l,ij->cij", colour, mean, passed).mean((1, 2))
+    variance = noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
+    return found.covariance + torch.diag(variance)
+
+
+def kullback_leibler(covariance: Tensor) -> Tensor:
+    """(D, D) distance of plane d from plane e in nats: ``½ (tr(C_e⁻¹ C_d) - n + log det C_e - log det C_d)``.
+
+    Args:
+        covariance: (D, n, n).
+    """
+    factors = torch.linalg.cholesky(covariance)
+    levels = 2 * factors.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+    traces = torch.stack([torch.cholesky_solve(covariance, f).diagonal(dim1=-2, dim2=-1).sum(-1) for f in factors], 1)
+    return 0.5 * (traces - covariance.shape[-1] + levels[None] - levels[:, None])
+
+
+def bhattacharyya(covariance: Tensor) -> Tensor:
+    """(D, D) Bhattacharyya distances: ``½ log det ½(C_d + C_e) - ¼ log det C_d - ¼ log det C_e``.
+
+    The chance to confuse two planes is at most ``½ exp(-distance)``.
+
+    Args:
+        covariance: (D, n, n).
+    """
+    own = _log_det(covariance)
+    rows, columns = torch.triu_indices(len(covariance), len(covariance), 1, device=covariance.device)
+    between = _log_det((covariance[rows] + covariance[columns]) / 2)
+    distances = 0.5 * between - 0.25 * (own[rows] + own[columns])
+    found = covariance.new_zeros(len(covariance), len(covariance))
+    return found.index_put((rows, columns), distances).index_put((columns, rows), distances)
+
+
+def confusion(covariance: Tensor) -> Tensor:
+    """Mean over planes of ``Σ_e ½ |d - e| exp(-distance)``: a bound on the mean error in bins of the most likely plane.
+
+    Args:
+        covariance: (D, n, n) of planes in order.
+    """
+    planes = torch.arange(len(covariance), device=covariance.device, dtype=covariance.dtype)
+    bins = (planes[:, None] - planes).abs()
+    return (0.5 * bins * torch.exp(-bhattacharyya(covariance))).sum(1).mean()
+
+
+def fisher_information(covariance: Tensor, step: float) -> Tensor:
+    """(D,) information of a window about inverse depth, squares of metres: ``½ tr(C⁻¹ C′ C⁻¹ C′)``.
+
+    The derivative is that of a parabola through neighbouring planes, the first and last of their own side.
+
+    Args:
+        covariance: (D, n, n), D ≥ 3, of planes evenly spaced in inverse depth.
+        step: between planes, inverse metres.
+
+    Raises:
+        SettingError: fewer than three planes.
+    """
+    if len(covariance) < 3:
+        raise SettingError("depth planes", str(len(covariance)), "3 or more for a derivative")
+    slope = torch.gradient(covariance, spacing=step, dim=0, edge_order=2)[0]
+    relative = torch.linalg.solve(covariance, slope)
+    return 0.5 * (relative * relative.mT).sum((-2, -1))
+
+
+@dataclass(frozen=True)
+class MaskDesign:
+    """Masks that were searched.
+
+    Args:
+        camera: that shows them.
+        confusion: after every step.
+    """
+
+    camera: SpectralDepthCamera
+    confusion: tuple[float, ...]
+
+
+def design_masks(
+    camera: SpectralDepthCamera,
+    prior: GaussianPrior,
+    *,
+    window: int = 8,
+    steps: int = 60,
+    rate: float = 0.05,
+    progress: Progress | None = None,
+) -> MaskDesign:
+    """Move what is learnable of a camera until depths are least confused; the best of all steps is kept.
+
+    Args:
+        camera: with a learnable mask, shutter or filters; changed in place.
+        prior: of scenes, its blocks at least ``needed_block``.
+        window: m, pixels.
+        steps: of Adam.
+        rate: of Adam, in units of the parameters (heights are scaled to about 1).
+        progress: told after each step.
+
+    Raises:
+        SettingError: a camera in which nothing is learnable, or no steps.
+    """
+    parameters = [p for p in camera.parameters() if p.requires_grad]
+    if not parameters or steps < 1:
+        found = f"{len(parameters)} learnable parts, {steps} steps"
+        raise SettingError("design", found, "something learnable, and a step or more", "give the camera learnable=")
+    optimiser, found_so_far = torch.optim.Adam(parameters, rate), list[float]()
+    best = [p.detach().clone() for p in parameters]
+    for step in range(steps):
+        value = confusion(window_covariance(camera, prior, window))
+        if not found_so_far or float(value.detach()) < min(found_so_far):
+            best = [p.detach().clone() for p in parameters]
+        found_so_far.append(float(value.detach()))
+        optimiser.zero_grad()
+        value.backward()
+        optimiser.step()
+        if progress is not None:
+            progress(step + 1, steps, found_so_far[-1])
+    with torch.no_grad():
+        for parameter, kept in zip(parameters, best, strict=True):
+            parameter.copy_(kept)
+    return MaskDesign(camera, tuple(found_so_far))
+
+
+def _log_det(matrices: Tensor) -> Tensor:
+    return 2 * torch.linalg.cholesky(matrices).diagonal(dim1=-2, dim2=-1).log().sum(-1)

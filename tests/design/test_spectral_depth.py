@@ -1,0 +1,89 @@
+"""Distances between depths against sampling and special cases; masks that are searched."""
+
+import pytest
+import torch
+from scipy.stats import multivariate_normal
+
+from tests.priors.test_spectral_depth import BENCH, camera, prior_of
+from tmca.design.spectral_depth import (
+    bhattacharyya,
+    confusion,
+    design_masks,
+    fisher_information,
+    kullback_leibler,
+    window_covariance,
+)
+from tmca.errors import SettingError
+from tmca.priors.spectral_depth import needed_block
+from tmca.sensor import Sensor
+
+
+def gaussians(count=3, n=4, seed=0):
+    source = torch.Generator().manual_seed(seed)
+    parts = torch.randn(count, n, n + 2, generator=source, dtype=torch.float64)
+    return parts @ parts.mT / n + 0.1 * torch.eye(n, dtype=torch.float64)
+
+
+def test_distances_are_the_expectations_they_stand_for():
+    covariance = gaussians()
+    samples = [multivariate_normal(cov=c.numpy(), seed=7) for c in covariance]
+    found, distance = kullback_leibler(covariance), bhattacharyya(covariance)
+    for d, own in enumerate(samples):
+        drawn = own.rvs(200_000)
+        for e, other in enumerate(samples):
+            ratio = torch.from_numpy(other.logpdf(drawn) - own.logpdf(drawn))
+            assert float(found[d, e]) == pytest.approx(-float(ratio.mean()), rel=0.02, abs=0.01)
+            assert float(distance[d, e]) == pytest.approx(-float((ratio / 2).exp().mean().log()), abs=0.02)
+
+
+@pytest.mark.parametrize("n", [3, 6])
+def test_fisher_information_is_the_curvature_of_the_distance(n):
+    base, turn = gaussians(1, n)[0], gaussians(1, n, seed=4)[0]
+    step = 1e-3
+    line = torch.stack([base + step * k * turn for k in (-1, 0, 1)])
+    distance = kullback_leibler(line)[1]
+    expected = (distance[0] + distance[2]) / step**2
+    assert float(fisher_information(line, step)[1]) == pytest.approx(float(expected), rel=1e-2)
+    scale = torch.stack([base * (1 + step * k) for k in (-1, 0, 1)])
+    assert float(fisher_information(scale, step)[1]) == pytest.approx(n / 2, rel=1e-4)
+
+
+def test_confusion_bounds_the_error_of_the_most_likely_plane():
+    covariance = torch.stack([(1 + d) * gaussians(1)[0] for d in range(3)])
+    samples = [multivariate_normal(cov=c.numpy(), seed=3) for c in covariance]
+    errors = []
+    for d, own in enumerate(samples):
+        drawn = own.rvs(20_000)
+        likelihood = torch.stack([torch.from_numpy(other.logpdf(drawn)) for other in samples])
+        errors.append((likelihood.argmax(0) - d).abs().double().mean())
+    assert float(sum(errors) / 3) <= float(confusion(covariance))
+    same = gaussians(1).expand(3, -1, -1)
+    assert float(confusion(same)) == pytest.approx(0.5 * (3 + 2 + 3) / 3)
+
+
+def test_noise_of_the_sensor_is_in_the_covariance():
+    prior = prior_of(needed_block(4, BENCH.window))
+    clean, noisy, shot = (
+        window_covariance(camera(4, sensor=sensor), prior, 4)
+        for sensor in (Sensor(), Sensor(read_noise=0.1), Sensor(full_well=1000))
+    )
+    added = (noisy - clean).diagonal(dim1=-2, dim2=-1)
+    torch.testing.assert_close(added, torch.full_like(added, 0.01))
+    assert float((shot - clean).diagonal(dim1=-2, dim2=-1).min()) > 0
+
+
+def test_searched_masks_confuse_depths_less_and_the_best_is_kept():
+    prior = prior_of(needed_block(4, BENCH.window))
+    made = camera(4, learnable="mask", sensor=Sensor(read_noise=0.01))
+    found = design_masks(made, prior, window=4, steps=12, rate=0.2)
+    kept = float(confusion(window_covariance(made, prior, 4)).detach())
+    assert kept == pytest.approx(min(found.confusion), rel=1e-5)
+    assert kept < found.confusion[0] * 0.99
+
+
+def test_what_cannot_be_searched_is_refused():
+    prior = prior_of(needed_block(4, BENCH.window))
+    with pytest.raises(SettingError, match="learnable"):
+        design_masks(camera(4), prior, window=4)
+    with pytest.raises(SettingError, match="3 or more"):
+        fisher_information(gaussians(2), 0.1)
