@@ -5,8 +5,8 @@ import pytest
 import torch
 from scipy.signal import convolve2d
 
-from tmca.cameras import SPECTRAL_DEPTH_PRESETS, SpectralDepthCamera
-from tmca.errors import SettingError, ShapeError
+from tmca.cameras import SPECTRAL_DEPTH_PRESETS, Snapshot, SpectralDepthCamera
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import PhaseMaskBench, Undersampled
 from tmca.sensor import Sensor
 
@@ -190,3 +190,33 @@ def test_scenes_that_do_not_fit_are_refused():
     for at in (depth[:, 0], depth[..., 1:], depth[:, None].expand(-1, 3, -1, -1, -1)):
         with pytest.raises(ShapeError, match="depth"):
             made(cube, at)
+
+
+@pytest.mark.parametrize("shutter", ["one-hot", "whole"])
+def test_a_snapshot_file_is_the_capture_and_its_camera(tmp_path, shutter):
+    whole = (torch.rand(3, 13, 16, generator=torch.Generator().manual_seed(1)) > 0.5).float()
+    made = camera(shutter=whole if shutter == "whole" else shutter, sensor=Sensor(read_noise=0.01, full_well=5000))
+    cube, depth = scene_of(made, 1)
+    file = Snapshot(made(cube, depth, 0), made, {"scene": "random"}).save(tmp_path / "taken.nc")
+    found = Snapshot.load(file)
+    torch.testing.assert_close(found.values, made(cube, depth, 0))
+    torch.testing.assert_close(found.camera.exact(cube, depth), made.exact(cube, depth), atol=1e-5, rtol=1e-4)
+    assert found.camera.noise == made.noise
+    assert found.notes == {"scene": "random"}
+
+
+@pytest.mark.parametrize("missing", ["heights", "cells", "bench", "depth"])
+def test_a_snapshot_file_without_a_part_is_refused(tmp_path, missing):
+    import xarray as xr
+
+    made = camera()
+    file = Snapshot(made(*scene_of(made, 1)), made).save(tmp_path / "taken.nc")
+    with xr.open_dataset(file) as kept:
+        dataset = kept.load()
+    if missing in dataset:
+        dataset = dataset.drop_vars(missing)
+    else:
+        del dataset.attrs[missing]
+    dataset.to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(DataError, match=missing):
+        Snapshot.load(tmp_path / "other.nc")

@@ -35,6 +35,11 @@ class Camera(nn.Module):
         self.sensor = sensor or Sensor()
 
     @property
+    def snapshot_shape(self) -> tuple[int, int, int]:
+        """(C, H, W')."""
+        raise TypeError(f"{type(self).__name__} defines no snapshot_shape")
+
+    @property
     def white(self) -> float:
         """Level of a white scene with everything open in one exposure time, snapshot units."""
         raise TypeError(f"{type(self).__name__} defines no white")

@@ -40,11 +40,6 @@ class CodedCamera(Camera):
         raise TypeError(f"{type(self).__name__} defines no scene_shape")
 
     @property
-    def snapshot_shape(self) -> tuple[int, int, int]:
-        """(1, H, W')."""
-        raise TypeError(f"{type(self).__name__} defines no snapshot_shape")
-
-    @property
     def channels(self) -> int:
         """Number of bands or views of the scene."""
         return len(self.response)

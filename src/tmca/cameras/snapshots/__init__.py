@@ -8,26 +8,26 @@ from typing import Any, Generic, TypeVar
 
 from torch import Tensor
 
-from tmca.cameras.coded import CodedCamera
-from tmca.cameras.snapshots import light_field, spectral
+from tmca.cameras.camera import Camera
+from tmca.cameras.snapshots import light_field, spectral, spectral_depth
 from tmca.errors import DataError
 
-Camera = TypeVar("Camera", bound=CodedCamera)
-_LAYOUTS: dict[str, Any] = {"spectral": spectral, "light-field": light_field}
+Kind = TypeVar("Kind", bound=Camera)
+_LAYOUTS: dict[str, Any] = {"spectral": spectral, "light-field": light_field, "spectral-depth": spectral_depth}
 
 
 @dataclass
-class Snapshot(Generic[Camera]):
+class Snapshot(Generic[Kind]):
     """A capture and the camera that took it.
 
     Args:
-        values: (1, 1, H, W') snapshot; (3, 1, H, W) for a light field in colour.
+        values: (1, 1, H, W') snapshot; (3, 1, H, W) for a light field in colour; (1, C, H, W) for spectrum and depth.
         camera: with the codes of the exposure, its optics and its sensor.
         notes: what else is known (scene, seed, …), kept as attributes of the file.
     """
 
     values: Tensor
-    camera: Camera
+    camera: Kind
     notes: dict[str, Any] = field(default_factory=dict)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:

@@ -26,6 +26,7 @@ from tmca.cameras.snapshots.parts import (
     json_attribute,
     read_planes,
     settings_of,
+    tile_attribute,
 )
 from tmca.optics import view_coordinates
 
@@ -87,6 +88,7 @@ def from_dataset(dataset: xr.Dataset, where: str) -> tuple[Tensor, LightFieldCam
 def _attributes(camera: LightFieldCamera) -> dict[str, Any]:
     return {
         **common_attributes(camera),
+        **tile_attribute(camera),
         "shear": json.dumps(list(camera.shear.step)),
         "mask_scale": camera.shear.scale,
     }

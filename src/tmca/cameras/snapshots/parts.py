@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tmca.cameras.camera import Camera
 from tmca.cameras.coded import CodedCamera
 from tmca.errors import DataError
 from tmca.sensor import Sensor
@@ -18,19 +19,24 @@ if TYPE_CHECKING:
     import xarray as xr
 
 UNITS = {"units": "relative irradiance"}
-Camera = TypeVar("Camera", bound=CodedCamera)
+Kind = TypeVar("Kind", bound=Camera)
+
+
+def tile_attribute(camera: CodedCamera) -> dict[str, str]:
+    """The tile of the codes."""
+    return {"period": json.dumps(camera.multiplexed.aperture.period)}
 
 
 def code_planes(camera: CodedCamera, aperture_on: Sequence[str], shutter_on: Sequence[str]) -> dict[str, Any]:
     """Variables ``aperture`` and ``shutter``, slot by slot on these axes; binary codes as bytes."""
-    aperture, shutter = (_compact(plane.detach()) for plane in camera.codes())
+    aperture, shutter = (compact(plane.detach()) for plane in camera.codes())
     return {
         "aperture": (("slot", *aperture_on), aperture, {"long_name": "aperture codes T", "units": "1 = open"}),
         "shutter": (("slot", *shutter_on), shutter, {"long_name": "shutter codes S", "units": "1 = open"}),
     }
 
 
-def common_attributes(camera: CodedCamera) -> dict[str, Any]:
+def common_attributes(camera: Camera) -> dict[str, Any]:
     """Attributes of every snapshot file."""
     from tmca import __version__
 
@@ -38,7 +44,6 @@ def common_attributes(camera: CodedCamera) -> dict[str, Any]:
         "camera": camera.application,
         "exposure": camera.exposure,
         "full_scale": camera.full_scale,
-        "period": json.dumps(camera.multiplexed.aperture.period),
         "sensor": json.dumps(camera.sensor.settings()),
         "tmca_version": __version__,
     }
@@ -90,7 +95,7 @@ def settings_of(attrs: Mapping[Any, Any], where: str) -> dict[str, Any]:
     return {"exposure": str(attrs.get("exposure", "equal")), "period": tile, "sensor": sensor}
 
 
-def camera_from(kind: type[Camera], where: str, wanted: str, **settings: Any) -> Camera:
+def camera_from(kind: type[Kind], where: str, wanted: str, **settings: Any) -> Kind:
     """The camera of these settings.
 
     Raises:
@@ -102,7 +107,7 @@ def camera_from(kind: type[Camera], where: str, wanted: str, **settings: Any) ->
         raise DataError(where, f"codes that make no camera ({error})", wanted) from error
 
 
-def check_full_scale(dataset: xr.Dataset, camera: CodedCamera, where: str) -> None:
+def check_full_scale(dataset: xr.Dataset, camera: Camera, where: str) -> None:
     """Raises DataError unless snapshot and stated full scale are those of the camera."""
     stated, known = float(dataset.attrs["full_scale"]), camera.full_scale
     if abs(stated - known) > 1e-3 * known:
@@ -125,7 +130,7 @@ def json_attribute(attrs: Mapping[Any, Any], name: str, default: Any, where: str
         raise DataError(where, f"attribute {name} = {attrs[name]!r}", "JSON", "correct or delete it") from error
 
 
-def _compact(codes: Tensor) -> np.ndarray:
+def compact(codes: Tensor) -> np.ndarray:
     """Binary codes as bytes, grey ones as they are."""
     values = codes.cpu().numpy()
     return values.astype(np.uint8) if np.isin(values, (0, 1)).all() else values

@@ -26,6 +26,7 @@ from tmca.cameras.snapshots.parts import (
     json_attribute,
     read_planes,
     settings_of,
+    tile_attribute,
 )
 from tmca.cameras.spectral import DISPERSERS, SpectralCamera
 from tmca.errors import DataError
@@ -140,6 +141,7 @@ def _coloured(dataset: xr.Dataset) -> Tensor | None:
 def _attributes(camera: SpectralCamera) -> dict[str, Any]:
     return {
         **common_attributes(camera),
+        **tile_attribute(camera),
         "disperser": camera.disperser,
         "dispersion_axis": "x",
         "origin": _origin(camera),
