@@ -26,6 +26,9 @@ GAINS = tuple(4.0**power for power in range(-4, 4))
 """Variances of a window over the prior's that are tried."""
 _BATCH = 2048
 _SHARPNESS = 4
+_NOISE_LEVELS = 12
+_Place = tuple[tuple[int, int], list[tuple[int, int]]]
+"""Phase of the tile, and corners of windows that begin at it."""
 
 
 @dataclass
@@ -92,15 +95,11 @@ class PatchLikelihood:
             wanted = f"(batch, {', '.join(map(str, self.camera.snapshot_shape))})"
             raise ShapeError("snapshot", str(tuple(snapshot.shape)), wanted)
         values, places = snapshot.double(), list(self._places())
-        likelihood = _Blend((len(snapshot), self.camera.planes.count, *self.camera.size), self.window)
-        for count, (phase, where) in enumerate(places):
-            likelihood.add(where, self._log_likelihood(phase, self._windows(values, where))[0][..., None, None])
-            if progress is not None:
-                progress((count + 1) / len(places) / 2)
-        planes = likelihood.result()
+        planes, gains = self._planes(values, places, progress)
         scene = _Blend((len(snapshot), *self.camera.scene_shape), self.window)
-        for count, (phase, where) in enumerate(places):
-            scene.add(where, self._scene(phase, self._windows(values, where), self._at_middle(planes, where)))
+        for count, ((phase, where), gain) in enumerate(zip(places, gains, strict=True)):
+            windows, plane = self._windows(values, where), self._at_middle(planes, where)
+            scene.add(where, self._scene(phase, windows, plane, gain))
             if progress is not None:
                 progress(0.5 + (count + 1) / len(places) / 2)
         depth, confidence = self._depth(planes)
@@ -109,7 +108,19 @@ class PatchLikelihood:
             estimate, depth=depth.to(snapshot), confidence=confidence.to(snapshot), planes=planes.to(snapshot)
         )
 
-    def _places(self) -> Iterator[tuple[tuple[int, int], list[tuple[int, int]]]]:
+    def _planes(self, values: Tensor, places: list[_Place], progress: Progress | None) -> tuple[Tensor, list[Tensor]]:
+        """(B, D, H, W) log-likelihoods, and the gains (B, P, D) of the windows of every batch of places."""
+        shape = (len(values), self.camera.planes.count, *self.camera.size)
+        likelihood, gains = _Blend(shape, self.window), list[Tensor]()
+        for count, (phase, where) in enumerate(places):
+            found, gain = self._log_likelihood(phase, self._windows(values, where))
+            likelihood.add(where, found[..., None, None])
+            gains.append(gain)
+            if progress is not None:
+                progress((count + 1) / len(places) / 2)
+        return likelihood.result(), gains
+
+    def _places(self) -> Iterator[_Place]:
         """Corners of windows, by phase of the tile and in batches; together they cover the snapshot."""
         tile, by_phase = self.camera.tile_size, dict[tuple[int, int], list[tuple[int, int]]]()
         tops, lefts = (sorted({*range(0, n - self.window + 1, tile), n - self.window}) for n in self.camera.size)
@@ -137,29 +148,35 @@ class PatchLikelihood:
         return self._bases[phase]
 
     def _log_likelihood(self, phase: tuple[int, int], windows: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, P, D) log-likelihood of every plane with the gain that fits best, and the index of that gain."""
-        basis, noise = self._basis(phase), self._noise(windows)
+        """(B, P, D) log-likelihood of every plane with the gain that fits best, and that gain."""
+        basis, (levels, level) = self._basis(phase), self._noise(windows)
         found, chosen = [], []
         for vectors, values in zip(basis.vectors, basis.values, strict=True):
             energy = (windows @ vectors).square()
-            each = []
-            for gain in self.gains:
-                variance = gain * values + noise
-                each.append(-0.5 * (energy / variance + variance.log()).sum(-1))
-            best = torch.stack(each, -1).max(-1)
+            variance = self.gains[:, None] * values + levels[:, None, None]
+            each = energy.new_empty(*energy.shape[:2], len(self.gains))
+            for index, own in enumerate(variance):
+                here = level == index
+                each[here] = -0.5 * (energy[here] @ own.reciprocal().T + own.log().sum(-1))
+            best = each.max(-1)
             found.append(best.values)
-            chosen.append(best.indices)
+            chosen.append(self.gains[best.indices])
         return torch.stack(found, -1), torch.stack(chosen, -1)
 
-    def _noise(self, windows: Tensor) -> Tensor:
-        """(B, P, 1) variance of the noise: shot noise by the window's mean."""
+    def _noise(self, windows: Tensor) -> tuple[Tensor, Tensor]:
+        """Levels of the noise's variance, and the index (B, P) of the nearest: shot noise by a window's mean."""
         noise = self.camera.noise
-        return noise.read**2 + NOISE_FLOOR + noise.shot * windows.mean(-1, keepdim=True).clamp_min(0)
+        least = noise.read**2 + NOISE_FLOOR
+        if not noise.shot:
+            return windows.new_tensor([least]), torch.zeros(windows.shape[:2], dtype=torch.long)
+        own = (least + noise.shot * windows.mean(-1).clamp_min(0)).log()
+        levels = torch.linspace(float(own.min()), float(own.max()), _NOISE_LEVELS, dtype=own.dtype)
+        return levels.exp(), (own[..., None] - levels).abs().argmin(-1)
 
-    def _scene(self, phase: tuple[int, int], windows: Tensor, plane: Tensor) -> Tensor:
+    def _scene(self, phase: tuple[int, int], windows: Tensor, plane: Tensor, gains: Tensor) -> Tensor:
         """(B, P, L, m, m) linear MMSE estimate of windows at these planes (B, P)."""
-        basis, noise = self._basis(phase), self._noise(windows)
-        gain = self.gains[self._log_likelihood(phase, windows)[1].gather(-1, plane[..., None])]
+        basis, (levels, level) = self._basis(phase), self._noise(windows)
+        gain, noise = gains.gather(-1, plane[..., None]), levels[level][..., None]
         estimate = windows.new_zeros(*windows.shape[:2], basis.scene.shape[1])
         for index in range(len(basis.values)):
             here = plane == index

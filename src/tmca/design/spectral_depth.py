@@ -117,7 +117,7 @@ def design_masks(
     *,
     window: int = 8,
     steps: int = 60,
-    rate: float = 0.05,
+    rate: float = 0.005,
     progress: Progress | None = None,
 ) -> MaskDesign:
     """Move what is learnable of a camera until depths are least confused; the best of all steps is kept.
@@ -127,7 +127,7 @@ def design_masks(
         prior: of scenes, its blocks at least ``needed_block``.
         window: m, pixels.
         steps: of Adam.
-        rate: of Adam, in units of the parameters (heights are scaled to about 1).
+        rate: of Adam, in units of the parameters: for heights, of the larger of a micrometre and the highest.
         progress: told after each step.
 
     Raises:
