@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-MOTORCYCLE_FOCAL_PX = 994.978
-MOTORCYCLE_BASELINE_M = 0.193001
-MOTORCYCLE_OFFSET_PX = 31.086
-"""Calibration at the size that scikit-image ships (a quarter of Middlebury's)."""
+from tmca.data.depth_maps import disparity_to_depth
+from tmca.data.formats.calibration import MOTORCYCLE
 
 
 def motorcycle_depth() -> NDArray[np.float32]:
@@ -18,9 +16,7 @@ def motorcycle_depth() -> NDArray[np.float32]:
     """
     import skimage.data
 
-    disparity = np.asarray(skimage.data.stereo_motorcycle()[2], dtype=np.float64)
-    depth = MOTORCYCLE_FOCAL_PX * MOTORCYCLE_BASELINE_M / (disparity + MOTORCYCLE_OFFSET_PX)
-    return np.where(np.isfinite(disparity), depth, np.nan).astype(np.float32)
+    return disparity_to_depth(skimage.data.stereo_motorcycle()[2], *MOTORCYCLE[:3]).astype(np.float32)
 
 
 def staged_depth(
