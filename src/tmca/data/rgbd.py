@@ -17,6 +17,7 @@ from tmca.data.formats.arrays import QUANTITY
 from tmca.data.formats.calibration import Stereo
 from tmca.data.formats.images import read_picture
 from tmca.data.formats.rgbd_files import RgbdFiles, find_rgbd
+from tmca.data.formats.views import open_views
 from tmca.data.light_fields import COLOURS, centre_window, read_light_field
 from tmca.data.rendering.resample import area_average, nearest
 from tmca.data.srgb import decoded
@@ -117,7 +118,7 @@ def _load(path: Path) -> Loaded:
     files = find_rgbd(path)
     if files is not None and files.complete:
         return _READERS[files.layout.data_set](files)
-    if path.is_dir() and find_disparity(path) is not None:
+    if path.is_dir() and find_disparity(path) is not None and (files is None or open_views(path) is not None):
         return _light_field(path)
     if files is not None:
         files.both()
@@ -141,8 +142,8 @@ def _middlebury_2005(files: RgbdFiles) -> Loaded:
 
 def _inner(whole: int, part: int) -> slice:
     """Where a hole-filled map lies in its picture along one axis; all of it for any other size."""
-    start = (whole - part) // 2 if part == whole // _CROPPED_TO * _CROPPED_TO else 0
-    return slice(start, start + part) if start else slice(None)
+    start = (whole - part) // 2
+    return slice(start, start + part) if part == whole // _CROPPED_TO * _CROPPED_TO else slice(None)
 
 
 def _middlebury_2014(files: RgbdFiles) -> Loaded:
