@@ -54,7 +54,7 @@ def write(path, values):
     else:
         # Columns before rows: the names of the axes tell.
         array = xr.DataArray(values.T, dims=("x", "y"), name="depth", attrs={"units": "m"})
-        array.to_dataset().to_zarr(path) if path.suffix == ".zarr" else array.to_netcdf(path)
+        array.to_dataset().to_zarr(path, consolidated=False) if path.suffix == ".zarr" else array.to_netcdf(path)
 
 
 @pytest.mark.parametrize("name", ["d.npy", "d.pfm", "d.mat", "d.tif", "whole.tif", "d.png", "d.h5", "d.nc", "d.zarr"])

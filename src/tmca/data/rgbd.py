@@ -99,12 +99,12 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
 
 
 def holds_rgbd(path: str | Path) -> bool:
-    """Whether `read_rgbd` would take it as pictures with depth beside them (light fields apart)."""
+    """Whether a path names a picture with depth, be it that one of them is missing (light fields apart)."""
     try:
         files = find_rgbd(path)
     except DataError:
         return True
-    return files is not None and files.complete
+    return files is not None and (files.complete or not Path(path).exists())
 
 
 def refuse_rgbd(path: str | Path) -> None:

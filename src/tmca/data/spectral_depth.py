@@ -56,7 +56,7 @@ def read_spectral_depth(
     Returns:
         A dataset of float32 ``radiance`` ``(wavelength, y, x)``, relative irradiance, and ``depth`` ``(y, x)``, metres,
         NaN where unknown, with the counts of `tmca.data.read_depth_map`; attributes ``name``, ``source``, ``metric``,
-        and of an RGB-D scene those of both conversions.
+        what the file says of itself, and of an RGB-D scene those of both conversions.
 
     Raises:
         DataError: a missing or broken part, sizes that differ, no known depth, or RGB without ``from_rgb``.
@@ -72,11 +72,14 @@ def read_spectral_depth(
         there = ", ".join(sorted(file.name for file in path.iterdir())[:4]) or "nothing"
         raise DataError(path, there, "cube.* or spectral.*, and depth.*", "name the two parts of the scene so")
     if parts is None:
-        variable = _cube_name(path) if variable is None else variable
-        cube, depth = read(path, variable=variable, **options), _depth_beside(path, depth_scale)
+        named, about = _beside(path)
+        cube = read(path, variable=named if variable is None else variable, **options)
+        depth = read_depth_map(path, scale=depth_scale)
     else:
+        about = {}
         cube, depth = read(parts[0], variable=variable, **options), read_depth_map(parts[1], scale=depth_scale)
-    return label_spectral_depth(cube, depth, {"name": path.stem, "source": str(path), "metric": True})
+    about |= {"name": path.stem, "source": str(path), "metric": bool(about.get("metric", True))}
+    return label_spectral_depth(cube, depth, about)
 
 
 def label_spectral_depth(cube: xr.DataArray, depth: xr.DataArray, attrs: dict[str, Any] | None = None) -> xr.Dataset:
@@ -111,9 +114,10 @@ def scene_parts(path: Path) -> tuple[Path, Path] | None:
     """
     if not path.is_dir() or is_zarr(path):
         return None
-    cube, depth = _part(path, CUBE_NAMES), _part(path, DEPTH_NAMES)
+    cube = _part(path, CUBE_NAMES)
     if cube is None:
         return None
+    depth = _part(path, DEPTH_NAMES)
     if depth is None:
         raise DataError(path, f"no depth.* beside {cube.name}", "a cube and a depth map", "add the depth map")
     return cube, depth
@@ -126,22 +130,18 @@ def _part(folder: Path, names: Iterable[str]) -> Path | None:
     data = envi.DATA_SUFFIXES
     found = [e for e in found if e.suffix.lower() not in data or e.is_dir() or e.with_suffix("") not in headers]
     if len(found) > 1:
-        raise DataError(folder, f"{', '.join(entry.name for entry in found)}", f"one {names}", "take the others away")
+        there, one = ", ".join(entry.name for entry in found), " or ".join(f"{name}.*" for name in names)
+        raise DataError(folder, f"{there} side by side", f"one {one}", "take the others away")
     return found[0] if found else None
 
 
-def _cube_name(path: Path) -> str | None:
-    with open_contents(path) as contents:
-        return "radiance" if "radiance" in contents.arrays else None
-
-
-def _depth_beside(path: Path, scale: float | None) -> xr.DataArray:
-    """The depth map in the same file as the cube."""
+def _beside(path: Path) -> tuple[str | None, dict[str, Any]]:
+    """The cube's variable in a file that holds a depth map too, None for the only one; and what the file says."""
     with open_contents(path) as contents:
         if "depth" not in contents.arrays:
             there = ", ".join(contents.arrays) or "nothing"
             raise DataError(path, f"no depth in it ({there})", "a cube and depth", "give it depth with place_cube")
-    return read_depth_map(path, scale=scale)
+        return "radiance" if "radiance" in contents.arrays else None, dict(contents.attrs)
 
 
 def _made_up(path: Path, wavelengths: Sequence[float] | None, **settings: Any) -> xr.Dataset:
