@@ -152,6 +152,19 @@ def test_rgb_is_only_converted_where_that_is_asked_for(tmp_path):
     np.testing.assert_array_equal(scene["radiance"], direct["radiance"])
 
 
+def test_a_reduced_scene_averages_light_and_samples_depth(tmp_path, cube, depth):
+    path = write_dataset(label_spectral_depth(cube, depth), tmp_path / "scene.nc")
+    small = read_spectral_depth(path, reduce=3)
+    means = cube.values[:, :9, :12].reshape(7, 3, 3, 4, 3).mean(axis=(2, 4))
+    np.testing.assert_allclose(small["radiance"], means, atol=1e-6)
+    np.testing.assert_array_equal(small["depth"], depth.values[1:9:3, 1:12:3])
+    stem = scenes.open3d(tmp_path)
+    made = read_spectral_depth(stem, from_rgb=True, reduce=2)
+    np.testing.assert_array_equal(made["depth"], read_rgbd(stem, scale=2)["depth"])
+    with pytest.raises(SettingError, match="whole number from 1"):
+        read_spectral_depth(path, reduce=0)
+
+
 # Spectra made up from RGB
 
 

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.data.checks import Negative
 from tmca.data.cubes import read
-from tmca.data.depth_maps import read_depth_map
+from tmca.data.depth_maps import label_depth, read_depth_map
 from tmca.data.formats import envi
 from tmca.data.formats.opening import is_zarr, open_contents
+from tmca.data.light_fields import centre_window
 from tmca.data.rendering.pictures import Materials, spectral_from_rgb
+from tmca.data.rendering.resample import area_average, nearest
 from tmca.data.rgbd import read_rgbd, refuse_rgbd
 from tmca.errors import DataError
 
@@ -30,6 +32,7 @@ def read_spectral_depth(
     scale: float | None = None,
     depth_scale: float | None = None,
     negative: Negative = "error",
+    reduce: int | None = None,
     from_rgb: bool = False,
     seed: int = 0,
     illuminant: str = "D65",
@@ -50,6 +53,8 @@ def read_spectral_depth(
         scale: stored value of the cube that is relative irradiance 1; see `tmca.data.read`.
         depth_scale: metres per stored unit of the depth map; see `tmca.data.read_depth_map`.
         negative: what is done with negative pixels of the cube: ``"error"``, ``"clip"`` to 0, or ``"keep"``.
+        reduce: whole number of pixels per axis whose light is averaged into one; depth is sampled at its middle, what is
+            left over at the end is dropped. Of an RGB-D scene that is done before its spectra are made up.
         from_rgb: make up spectra for an RGB-D scene.
         seed, illuminant, materials: of made-up spectra.
 
@@ -64,7 +69,7 @@ def read_spectral_depth(
     """
     path = Path(path)
     if from_rgb:
-        return _made_up(path, wavelengths, seed=seed, illuminant=illuminant, materials=materials)
+        return _made_up(path, wavelengths, reduce, seed=seed, illuminant=illuminant, materials=materials)
     refuse_rgbd(path)
     options: dict[str, Any] = {"wavelengths": wavelengths, "scale": scale, "negative": negative}
     parts = scene_parts(path)
@@ -79,7 +84,7 @@ def read_spectral_depth(
         about = {}
         cube, depth = read(parts[0], variable=variable, **options), read_depth_map(parts[1], scale=depth_scale)
     about |= {"name": path.stem, "source": str(path), "metric": bool(about.get("metric", True))}
-    return label_spectral_depth(cube, depth, about)
+    return _reduced(label_spectral_depth(cube, depth, about), reduce)
 
 
 def label_spectral_depth(cube: xr.DataArray, depth: xr.DataArray, attrs: dict[str, Any] | None = None) -> xr.Dataset:
@@ -144,8 +149,20 @@ def _beside(path: Path) -> tuple[str | None, dict[str, Any]]:
         return "radiance" if "radiance" in contents.arrays else None, dict(contents.attrs)
 
 
-def _made_up(path: Path, wavelengths: Sequence[float] | None, **settings: Any) -> xr.Dataset:
-    picture = read_rgbd(path)
+def _reduced(scene: xr.Dataset, by: int | None) -> xr.Dataset:
+    if by is None:
+        return scene
+    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), None, by, scene.attrs["source"])
+    window = scene.isel(y=rows, x=columns).drop_vars(["y", "x"], errors="ignore")
+    size = window.sizes["y"] // by, window.sizes["x"] // by
+    small = area_average(window["radiance"].values, size)
+    cube = window["radiance"].isel(y=slice(size[0]), x=slice(size[1])).copy(data=small)
+    depth = label_depth(nearest(window["depth"].values, size), scene.attrs["source"])
+    return label_spectral_depth(cube, depth, scene.attrs)
+
+
+def _made_up(path: Path, wavelengths: Sequence[float] | None, reduce: int | None, **settings: Any) -> xr.Dataset:
+    picture = read_rgbd(path, scale=reduce)
     spectra = spectral_from_rgb(picture["rgb"], wavelengths, **settings)
     scene = label_spectral_depth(spectra["radiance"], picture["depth"])
     return scene.assign_attrs({**spectra.attrs, **picture.attrs})
