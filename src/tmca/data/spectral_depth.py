@@ -53,8 +53,8 @@ def read_spectral_depth(
         scale: stored value of the cube that is relative irradiance 1; see `tmca.data.read`.
         depth_scale: metres per stored unit of the depth map; see `tmca.data.read_depth_map`.
         negative: what is done with negative pixels of the cube: ``"error"``, ``"clip"`` to 0, or ``"keep"``.
-        reduce: whole number of pixels per axis whose light is averaged into one; depth is sampled at its middle, what is
-            left over at the end is dropped. Of an RGB-D scene that is done before its spectra are made up.
+        reduce: whole number of pixels per axis whose light is averaged into one; depth is sampled at its middle, what
+            is left over at the end is dropped. Of an RGB-D scene that is done before its spectra are made up.
         from_rgb: make up spectra for an RGB-D scene.
         seed, illuminant, materials: of made-up spectra.
 
