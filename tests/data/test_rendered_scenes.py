@@ -11,7 +11,7 @@ from tmca.data import rendered_names, rendered_scene, split_rendered
 from tmca.data.rendering import measured, resample
 from tmca.data.rendering.depth import motorcycle_depth
 from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb
-from tmca.data.rendering.scene import band_weights
+from tmca.data.rendering.pictures import band_weights
 from tmca.errors import SettingError
 
 BANDS_12 = np.linspace(400e-9, 700e-9, 12)

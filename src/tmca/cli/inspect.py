@@ -24,7 +24,8 @@ def inspect(
     """Say what FILE holds: variables, size, wavelengths or views, range of values, and for a snapshot its camera.
 
     Args:
-        file: a cube, light field (file or folder of views), capture, snapshot, prior or any array file.
+        file: a cube, light field (file or folder of views), scene with depth (folder, file, or folder and stem as in
+            nyuv2/00050), capture, snapshot, prior or any array file.
         variable: which one, where the file holds several.
         conditioning: for a snapshot file, rank, condition number and coherence of a corner of its matrix.
         figure: write a picture of it (PNG).
@@ -75,6 +76,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
     if found.get("light_field"):
         lines += _light_field(found["light_field"])
+    if found.get("depth"):
+        lines.append(_depth(found["depth"]))
     if "matrix" in found:
         corner = found["matrix"]
         lines.append(
@@ -102,6 +105,17 @@ def _light_field(about: dict[str, Any]) -> list[str]:
         return [*lines, "  true disparity: none"]
     spread = truth.get("note") or f"{truth['min']:.3g} to {truth['max']:.3g} px per view"
     return [*lines, f"  true disparity: {spread} ({truth['source']})"]
+
+
+def _depth(about: dict[str, Any]) -> str:
+    """Range in metres and what is not known."""
+    if "note" in about:
+        return f"  depth: {about['note']}"
+    unknown, kinds = about["unknown_pixels"], ("zero", "negative", "not_finite")
+    why = ", ".join(f"{about[f'unknown_{k}']} {k.replace('_', ' ')}" for k in kinds if about.get(f"unknown_{k}"))
+    text = f"  depth: {about['near']:.4g} to {about['far']:.4g} m, median {about['median']:.4g} m; {unknown} of "
+    text += f"{about['pixels']} pixels unknown" + (f" ({unknown / about['pixels']:.1%}: {why})" if unknown else "")
+    return text + ("" if about["metric"] else "; known only up to an affine map of inverse depth")
 
 
 def _levels(variable: dict[str, Any]) -> str:

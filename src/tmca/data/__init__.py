@@ -4,19 +4,25 @@ from tmca.data.bands import nearest_bands, select_bands
 from tmca.data.checks import Negative
 from tmca.data.cubes import label, read, read_array
 from tmca.data.datasets import read_dataset
+from tmca.data.depth_maps import label_depth, read_depth_map
 from tmca.data.describe import describe
 from tmca.data.disparity import find_disparity, read_disparity
+from tmca.data.fitted_depth import fitted_depth
 from tmca.data.formats.known import KNOWN_SETS, KnownSet
 from tmca.data.formats.wavelengths import metres_to_nm, nm_to_metres
 from tmca.data.light_fields import label_light_field, read_light_field, write_light_field
+from tmca.data.placing import place_cube
 from tmca.data.rendering import (
     rendered_light_field,
     rendered_names,
     rendered_scene,
+    spectral_from_rgb,
     split_rendered,
     split_rendered_light_fields,
 )
+from tmca.data.rgbd import holds_rgbd, read_rgbd, refuse_rgbd
 from tmca.data.shifts import view_shifts
+from tmca.data.spectral_depth import label_spectral_depth, read_spectral_depth
 from tmca.data.splits import checksum_of, read_split, write_split
 from tmca.data.tiff import write_tiff
 from tmca.data.write import (
@@ -40,23 +46,33 @@ __all__ = [
     "checksum_of",
     "describe",
     "find_disparity",
+    "fitted_depth",
+    "holds_rgbd",
     "label",
+    "label_depth",
     "label_light_field",
+    "label_spectral_depth",
     "make_folder",
     "metres_to_nm",
     "nearest_bands",
     "nm_to_metres",
+    "place_cube",
     "plain",
     "read",
     "read_array",
     "read_dataset",
+    "read_depth_map",
     "read_disparity",
     "read_light_field",
+    "read_rgbd",
+    "read_spectral_depth",
     "read_split",
+    "refuse_rgbd",
     "rendered_light_field",
     "rendered_names",
     "rendered_scene",
     "select_bands",
+    "spectral_from_rgb",
     "split_rendered",
     "split_rendered_light_fields",
     "view_shifts",

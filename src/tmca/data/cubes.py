@@ -24,6 +24,7 @@ from tmca.data.formats.wavelengths import (
     sidecar_paths,
 )
 from tmca.data.light_fields import find_light_field, load_light_field
+from tmca.data.rgbd import refuse_rgbd
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -67,6 +68,7 @@ def read(
         SettingError: an impossible argument.
     """
     given = None if wavelengths is None else np.asarray(list(wavelengths), dtype=np.float64)
+    refuse_rgbd(path)
     with open_contents(path) as contents:
         views = find_light_field(contents, variable)
         if views is not None:
@@ -74,6 +76,8 @@ def read(
             return load_light_field(contents, views, divide_by=scale)
         stored = find_cube(contents, variable, None if given is None else given.size)
         sidecar = None if given is not None else read_sidecar(contents.path)
+        if given is None and sidecar is None:
+            _no_colour_picture(contents, stored)
         axis = _axis(contents, stored, given if given is not None else sidecar)
         metres, origin = find_wavelengths(contents, stored, axis, given, sidecar)
         chosen = _band_indices(bands, stored.shape[axis])
@@ -97,6 +101,12 @@ def _no_bands(path: str | Path, wavelengths: object, bands: object) -> None:
     for name, value in (("wavelengths", wavelengths), ("bands", bands)):
         if value is not None:
             raise SettingError(name, f"some for {path}", "none: it is a light field", "leave them out")
+
+
+def _no_colour_picture(contents: Contents, stored: Stored) -> None:
+    if contents.format == "picture" and stored.dims[-1:] == ("channel",):
+        remedy = "make up its spectra with tmca.data.spectral_from_rgb, or pass wavelengths= if its channels are bands"
+        raise DataError(contents.path, f"a picture of {stored.shape[-1]} colour channels", "a spectral cube", remedy)
 
 
 def label(

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tmca.data.checks import divisor
 from tmca.data.cubes import find_wavelengths
+from tmca.data.depth_facts import depth_facts, depth_in, light_field_depth
+from tmca.data.depth_maps import read_depth_map
 from tmca.data.formats.axes import find_cube, spectral_axis
 from tmca.data.formats.opening import open_contents
-from tmca.data.formats.stored import Contents, Stored
+from tmca.data.formats.stored import Contents, Stored, from_array
 from tmca.data.formats.wavelengths import metres_to_nm, read_sidecar
 from tmca.data.light_field_facts import describe_light_field
 from tmca.data.light_fields import find_light_field
+from tmca.data.rgbd import holds_rgbd, read_rgbd
+from tmca.data.spectral_depth import scene_parts
 from tmca.data.write import plain
 from tmca.errors import DataError
+
+if TYPE_CHECKING:
+    import xarray
 
 
 def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
@@ -30,15 +37,22 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
         variable: the array to put first, where the file has several.
 
     Returns:
-        Plain JSON types: ``kind`` ("cube", "light field", "dataset" with named axes, "array" or "arrays"), ``format``,
+        Plain JSON types: ``kind`` ("cube", "light field", "RGB-D scene", "spectral-depth scene" of a folder with both,
+        "dataset" with named axes, "array" or "arrays"), ``format``,
         ``variables``, ``attrs``; for a cube or a single array its own entry of ``variables`` again at the top
         level, with ``wavelengths`` (None without), and for a light field ``light_field``: its ``views``, ``size``,
-        ``colour``, naming, ``shifts`` between views and ``disparity`` (None without). ``note`` says why a file with
+        ``colour``, naming, ``shifts`` between views and ``disparity`` (None without). What has depth has ``depth``: its
+        range in metres, unknown pixels, and whether it is ``metric``. ``note`` says why a file with
         a three-axis array is no cube, or a light field cannot be read whole.
 
     Raises:
         DataError: missing, damaged or unknown file, or no such variable.
     """
+    if variable is None and holds_rgbd(path):
+        return dict(plain(_scene(path, read_rgbd(path))))
+    parts = None if variable is not None else scene_parts(Path(path))
+    if parts is not None:
+        return dict(plain(_folder(path, *parts)))
     with open_contents(path) as contents:
         about: dict[str, Any] = {"path": str(path), "format": contents.format, "kind": "", "variables": {}}
         about["attrs"] = {key: value for key, value in contents.attrs.items() if np.size(value) <= 64}
@@ -48,7 +62,34 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
         if main["variable"]:
             about |= {k: v for k, v in about["variables"][main["variable"]].items() if k != "attrs"}
         about |= main
+        if main["kind"] == "light field":
+            about["depth"] = light_field_depth(contents.path) if main["light_field"]["disparity"] else None
+        elif main["kind"] == "cube":
+            about["depth"] = depth_in(contents)
     return dict(plain(about))
+
+
+def _scene(path: str | Path, scene: xarray.Dataset) -> dict[str, Any]:
+    """An RGB-D scene."""
+    arrays = {name: from_array(str(name), v.values, dims=v.dims, attrs=v.attrs) for name, v in scene.data_vars.items()}
+    about: dict[str, Any] = {"path": str(path), "format": scene.attrs["format"], "kind": "RGB-D scene"}
+    about["variables"] = {str(name): _variable(stored) for name, stored in arrays.items()}
+    attrs = {key: value for key, value in scene.attrs.items() if key not in ("source", "format")}
+    facts = depth_facts(scene["depth"], bool(scene.attrs["metric"]))
+    return {**about, "attrs": attrs, "variable": None, "wavelengths": None, "depth": facts}
+
+
+def _folder(path: str | Path, cube: Path, depth: Path) -> dict[str, Any]:
+    """A folder with a cube and its depth map."""
+    found, known = describe(cube), read_depth_map(depth)
+    size = [n for axis, n in enumerate(found.get("shape", ())) if axis != found.get("spectral_axis")]
+    if found["kind"] == "cube" and sorted(size) != sorted(known.shape):
+        sizes = [f"{height}×{width}" for height, width in (known.shape, size)]
+        raise DataError(depth, f"{sizes[0]} pixels", f"{sizes[1]} as {cube.name} has", "crop one of them")
+    stored = from_array("depth", known.values, dims=("y", "x"), attrs=known.attrs)
+    found["variables"]["depth"] = _variable(stored)
+    about = {"path": str(path), "kind": "spectral-depth scene", "depth": depth_facts(known, True)}
+    return {**found, **about, "format": f"{found['format']} with {depth.name}"}
 
 
 def _main(contents: Contents, variable: str | None) -> dict[str, Any]:

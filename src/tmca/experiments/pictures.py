@@ -10,6 +10,7 @@ import numpy as np
 from tmca.cameras.snapshots import Snapshot, holds_snapshot
 from tmca.errors import DataError
 from tmca.experiments.camera_figures import snapshot_figure
+from tmca.experiments.depth_views import rgbd_picture, spectral_depth_picture
 from tmca.experiments.figures import cube_figure, image_figure, save_figure
 from tmca.experiments.light_field_views import light_field_picture
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite: bool = False) -> Path:
-    """Write a PNG of a snapshot, a prior, a cube, a light field or an image.
+    """Write a PNG of a snapshot, a prior, a cube, a light field, a scene with depth or an image.
 
     Raises:
         DataError: nothing in the file can be drawn.
@@ -45,6 +46,10 @@ def _figure(path: Path, variable: str | None) -> Figure:
         return PatchDictionary.load(path).figure()
     if found["kind"] == "light field":
         return light_field_picture(path, variable)
+    if found["kind"] == "RGB-D scene":
+        return rgbd_picture(path)
+    if found["kind"] == "spectral-depth scene" or (found["kind"] == "cube" and "near" in (found.get("depth") or {})):
+        return spectral_depth_picture(path, variable)
     if found["kind"] == "cube":
         cube = read(path, variable=variable, negative="keep")
         return cube_figure(cube.values, cube["wavelength"].values.tolist(), path.name)

@@ -48,12 +48,13 @@ def load_scene(
         DataError: no such file or scene, or a file that cannot be used.
         SettingError: a crop larger than the scene.
     """
-    from tmca.data import read, rendered_names, rendered_scene, select_bands
+    from tmca.data import read, refuse_rgbd, rendered_names, rendered_scene, select_bands
 
     name = str(source)
     if not Path(name).exists() and name in rendered_names():
         cube = rendered_scene(name)["radiance"]
     elif not Path(name).exists() and not Path(name).suffix:
+        refuse_rgbd(name)
         raise DataError(
             name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
         )

@@ -24,6 +24,12 @@ def is_picture(path: Path) -> bool:
     return path.suffix.lower() in _PICTURE
 
 
+def is_zarr(folder: Path) -> bool:
+    """Whether a folder is a Zarr store."""
+    marks = ("zarr.json", ".zgroup", ".zarray")
+    return folder.suffix.lower() == ".zarr" or any((folder / mark).exists() for mark in marks)
+
+
 @contextmanager
 def open_contents(path: str | Path) -> Iterator[Contents]:
     """Look into a file or folder without loading its arrays.
@@ -47,9 +53,7 @@ def _opener(path: Path) -> Any:
     """The contents, or a context manager that gives them, by folder, suffix or neighbouring header."""
     suffix = path.suffix.lower()
     if path.is_dir():
-        marks = ("zarr.json", ".zgroup", ".zarray")
-        is_zarr = suffix == ".zarr" or any((path / mark).exists() for mark in marks)
-        return arrays.open_zarr(path) if is_zarr else _folder_of_pictures(path)
+        return arrays.open_zarr(path) if is_zarr(path) else _folder_of_pictures(path)
     if path.stat().st_size == 0:
         raise DataError(path, "an empty file (0 bytes)", "a file with data", "fetch or write it again")
     if suffix == ".mat":

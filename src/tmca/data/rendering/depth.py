@@ -5,12 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.rendering.photographs import Photograph
-
-MOTORCYCLE_FOCAL_PX = 994.978
-MOTORCYCLE_BASELINE_M = 0.193001
-MOTORCYCLE_OFFSET_PX = 31.086
-"""Calibration at the size that scikit-image ships (a quarter of Middlebury's)."""
+from tmca.data.depth_maps import disparity_to_depth
+from tmca.data.formats.calibration import MOTORCYCLE
 
 
 def motorcycle_depth() -> NDArray[np.float32]:
@@ -20,15 +16,13 @@ def motorcycle_depth() -> NDArray[np.float32]:
     """
     import skimage.data
 
-    disparity = np.asarray(skimage.data.stereo_motorcycle()[2], dtype=np.float64)
-    depth = MOTORCYCLE_FOCAL_PX * MOTORCYCLE_BASELINE_M / (disparity + MOTORCYCLE_OFFSET_PX)
-    return np.where(np.isfinite(disparity), depth, np.nan).astype(np.float32)
+    return disparity_to_depth(skimage.data.stereo_motorcycle()[2], *MOTORCYCLE[:3]).astype(np.float32)
 
 
 def staged_depth(
-    rgb: NDArray[np.float32], labels: NDArray[np.intp], entry: Photograph, rng: np.random.Generator
+    rgb: NDArray[np.float32], labels: NDArray[np.intp], near: float, far: float, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """A plausible depth map ``(H, W)`` in metres between the photograph's ``near`` and ``far``.
+    """A plausible depth map ``(H, W)`` in metres from ``near`` to ``far``.
 
     Each region is a tilted plane, the lower in the picture the nearer, at its own distance, with a faint
     relief that follows the brightness. It is drawn, not measured: it has the edges and slopes of real depth,
@@ -37,7 +31,7 @@ def staged_depth(
     Args:
         rgb: ``(H, W, 3)``.
         labels: ``(H, W)``, coarse regions numbered from 0.
-        entry: the photograph, for its range of depth.
+        near, far: the range of depth in metres; both are reached.
         rng: draws distances and tilts.
     """
     from scipy.ndimage import gaussian_filter
@@ -53,5 +47,5 @@ def staged_depth(
     nearness = level[labels] + 0.1 * (relief - relief.mean())
     nearness += tilt[labels, 0] * (rows - row[labels]) + tilt[labels, 1] * (columns - column[labels])
     nearness = (nearness - nearness.min()) / np.ptp(nearness)
-    inverse = 1 / entry.far + nearness * (1 / entry.near - 1 / entry.far)
+    inverse = 1 / far + nearness * (1 / near - 1 / far)
     return (1 / inverse).astype(np.float32)

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from tmca.data.rendering.outlines import drawn, placed, silhouettes, similarity
 from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb, photograph
-from tmca.data.rendering.scene import COARSE, regions
+from tmca.data.rendering.pictures import COARSE
+from tmca.data.rendering.scene import regions
 from tmca.data.rendering.surfaces import STEEPEST, Outline, Relief, Surface, Texture, render_view
+from tmca.data.srgb import encoded
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -82,7 +84,7 @@ def rendered_light_field(
     steps = np.arange(views) - (views - 1) / 2
     rendered = [[render_view(surfaces, v, u, (height, width), SAMPLES) for u in steps] for v in steps]
     pixels = np.clip(np.stack([np.stack([view for view, _ in row]) for row in rendered]), 0, 1)
-    pixels = np.moveaxis(pixels if linear else _encoded(pixels), 2, 0)
+    pixels = np.moveaxis(pixels if linear else encoded(pixels), 2, 0)
     about = {
         "name": f"{name}_{seed}",
         "photograph": f"skimage.data.{entry.source}",
@@ -198,12 +200,6 @@ def _coefficients(name: str, colour: bool) -> NDArray[np.float32]:
 @lru_cache(maxsize=4)
 def _silhouettes(name: str) -> list[NDArray[np.float32]]:
     return silhouettes(regions(name, *COARSE))
-
-
-def _encoded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    """IEC 61966-2-1."""
-    curved = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, 12.92 * linear, curved).astype(np.float32)
 
 
 def _dataset(pixels: NDArray[np.float32], disparity: NDArray[np.float32], about: dict[str, Any]) -> xr.Dataset:

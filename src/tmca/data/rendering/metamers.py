@@ -81,11 +81,11 @@ def black_amplitudes(labels: NDArray[np.intp], rng: np.random.Generator) -> NDAr
     levels = _BETWEEN_REGIONS * rng.standard_normal((count, BLACKS)).clip(-2, 2).astype(np.float32)
     amplitudes = levels[labels]
     for index in range(BLACKS):
-        amplitudes[..., index] += _WITHIN_REGIONS * _smooth_field(labels.shape, rng)
+        amplitudes[..., index] += _WITHIN_REGIONS * smooth_field(labels.shape, rng)
     return amplitudes
 
 
-def _smooth_field(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
+def smooth_field(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
     """A random field of unit variance whose features span about a tenth of the picture."""
     from scipy.ndimage import gaussian_filter, zoom
 

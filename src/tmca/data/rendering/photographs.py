@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data.srgb import decoded
 from tmca.errors import SettingError
 
 Array = NDArray[np.float32]
@@ -100,12 +101,10 @@ def linear_rgb(name: str) -> Array:
 
     pixels = getattr(skimage.data, photograph(name).source)()
     pixels = (pixels[0] if isinstance(pixels, tuple) else pixels)[..., :3]
-    encoded = pixels.astype(np.float32) / 255
-    # IEC 61966-2-1.
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    linear = decoded(pixels.astype(np.float32) / 255)
     while max(linear.shape[:2]) > 1000:
         even = linear[: linear.shape[0] // 2 * 2, : linear.shape[1] // 2 * 2]
-        linear = (even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]) / 4
+        linear = np.float32(0.25) * (even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2])
     linear = np.asarray(WHITE * linear, dtype=np.float32)
     linear.flags.writeable = False
     return linear

@@ -10,23 +10,21 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.rendering import measured
 from tmca.data.rendering.depth import motorcycle_depth, staged_depth
-from tmca.data.rendering.metamers import (
-    ColourModel,
-    black_amplitudes,
-    colour_model,
-    project,
-    region_materials,
-)
 from tmca.data.rendering.photographs import WHITE, linear_rgb, photograph
+from tmca.data.rendering.pictures import (
+    COARSE,
+    FINE,
+    checked_wavelengths,
+    generator,
+    lit_bands,
+    regions_of,
+    spectra_of,
+)
 from tmca.data.rendering.resample import area_average, centre_crop, nearest
-from tmca.errors import SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
-
-_FINE, COARSE = (100.0, 60, 1), (300.0, 300, 2)
 
 
 def rendered_scene(
@@ -62,12 +60,11 @@ def rendered_scene(
         SettingError: an unknown name or illuminant, or an impossible size, seed or list of wavelengths.
     """
     entry = photograph(name)
-    centres = _checked_wavelengths(wavelengths)
+    centres = checked_wavelengths(wavelengths)
     rgb = linear_rgb(name)
     crop = centre_crop((rgb.shape[0], rgb.shape[1]), size)
     light_name = entry.illuminant if illuminant is None else illuminant
-    weights, light = band_weights(centres), measured.illuminant(light_name)
-    bands = np.concatenate([weights, weights * light / (weights @ light).max()])
+    bands, light = lit_bands(centres, light_name)
     spectral, depth = _render(name, seed, crop, bands)
     if size is not None:
         spectral, depth = area_average(spectral, size), nearest(depth, size)
@@ -76,7 +73,7 @@ def rendered_scene(
     return _dataset(
         {"radiance": radiance, "reflectance": reflectance, "depth": depth},
         centres,
-        (weights @ light / (weights @ light).max()).astype(np.float32),
+        light,
         {
             "name": name,
             "photograph": f"skimage.data.{entry.source}",
@@ -90,75 +87,24 @@ def rendered_scene(
     )
 
 
-def band_weights(wavelengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(L, 61)`` shares of the 5 nm samples in each band, boxes half-way to neighbours; rows sum to 1."""
-    centres = wavelengths * 1e9
-    spacing = np.diff(centres) if len(centres) > 1 else np.array([10.0])
-    edges = np.concatenate([[spacing[0]], spacing]), np.concatenate([spacing, [spacing[-1]]])
-    low, high = centres - edges[0] / 2, centres + edges[1] / 2
-    grid, step = measured.GRID_NM, measured.GRID_NM[1] - measured.GRID_NM[0]
-    # Bands narrower than a sample take the interpolated value: triangles shared between two samples.
-    fine = low[:, None] + (np.arange(16) + 0.5) / 16 * (high - low)[:, None]
-    shares = np.maximum(1 - np.abs(fine.clip(grid[0], grid[-1])[:, :, None] - grid) / step, 0)
-    return shares.mean(axis=1)
-
-
 def _render(
     name: str, seed: int, crop: tuple[slice, slice], bands: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Bands ``(C, H, W)`` and depth ``(H, W)`` of the cropped photograph at its own resolution."""
     entry, rgb = photograph(name), linear_rgb(name)
-    rng = _generator(name, seed)
-    labels, model = regions(name, *_FINE), _model(entry.split)
-    materials = region_materials(model, rgb.astype(np.float64), labels, rng)
-    amplitudes = black_amplitudes(labels, rng)
-    spectral = project(model, rgb[crop], labels[crop], materials, amplitudes[crop], bands)
+    rng = generator(crc32(name.encode()), seed)
+    spectral = spectra_of(rgb, regions(name, *FINE), entry.split, rng, bands, crop)
     if entry.depth == "measured":
         depth = motorcycle_depth()
     else:
-        depth = staged_depth(rgb, regions(name, *COARSE), entry, rng)
+        depth = staged_depth(rgb, regions(name, *COARSE), entry.near, entry.far, rng)
     return spectral, depth[crop]
-
-
-def _generator(name: str, seed: int) -> np.random.Generator:
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise SettingError("seed", repr(seed), "an integer, 0 or more")
-    return np.random.default_rng([crc32(name.encode()), int(seed)])
-
-
-@lru_cache(maxsize=2)
-def _model(split: Any) -> ColourModel:
-    return colour_model(measured.reflectances(split))
 
 
 @lru_cache(maxsize=4)
 def regions(name: str, scale: float, smallest: int, step: int) -> NDArray[np.intp]:
-    """Regions of the photograph, numbered from 0, found on every ``step``-th pixel.
-
-    Source: Felzenszwalb & Huttenlocher's graph-based segmentation, IJCV 59(2), 2004.
-    """
-    from skimage.segmentation import felzenszwalb
-
-    rgb = linear_rgb(name)
-    encoded = (rgb[::step, ::step] / WHITE) ** (1 / 2.2)
-    labels = felzenszwalb(encoded, scale=scale, sigma=0.8, min_size=smallest)
-    whole: NDArray[np.intp] = labels.repeat(step, 0).repeat(step, 1)[: rgb.shape[0], : rgb.shape[1]]
-    return whole
-
-
-def _checked_wavelengths(wavelengths: Sequence[float] | NDArray[Any] | None) -> NDArray[np.float64]:
-    if wavelengths is None:
-        return np.arange(400.0, 701.0, 10.0) * 1e-9
-    centres = np.asarray(wavelengths, dtype=np.float64)
-    inside = centres.ndim == 1 and centres.size > 0 and bool(np.all((centres > 399.9e-9) & (centres < 700.1e-9)))
-    if not inside or np.any(np.diff(centres) <= 0):
-        raise SettingError(
-            "wavelengths",
-            f"{np.array2string(centres.ravel(), threshold=6)}",
-            "ascending band centres between 400e-9 and 700e-9 metres",
-            "multiply nanometres by 1e-9",
-        )
-    return centres
+    """Regions of the photograph; see `regions_of`."""
+    return regions_of(linear_rgb(name), scale, smallest, step)
 
 
 def _dataset(

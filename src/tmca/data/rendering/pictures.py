@@ -1,0 +1,183 @@
+"""Spectra for any linear RGB picture: its regions, and what measured materials they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data.rendering import measured
+from tmca.data.rendering.metamers import ColourModel, black_amplitudes, colour_model, project, region_materials
+from tmca.data.rendering.photographs import WHITE
+from tmca.data.srgb import encoded
+from tmca.errors import DataError, SettingError, ShapeError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Materials = Literal["train", "test"]
+FINE, COARSE = (100.0, 60, 1), (300.0, 300, 2)
+"""How coarse the regions are: of one material, and of one distance."""
+
+
+def spectral_from_rgb(
+    rgb: xr.DataArray | NDArray[np.float32],
+    wavelengths: Sequence[float] | NDArray[Any] | None = None,
+    seed: int = 0,
+    *,
+    illuminant: str = "D65",
+    materials: Materials = "train",
+) -> xr.Dataset:
+    """Make up spectra for a linear RGB picture: those of measured reflectances, with metameric variation.
+
+    As in `tmca.data.rendered_scene`: every region of the picture is given a mixture of measured reflectances of about
+    its colour, which differs from region to region and from seed to seed, and metameric blacks vary within it. The
+    spectra are therefore no function of RGB, and a camera that sees RGB does not get them for nothing. The colours
+    stay: under D65 the reflectance shows ``0.9 · rgb`` (the brightest real surfaces reflect about 0.9).
+
+    Args:
+        rgb: ``(colour, y, x)`` or ``(3, H, W)``, linear sRGB in [0, 1].
+        wavelengths: band centres in metres, ascending, within 400–700 nm; default 400–700 nm every 10 nm.
+        seed: draws the materials; together with the picture itself, so that two pictures never share draws.
+        illuminant: name of a colour-science illuminant ("D65", "A", "LED-B3", …).
+        materials: the half of the measured reflectances to draw from; no material is in both.
+
+    Returns:
+        A dataset with float32 ``radiance`` and ``reflectance`` ``(wavelength, y, x)`` in [0, 1] and ``illuminant``
+        ``(wavelength)`` with its brightest band at 1. Attributes name the illuminant, the seed and the materials.
+
+    Raises:
+        ShapeError: not a picture of three colours.
+        DataError: NaN, or values outside [0, 1].
+        SettingError: an unknown illuminant or half, or an impossible seed or list of wavelengths.
+    """
+    import xarray as xr
+
+    picture, centres = _checked_picture(rgb), checked_wavelengths(wavelengths)
+    if materials not in ("train", "test"):
+        raise SettingError("materials", repr(materials), "'train' or 'test'")
+    content = crc32(np.rint(255 * encoded(picture)).astype(np.uint8).tobytes())
+    bands, light = lit_bands(centres, illuminant)
+    picture = np.float32(WHITE) * picture
+    labels = regions_of(picture, *FINE)
+    spectral = spectra_of(picture, labels, materials, generator(content, seed), bands)
+    reflectance, radiance = np.split(spectral.clip(0, 1), 2)
+    dims = ("wavelength", "y", "x")
+    about = {"illuminant": illuminant, "white_reflectance": WHITE, "spectra_seed": seed, "materials": materials}
+    return xr.Dataset(
+        {
+            "radiance": (dims, radiance, {"units": "1"}),
+            "reflectance": (dims, reflectance, {"units": "1"}),
+            "illuminant": ("wavelength", light, {"units": "1"}),
+        },
+        {"wavelength": ("wavelength", centres, {"units": "m"})},
+        {**about, "spectra": "made up from RGB: measured reflectances with metameric variation"},
+    )
+
+
+def _checked_picture(rgb: xr.DataArray | NDArray[np.float32]) -> NDArray[np.float32]:
+    """``(H, W, 3)`` float32."""
+    values = np.asarray(rgb, dtype=np.float32)
+    if values.ndim != 3 or len(values) != 3 or not values.size:
+        raise ShapeError("rgb", f"shape {values.shape}", "(3, H, W): linear red, green and blue")
+    low, high = float(values.min()), float(values.max())
+    if not (low >= 0 and high <= 1):
+        raise DataError("rgb", f"values from {low:g} to {high:g}", "linear sRGB in [0, 1]", "divide it by its white")
+    return np.ascontiguousarray(np.moveaxis(values, 0, -1))
+
+
+def generator(key: int, seed: int) -> np.random.Generator:
+    """Random numbers of their own for every picture (its ``key``) and seed.
+
+    Raises:
+        SettingError: a seed that is not a whole number from 0.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise SettingError("seed", repr(seed), "an integer, 0 or more")
+    return np.random.default_rng([key, int(seed)])
+
+
+def regions_of(rgb: NDArray[np.float32], scale: float, smallest: int, step: int) -> NDArray[np.intp]:
+    """Regions of a linear picture ``(H, W, 3)`` with white at `WHITE`, from 0, found on every ``step``-th pixel.
+
+    Source: Felzenszwalb & Huttenlocher's graph-based segmentation, IJCV 59(2), 2004.
+    """
+    from skimage.segmentation import felzenszwalb
+
+    curved = (rgb[::step, ::step] / WHITE) ** (1 / 2.2)
+    labels = felzenszwalb(curved, scale=scale, sigma=0.8, min_size=smallest)
+    whole: NDArray[np.intp] = labels.repeat(step, 0).repeat(step, 1)[: rgb.shape[0], : rgb.shape[1]]
+    return whole
+
+
+def spectra_of(
+    rgb: NDArray[np.float32],
+    labels: NDArray[np.intp],
+    materials: Materials,
+    rng: np.random.Generator,
+    bands: NDArray[np.float64],
+    crop: tuple[slice, slice] = (slice(None), slice(None)),
+) -> NDArray[np.float32]:
+    """Bands ``(C, H, W)`` of the cropped picture, its regions filled with materials.
+
+    Args:
+        rgb: ``(H, W, 3)``, linear, in [0, 1].
+        labels: ``(H, W)`` regions numbered from 0.
+        materials: the half of the measured reflectances to draw from.
+        rng: draws materials and metamers.
+        bands: ``(C, 61)`` weights that turn a reflectance into band values.
+        crop: the part that is wanted.
+    """
+    model = _model(materials)
+    mixtures = region_materials(model, rgb.astype(np.float64), labels, rng)
+    amplitudes = black_amplitudes(labels, rng)
+    return project(model, rgb[crop], labels[crop], mixtures, amplitudes[crop], bands)
+
+
+@lru_cache(maxsize=2)
+def _model(materials: Materials) -> ColourModel:
+    return colour_model(measured.reflectances(materials))
+
+
+def lit_bands(wavelengths: NDArray[np.float64], illuminant: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Weights ``(2L, 61)`` of reflectance and of radiance in the bands; the light ``(L,)``, its brightest band at 1."""
+    weights, light = band_weights(wavelengths), measured.illuminant(illuminant)
+    seen = weights @ light
+    return np.concatenate([weights, weights * light / seen.max()]), (seen / seen.max()).astype(np.float32)
+
+
+def band_weights(wavelengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``(L, 61)`` shares of the 5 nm samples in each band, boxes half-way to neighbours; rows sum to 1."""
+    centres = wavelengths * 1e9
+    spacing = np.diff(centres) if len(centres) > 1 else np.array([10.0])
+    edges = np.concatenate([[spacing[0]], spacing]), np.concatenate([spacing, [spacing[-1]]])
+    low, high = centres - edges[0] / 2, centres + edges[1] / 2
+    grid, step = measured.GRID_NM, measured.GRID_NM[1] - measured.GRID_NM[0]
+    # Bands narrower than a sample take the interpolated value: triangles shared between two samples.
+    fine = low[:, None] + (np.arange(16) + 0.5) / 16 * (high - low)[:, None]
+    shares = np.maximum(1 - np.abs(fine.clip(grid[0], grid[-1])[:, :, None] - grid) / step, 0)
+    return shares.mean(axis=1)
+
+
+def checked_wavelengths(wavelengths: Sequence[float] | NDArray[Any] | None) -> NDArray[np.float64]:
+    """Band centres in metres, 400–700 nm every 10 nm for None.
+
+    Raises:
+        SettingError: none, not ascending, or outside 400–700 nm.
+    """
+    if wavelengths is None:
+        return np.arange(400.0, 701.0, 10.0) * 1e-9
+    centres = np.asarray(wavelengths, dtype=np.float64)
+    inside = centres.ndim == 1 and centres.size > 0 and bool(np.all((centres > 399.9e-9) & (centres < 700.1e-9)))
+    if not inside or np.any(np.diff(centres) <= 0):
+        raise SettingError(
+            "wavelengths",
+            f"{np.array2string(centres.ravel(), threshold=6)}",
+            "ascending band centres between 400e-9 and 700e-9 metres",
+            "multiply nanometres by 1e-9",
+        )
+    return centres

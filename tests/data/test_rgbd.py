@@ -1,0 +1,274 @@
+"""RGB-D scenes from every layout: linear colours, metres by the calibration, unknown pixels counted, never clamped."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.data import rgbd_scenes as scenes
+from tests.data.light_field_files import hci_name, shifted_plane, write_folder, write_parameters, write_pfm
+from tmca.data import describe, read, read_rgbd
+from tmca.data.srgb import decoded, encoded
+from tmca.errors import DataError, SettingError
+
+
+def curve(stored):
+    """IEC 61966-2-1, value by value."""
+    values = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in (stored / 255).ravel()]
+    return np.array(values).reshape(stored.shape)
+
+
+@pytest.mark.parametrize("size", [(37, 52), (36, 51)])
+def test_a_middlebury_2014_folder_follows_its_calibration(tmp_path, size):
+    scene = read_rgbd(scenes.middlebury_2014(tmp_path / "bike", size))
+    assert scene["rgb"].dims == ("colour", "y", "x")
+    assert scene["rgb"].dtype == scene["depth"].dtype == np.float32
+    np.testing.assert_allclose(scene["rgb"], np.moveaxis(curve(scenes.picture(size)), -1, 0), atol=1e-6)
+    disparity = scenes.disparities(size)
+    known = np.isfinite(disparity)
+    truth = scenes.FOCAL * scenes.BASELINE_MM / 1000 / (disparity[known] + scenes.OFFSET)
+    np.testing.assert_allclose(scene["depth"].values[known], truth, rtol=1e-6)
+    assert np.isnan(scene["depth"].values[3, 4])
+    assert scene["depth"].attrs["unknown_pixels"] == scene["depth"].attrs["unknown_not_finite"] == 1
+    about = scene.attrs
+    assert (about["name"], about["metric"], about["focal_px"], about["offset_px"]) == ("bike", True, 1234.5, 23.75)
+    assert about["baseline_m"] == pytest.approx(0.17825)
+
+
+@pytest.mark.parametrize("size", [(110, 141), (97, 130)])
+def test_a_hole_filled_map_lies_in_the_middle_of_its_picture(tmp_path, size):
+    stem, disparity = scenes.hole_filled(tmp_path, size)
+    whole = curve(scenes.picture(size))
+    top, left = ((n - n // 32 * 32) // 2 for n in size)
+    inner = whole[top : top + disparity.shape[0], left : left + disparity.shape[1]]
+    for path in (stem, tmp_path / "art_rgb.png", tmp_path / "art_disp.png"):
+        scene = read_rgbd(path)
+        np.testing.assert_allclose(np.moveaxis(scene["rgb"].values, 0, -1), inner, atol=1e-6)
+        assert np.isnan(scene["depth"].values[-1, -1])
+        assert scene.attrs["metric"] is False
+    # The share of focal length at this height; the offset is not in the files.
+    truth = 3740 * size[0] / 1110 * 0.16 / disparity[0, 0]
+    assert scene["depth"].values[0, 0] == pytest.approx(truth, rel=1e-6)
+
+
+def test_an_offset_beside_the_pair_makes_it_metric(tmp_path):
+    stem, disparity = scenes.hole_filled(tmp_path)
+    (tmp_path / "art_dmin.txt").write_text("200\n")
+    scene = read_rgbd(stem)
+    assert scene.attrs["metric"] is True
+    truth = 3740 * 110 / 1110 * 0.16 / (disparity[0, 0] + 200.0)
+    assert scene["depth"].values[0, 0] == pytest.approx(truth, rel=1e-6)
+
+
+def test_the_original_folder_of_2005_is_read(tmp_path):
+    folder = tmp_path / "Dolls"
+    scenes.write_picture(folder / "view1.png", scenes.picture((37, 52)))
+    scenes.write_picture(folder / "disp1.png", np.full((37, 52), 100, np.uint8))
+    (folder / "dmin.txt").write_text("50")
+    assert read_rgbd(folder)["depth"].values[0, 0] == pytest.approx(3740 * 37 / 1110 * 0.16 / 150, rel=1e-6)
+
+
+def test_scikit_images_motorcycle_has_its_known_calibration_at_any_width(tmp_path):
+    for width in (741, 52):
+        folder = tmp_path / str(width) / "motorcycle"
+        scenes.write_picture(folder / "motorcycle_left.png", scenes.picture((10, width)))
+        np.savez(folder / "motorcycle_disp.npz", np.full((10, width), 30.0 * width / 741, np.float32))
+        scene = read_rgbd(folder)
+        assert scene["depth"].values[4, 4] == pytest.approx(994.978 * 0.193001 / (30 + 31.086), rel=1e-6)
+        assert scene.attrs["metric"] is True
+
+
+def test_disparity_without_calibration_keeps_the_order_and_says_so(tmp_path):
+    scenes.write_picture(tmp_path / "chair_left.png", scenes.picture())
+    np.savez(tmp_path / "chair_disp.npz", scenes.disparities())
+    scene = read_rgbd(tmp_path / "chair")
+    assert scene.attrs["metric"] is False
+    assert float(scene["depth"].min()) == 1
+    assert float(scene["depth"].max()) == 2
+    disparity = scenes.disparities()
+    known = np.isfinite(disparity)
+    ratio = np.polyfit(disparity[known], 1 / scene["depth"].values[known], 1)
+    np.testing.assert_allclose(np.polyval(ratio, disparity[known]), 1 / scene["depth"].values[known], rtol=1e-5)
+
+
+@pytest.mark.parametrize("border", [0, 6])
+def test_nyu_frames_lose_a_white_border_and_zeros_are_holes(tmp_path, border):
+    scene = read_rgbd(scenes.nyuv2(tmp_path / "nyu", border=border))
+    cut = slice(8, -8) if border else slice(None)
+    truth = scenes.millimetres()[cut, cut] / 1000
+    np.testing.assert_allclose(scene["depth"].values, np.where(truth == 0, np.nan, truth), rtol=1e-6)
+    assert scene["depth"].attrs["unknown_zero"] == (0 if border else 5)
+    assert scene["rgb"].shape[1:] == truth.shape
+    assert scene.attrs["name"] == "nyu_00007"
+    assert scene.attrs["focal_px"] == pytest.approx(518.858, abs=1e-3)
+
+
+def test_annotations_beside_nyu_frames_are_used(tmp_path):
+    stem = scenes.nyuv2(tmp_path)
+    entry = {"cam_in": [500.5, 501, 1, 1], "rgb": "some/where/rgb_00007.png", "depth_scale": 2000.0}
+    (tmp_path / "metric3d_annotations.json").write_text(json.dumps({"files": [entry]}))
+    scene = read_rgbd(stem)
+    assert scene.attrs["focal_px"] == 500.5
+    assert float(scene["depth"].max()) == pytest.approx(scenes.millimetres().max() / 2000)
+
+
+def test_open3d_frames_are_millimetres(tmp_path):
+    scene = read_rgbd(scenes.open3d(tmp_path))
+    assert float(scene["depth"].max()) == pytest.approx(scenes.millimetres().max() / 1000)
+    assert scene["depth"].attrs["unknown_zero"] == 5
+    assert scene.attrs["focal_px"] == 525.5
+    for place in (tmp_path / "room_color_3.png", tmp_path / "room_3", tmp_path):
+        assert read_rgbd(place)["depth"].identical(scene["depth"])
+    assert "focal_px" not in read_rgbd(scenes.open3d(tmp_path / "other", camera=False)).attrs
+
+
+@pytest.mark.parametrize("step", [-0.5, 2])
+def test_the_disparity_of_a_light_field_gives_metres_by_its_parameters(tmp_path, step):
+    views = np.repeat(shifted_plane(3, (40, 48))[..., None], 3, axis=-1)
+    folder = write_folder(tmp_path / "plane", views, hci_name(3))
+    write_parameters(folder, side=3)
+    write_pfm(folder / "gt_disp_lowres.pfm", np.full((40, 48), float(step)))
+    scene = read_rgbd(folder)
+    # Similar triangles with parallel cameras whose sensors are shifted to meet at 10 m; 35 mm is the longer side.
+    focal = 100 / 35 * 48
+    np.testing.assert_allclose(scene["depth"], 1 / (step / (focal * 0.05) + 1 / 10), rtol=1e-6)
+    assert (float(scene["depth"][0, 0]) < 10) == (step > 0)
+    assert scene.attrs["metric"] is True
+    np.testing.assert_allclose(np.moveaxis(scene["rgb"].values, 0, -1), curve(views[1, 1]), atol=1e-6)
+    (folder / "parameters.cfg").unlink()
+    assert read_rgbd(folder).attrs["metric"] is False
+
+
+def test_scale_averages_light_and_samples_depth(tmp_path):
+    stem = scenes.open3d(tmp_path)
+    whole, small = read_rgbd(stem), read_rgbd(stem, scale=4, crop=(6, 8))
+    assert small["rgb"].shape == (3, 6, 8)
+    means = whole["rgb"].values.reshape(3, 10, 4, 15, 4).mean(axis=(2, 4))[:, 2:8, 3:11]
+    np.testing.assert_allclose(small["rgb"], means, atol=1e-6)
+    assert np.isin(small["depth"].values, whole["depth"].values).all()
+    with pytest.raises(SettingError, match="crop"):
+        read_rgbd(stem, crop=(99, 9))
+
+
+def test_the_curve_of_srgb_goes_both_ways():
+    values = np.linspace(0, 1, 511, dtype=np.float32)
+    np.testing.assert_allclose(encoded(decoded(values)), values, atol=1e-6)
+    assert decoded(np.float32([0, 1])).tolist() == [0, 1]
+
+
+# Bad input
+
+
+def test_a_missing_partner_is_named(tmp_path):
+    stem = scenes.nyuv2(tmp_path)
+    (tmp_path / "sync_depth_00007.png").unlink()
+    for path in (stem, tmp_path / "rgb_00007.png"):
+        with pytest.raises(DataError, match=r"rgb_00007.png: found no depth map beside it, .* sync_depth_00007.png"):
+            read_rgbd(path)
+    bike = scenes.middlebury_2014(tmp_path / "bike")
+    (bike / "im0.png").unlink()
+    with pytest.raises(DataError, match=r"disp0.pfm: found no picture beside it, expected im0.png"):
+        read_rgbd(bike)
+
+
+def test_sizes_that_differ_are_both_told(tmp_path):
+    stem = scenes.open3d(tmp_path)
+    scenes.write_picture(tmp_path / "room_depth_3.png", scenes.millimetres((40, 59)))
+    with pytest.raises(DataError, match=r"depth map of 40×59 pixels, expected 40×60"):
+        read_rgbd(stem)
+    art, disparity = scenes.hole_filled(tmp_path / "art")
+    scenes.write_picture(tmp_path / "art" / "art_disp.png", disparity[:-1])
+    with pytest.raises(DataError, match=r"95×128 pixels, expected 110×128"):
+        read_rgbd(art)
+
+
+@pytest.mark.parametrize("key", ["cam0", "baseline", "doffs"])
+def test_a_calibration_without_a_key_names_it(tmp_path, key):
+    folder = scenes.middlebury_2014(tmp_path, without=(key,))
+    with pytest.raises(DataError, match=rf"calib.txt: found no number for {key}, expected cam0"):
+        read_rgbd(folder)
+    (folder / "calib.txt").unlink()
+    with pytest.raises(DataError, match=r"calib.txt: found an unreadable file"):
+        read_rgbd(folder)
+
+
+def test_broken_camera_files_are_named(tmp_path):
+    stem = scenes.open3d(tmp_path)
+    for text in ("{", "[]", '{"intrinsic_matrix": [0]}'):
+        (tmp_path / "camera_primesense.json").write_text(text)
+        with pytest.raises(DataError, match=r"camera_primesense\.json"):
+            read_rgbd(stem)
+
+
+def test_what_names_no_scene_or_several_is_refused(tmp_path):
+    scenes.nyuv2(tmp_path, "00007")
+    scenes.nyuv2(tmp_path, "00008")
+    with pytest.raises(DataError, match=r"found 2 RGB-D scenes, expected one; name one of .*00007, .*00008"):
+        read_rgbd(tmp_path)
+    with pytest.raises(DataError, match=r"00009: found no files of this name .*rgb_00007.png"):
+        read_rgbd(tmp_path / "00009")
+    with pytest.raises(DataError, match=r"no such folder"):
+        read_rgbd(tmp_path / "no" / "00009")
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(DataError, match=r"notes.txt: found a file of no known RGB-D scene"):
+        read_rgbd(tmp_path / "notes.txt")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DataError, match=r"empty: found no picture with depth in it"):
+        read_rgbd(tmp_path / "empty")
+    scenes.open3d(tmp_path / "two")
+    for kind in ("color", "depth"):
+        old = tmp_path / "two" / f"room_{kind}_3.png"
+        old.with_name(f"hall_{kind}_3.png").write_bytes(old.read_bytes())
+    with pytest.raises(DataError, match=r"2 RGB-D scenes.*hall_3, .*room_3"):
+        read_rgbd(tmp_path / "two" / "3")
+    assert read_rgbd(tmp_path / "two" / "hall_3")
+
+
+@pytest.mark.parametrize("name", ["room_color_3.png", "room_depth_3.png"])
+def test_a_truncated_picture_is_named(tmp_path, name):
+    stem = scenes.open3d(tmp_path)
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DataError, match=rf"{name}: found an unreadable or truncated image"):
+        read_rgbd(stem)
+
+
+def test_pictures_of_the_wrong_kind_are_refused(tmp_path):
+    stem = scenes.open3d(tmp_path)
+    scenes.write_picture(tmp_path / "room_depth_3.png", np.full((40, 60), 9, np.uint8))
+    with pytest.raises(DataError, match=r"room_depth_3.png: .*expected one channel of 16 bits in millimetres"):
+        read_rgbd(stem)
+    scenes.open3d(tmp_path)
+    scenes.write_picture(tmp_path / "room_color_3.png", np.full((40, 60), 9, np.uint8))
+    with pytest.raises(DataError, match=r"room_color_3.png: .*expected red, green and blue"):
+        read_rgbd(stem)
+    scenes.open3d(tmp_path)
+    scenes.write_picture(tmp_path / "room_depth_3.png", np.zeros((40, 60), np.uint16))
+    with pytest.raises(DataError, match=r"no known depth in 2400 pixels"):
+        read_rgbd(stem)
+
+
+def test_rgb_is_never_taken_for_a_spectrum(tmp_path):
+    stem = scenes.open3d(tmp_path)
+    for path in (stem, tmp_path, tmp_path / "room_color_3.png"):
+        with pytest.raises(DataError, match=r"an RGB picture with depth, expected a spectral scene; .*from_rgb=True"):
+            read(path)
+    Image.fromarray(scenes.picture()).save(tmp_path / "alone.png")
+    with pytest.raises(DataError, match=r"3 colour channels, expected a spectral cube; .*spectral_from_rgb"):
+        read(tmp_path / "alone.png")
+    assert read(tmp_path / "alone.png", wavelengths=[4e-7, 5e-7, 6e-7]).shape == (3, 37, 52)
+
+
+def test_describe_tells_depth_and_what_is_unknown(tmp_path):
+    about = describe(scenes.open3d(tmp_path))
+    assert (about["kind"], about["format"]) == ("RGB-D scene", "Open3D")
+    assert about["variables"]["rgb"]["shape"] == [3, 40, 60]
+    facts = about["depth"]
+    assert (facts["pixels"], facts["unknown_pixels"], facts["unknown_zero"], facts["metric"]) == (2400, 5, 5, True)
+    known = scenes.millimetres()[scenes.millimetres() > 0]
+    assert facts["near"] == pytest.approx(known.min() / 1000)
+    assert facts["far"] == pytest.approx(known.max() / 1000)
+    json.dumps(about, allow_nan=False)
