@@ -1,0 +1,62 @@
+"""Pictures of the spectral-depth camera: what its mask does to a point, and what was recovered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.experiments.composite import rgb_composite, white_level
+from tmca.experiments.depth_views import depth_map
+from tmca.experiments.figures import bare, grid, image, mark, spectra, spread_points
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from tmca.experiments.spectral_depth import SpectralDepthReconstruction
+
+_POINTS = 4
+
+
+def depth_figure(
+    result: SpectralDepthReconstruction, camera: SpectralDepthCamera, truth: xr.Dataset | None = None
+) -> Figure:
+    """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own."""
+    cube, waves = result.cube.values, camera.wavelengths
+    real = None if truth is None else truth["radiance"].values
+    white, points = white_level(cube if real is None else real, waves), spread_points(cube if real is None else real)
+    rows = [("truth", real, None if truth is None else truth["depth"].values)] if truth is not None else []
+    rows.append((result.decoder, cube, result.depth.values))
+    figure, axes = grid(len(rows), 3, width=3.6, aspect=camera.size[0] / camera.size[1])
+    for row, (name, spectral, depth) in zip(axes, rows, strict=True):
+        assert spectral is not None
+        row[0].imshow(rgb_composite(spectral, waves, white))
+        bare(row[0], name)
+        mark(row[0], points)
+        depth_map(row[1], np.asarray(depth), title=f"depth, {name}")
+    image(axes[-1, 2], result.confidence.values, "probability within a bin", top=1.0, bar="probability")
+    if real is not None:
+        spectra(axes[0, 2], {"truth": real, result.decoder: cube}, waves, points)
+    return figure
+
+
+def psf_figure(camera: SpectralDepthCamera) -> Figure:
+    """Point spread functions of every slot over depth, and the equivalent ones of a few pixels (thesis figure 26)."""
+    with torch.no_grad():
+        psf = camera.psf().sum(2).cpu().numpy()
+        planes = range(camera.planes.count)
+        places = [(camera.size[0] // 2, camera.size[1] // 2 + step) for step in range(_POINTS)]
+        seen = [[camera.equivalent_psf(place, d).sum((0, 1)).cpu().numpy() for d in planes] for place in places]
+    rows: list[tuple[str, Any]] = [(f"slot {k}", own) for k, own in enumerate(psf)]
+    rows += [(f"pixel {place[0]}, {place[1]}", np.stack(own)) for place, own in zip(places, seen, strict=True)]
+    metres = camera.planes.metres.tolist()
+    figure, axes = grid(len(rows), len(metres), width=1.3, aspect=camera.bench.window[0] / camera.bench.window[1])
+    for row, (name, values) in zip(axes, rows, strict=True):
+        for axis, value, z in zip(row, values, metres, strict=True):
+            axis.imshow(np.sqrt(value), cmap="inferno", interpolation="nearest")
+            bare(axis, f"{z:.2f} m" if row is axes[0] else "")
+        row[0].set_ylabel(name, fontsize=8)
+    return figure

@@ -1,0 +1,94 @@
+"""Scenes with depth → snapshot → cube and depth, with files and pictures."""
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.data import rendered_scene
+from tmca.errors import DataError, SettingError
+from tmca.experiments.figures import save_figure
+from tmca.experiments.spectral_depth import (
+    load_spectral_depth,
+    reconstruct_spectral_depth,
+    spectral_depth_pictures,
+    take_spectral_depth_snapshot,
+)
+from tmca.experiments.spectral_depth_figures import psf_figure
+from tmca.optics import PhaseMaskBench
+from tmca.priors import GaussianPrior
+from tmca.priors.spectral_depth import needed_block
+
+WAVES = (480e-9, 560e-9, 640e-9)
+SIZE = (36, 41)
+
+
+@pytest.fixture(scope="module")
+def camera():
+    bench = PhaseMaskBench(window=(11, 11), mask_pixels=32)
+    return SpectralDepthCamera(WAVES, SIZE, 4, planes=4, bench=bench, shutter="one-hot", channels="rgb")
+
+
+@pytest.fixture(scope="module")
+def prior():
+    cube = rendered_scene("chelsea", wavelengths=WAVES, size=(60, 80))["radiance"].values
+    return GaussianPrior.learn([torch.from_numpy(cube)], needed_block(8, (11, 11)), wavelengths=WAVES)
+
+
+def scene_of(source="coffee", **how):
+    return load_spectral_depth(source, WAVES, near=0.4, far=2.0, size=SIZE, **{"reduce": 8, **how})
+
+
+def test_a_scene_comes_to_the_cameras_bands_size_and_range():
+    scene = scene_of()
+    assert dict(scene.sizes) == {"wavelength": 3, "y": 36, "x": 41}
+    assert float(scene["depth"].min()) == pytest.approx(0.4, rel=1e-5)
+    assert float(scene["depth"].max()) == pytest.approx(2.0, rel=1e-5)
+    whole = rendered_scene("coffee", wavelengths=WAVES)["radiance"].values
+    assert float(scene["radiance"].mean()) == pytest.approx(float(whole.mean()), rel=0.5)
+
+
+def test_a_cube_is_placed_and_its_bands_are_chosen(tmp_path):
+    from tmca.data import write_dataset
+
+    waves = np.arange(400, 701, 20) * 1e-9
+    values = np.random.default_rng(0).random((16, 40, 50)).astype(np.float32)
+    cube = xr.DataArray(values, dims=("wavelength", "y", "x"), coords={"wavelength": waves}, name="radiance")
+    file = write_dataset(cube.to_dataset(), tmp_path / "cube.nc")
+    scene = scene_of(str(file), placed="pieces", reduce=1)
+    np.testing.assert_allclose(scene["radiance"].values, values[[4, 8, 12], 2:38, 4:45], rtol=1e-5)
+    with pytest.raises(DataError, match="740 nm"):
+        load_spectral_depth(str(file), (480e-9, 740e-9), near=0.4, far=2.0, placed="pieces")
+
+
+def test_a_snapshot_gives_cube_and_depth_back_with_files_and_pictures(tmp_path, camera, prior):
+    scene = scene_of()
+    taken = take_spectral_depth_snapshot(scene, camera)
+    assert taken.notes["unknown_depth_pixels"] == 0
+    found = reconstruct_spectral_depth(taken, prior=prior, window=8, truth=scene)
+    assert found.metrics["psnr"] > 15
+    assert 0 < found.metrics["depth_mae"] < 1.6
+    assert 0 <= found.metrics["within_bin"] <= 1
+    file = found.save(tmp_path / "found.nc")
+    with xr.open_dataset(file) as kept:
+        assert set(kept.data_vars) == {"radiance", "depth", "confidence"}
+        assert kept.attrs["metric_psnr"] == pytest.approx(found.metrics["psnr"])
+    for picture in spectral_depth_pictures(found, file, snapshot=taken, truth=scene):
+        assert picture.stat().st_size > 10_000
+    assert spectral_depth_pictures(found, tmp_path / "alone.nc", snapshot=taken)[0].exists()
+    assert save_figure(psf_figure(camera), tmp_path / "psf.png").stat().st_size > 10_000
+
+
+def test_unknown_depth_is_counted_and_left_out_of_the_metrics(camera, prior):
+    scene = scene_of()
+    scene["depth"][:6] = np.nan
+    taken = take_spectral_depth_snapshot(scene, camera)
+    assert taken.notes["unknown_depth_pixels"] == 6 * 41
+    assert np.isfinite(reconstruct_spectral_depth(taken, prior=prior, window=8, truth=scene).metrics["depth_mae"])
+
+
+def test_an_unknown_decoder_is_refused(camera, prior):
+    taken = take_spectral_depth_snapshot(scene_of(), camera)
+    with pytest.raises(SettingError, match="likelihood"):
+        reconstruct_spectral_depth(taken, "magic", prior=prior)
