@@ -45,7 +45,13 @@ def spectral_depth_picture(path: str | Path, variable: str | None = None) -> Fig
     return figure
 
 
-def depth_map(axis: Axes, depth: xr.DataArray | np.ndarray, metric: bool = True, title: str = "depth") -> None:
+def depth_map(
+    axis: Axes,
+    depth: xr.DataArray | np.ndarray,
+    metric: bool = True,
+    title: str = "depth",
+    limits: tuple[float | None, float | None] = (None, None),
+) -> None:
     """A depth map ``(H, W)`` in metres with its colour bar; what is near is warm, unknown pixels are grey.
 
     Args:
@@ -53,13 +59,15 @@ def depth_map(axis: Axes, depth: xr.DataArray | np.ndarray, metric: bool = True,
         depth: NaN where unknown.
         metric: whether the metres are more than a name.
         title: above it.
+        limits: of the colours, metres; those of the map without.
     """
     from matplotlib import colormaps
 
     values = np.asarray(depth)
     shown = axis.imshow(
-        np.ma.masked_invalid(values), cmap=colormaps["turbo_r"].with_extremes(bad="0.75"), interpolation="nearest"
-    )
+        np.ma.masked_invalid(values), cmap=colormaps["turbo_r"].with_extremes(bad="0.75"), interpolation="nearest",
+        vmin=limits[0], vmax=limits[1],
+    )  # fmt: skip
     bare(axis, title)
     label = "depth (m)" if metric else "depth (m up to an affine map of 1/depth)"
     add_bar(axis, shown, label if np.isfinite(values).all() else f"{label}, grey: unknown")

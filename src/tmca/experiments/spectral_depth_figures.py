@@ -36,7 +36,7 @@ def depth_figure(
         row[0].imshow(rgb_composite(spectral, waves, white))
         bare(row[0], name)
         mark(row[0], points)
-        depth_map(row[1], np.asarray(depth), title=f"depth, {name}")
+        depth_map(row[1], np.asarray(depth), title=f"depth, {name}", limits=(camera.planes.near, camera.planes.far))
     image(axes[-1, 2], result.confidence.values, "probability within a bin", top=1.0, bar="probability")
     if real is not None:
         spectra(axes[0, 2], {"truth": real, result.decoder: cube}, waves, points)
@@ -53,10 +53,10 @@ def psf_figure(camera: SpectralDepthCamera) -> Figure:
     rows: list[tuple[str, Any]] = [(f"slot {k}", own) for k, own in enumerate(psf)]
     rows += [(f"pixel {place[0]}, {place[1]}", np.stack(own)) for place, own in zip(places, seen, strict=True)]
     metres = camera.planes.metres.tolist()
-    figure, axes = grid(len(rows), len(metres), width=1.3, aspect=camera.bench.window[0] / camera.bench.window[1])
-    for row, (name, values) in zip(axes, rows, strict=True):
+    figure, axes = grid(len(rows), len(metres), width=1.3, aspect=0.8 * camera.bench.window[0] / camera.bench.window[1])
+    for line, (row, (name, values)) in enumerate(zip(axes, rows, strict=True)):
         for axis, value, z in zip(row, values, metres, strict=True):
             axis.imshow(np.sqrt(value), cmap="inferno", interpolation="nearest")
-            bare(axis, f"{z:.2f} m" if row is axes[0] else "")
+            bare(axis, "" if line else f"{z:.2f} m")
         row[0].set_ylabel(name, fontsize=8)
     return figure
