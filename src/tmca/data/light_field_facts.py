@@ -7,7 +7,7 @@ from typing import Any
 from tmca.data.datasets import SUFFIXES as LABELLED
 from tmca.data.disparity import find_disparity, read_disparity
 from tmca.data.formats.stored import Contents, Stored
-from tmca.data.light_fields import VIEW_DIMS, load_light_field
+from tmca.data.light_fields import VIEW_DIMS, has_colour, load_light_field
 from tmca.data.shifts import shift_facts
 from tmca.errors import DataError
 
@@ -22,7 +22,7 @@ def describe_light_field(contents: Contents, stored: Stored) -> dict[str, Any]:
     facts: dict[str, Any] = {
         "views": [rows, columns],
         "size": [height, width],
-        "colour": max(size.get("channel", 1), size.get("colour", 1)) >= 3,
+        "colour": has_colour(stored),
         "pattern": contents.attrs.get("pattern") or stored.attrs.get("pattern") or contents.format,
         "shifts": None,
         "disparity": _disparity(contents),

@@ -244,10 +244,24 @@ def evaluate_light_field(
 
 def estimate_and_truth(estimate: str | Path, truth: str, **reading: Any) -> tuple[xr.DataArray, xr.DataArray]:
     """Both at the estimate's views, size and colours; the estimate as it is stored."""
-    from tmca.data import read
-
-    own = read(estimate, scale=1.0)
+    own = stored_estimate(estimate)
     return own, load_light_field(truth, **like(own), **reading)
+
+
+def stored_estimate(path: str | Path) -> xr.DataArray:
+    """A reconstructed light field as it is stored: all views, its colours, and values above 1 as they are.
+
+    Raises:
+        DataError: none is in the file, or its views are no odd square.
+    """
+    from tmca.data import light_fields
+
+    with light_fields.open_light_field(path) as contents:
+        stored = light_fields.find_light_field(contents)
+        if stored is None:
+            raise light_fields.no_light_field(contents)
+        kept = 1.0 if stored.dtype.kind == "f" else None
+        return light_fields.load_light_field(contents, stored, colour=light_fields.has_colour(stored), divide_by=kept)
 
 
 def like(light_field: xr.DataArray) -> dict[str, Any]:
