@@ -14,12 +14,18 @@ from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.wavelengths import metres_to_nm, read_sidecar
 from tmca.data.light_field_facts import describe_light_field
-from tmca.data.light_fields import find_light_field
+from tmca.data.light_fields import find_light_field, open_light_field
 from tmca.data.write import plain
 from tmca.errors import DataError
 
 
-def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
+def describe(
+    path: str | Path,
+    variable: str | None = None,
+    *,
+    pattern: str | None = None,
+    lens: tuple[int, int] | None = None,
+) -> dict[str, Any]:
     """Shape, type, wavelengths and statistics of a file and of every variable in it.
 
     The statistics are of the stored values; ``zero_share`` and ``saturated_share`` are the shares of elements
@@ -28,6 +34,8 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
     Args:
         path: any file that `read` or `read_array` opens.
         variable: the array to put first, where the file has several.
+        pattern: of the file names of a folder of views, as in `read_light_field`.
+        lens: (rows, columns) of the views under a lens of a lenslet picture, as in `read_light_field`.
 
     Returns:
         Plain JSON types: ``kind`` ("cube", "light field", "dataset" with named axes, "array" or "arrays"), ``format``,
@@ -39,23 +47,24 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
     Raises:
         DataError: missing, damaged or unknown file, or no such variable.
     """
-    with open_contents(path) as contents:
+    views = pattern is not None or lens is not None
+    with open_light_field(path, pattern, lens) if views else open_contents(path) as contents:
         about: dict[str, Any] = {"path": str(path), "format": contents.format, "kind": "", "variables": {}}
         about["attrs"] = {key: value for key, value in contents.attrs.items() if np.size(value) <= 64}
         for name, stored in contents.arrays.items():
             about["variables"][name] = _variable(stored)
-        main = _main(contents, variable)
+        main = _main(contents, variable, pattern)
         if main["variable"]:
             about |= {k: v for k, v in about["variables"][main["variable"]].items() if k != "attrs"}
         about |= main
     return dict(plain(about))
 
 
-def _main(contents: Contents, variable: str | None) -> dict[str, Any]:
+def _main(contents: Contents, variable: str | None, pattern: str | None) -> dict[str, Any]:
     """Kind, main variable and wavelengths: a light field or cube if `read` would take it, else why not."""
     views = find_light_field(contents, variable)
     if views is not None:
-        return describe_light_field(contents, views)
+        return describe_light_field(contents, views, pattern)
     sidecar = read_sidecar(contents.path)
     try:
         stored = find_cube(contents, variable, None if sidecar is None else sidecar.size)

@@ -41,7 +41,7 @@ def read_light_field(
     scale: int | None = None,
     colour: bool = False,
     pattern: str | None = None,
-    lens: tuple[int, int] = lenslet.LENS,
+    lens: tuple[int, int] | None = None,
     variable: str | None = None,
 ) -> xarray.DataArray:
     """Read a light field as relative irradiance.
@@ -60,7 +60,7 @@ def read_light_field(
         colour: red, green and blue instead of their luminance (Rec. 709 weights of the stored values).
         pattern: of a folder's file names where they are not recognised, such as ``view_{row}_{column}.png``; see
             `tmca.data.formats.view_names.find_views`.
-        lens: views under a lens of a lenslet picture, (rows, columns).
+        lens: views under a lens of a lenslet picture, (rows, columns); 14×14 by default.
         variable: which array, where a labelled file has several light fields.
 
     Returns:
@@ -80,16 +80,18 @@ def read_light_field(
 
 @contextmanager
 def open_light_field(
-    path: str | Path, pattern: str | None = None, lens: tuple[int, int] = lenslet.LENS
+    path: str | Path, pattern: str | None = None, lens: tuple[int, int] | None = None
 ) -> Iterator[Contents]:
     """Look into a light field without loading it; arguments as in `read_light_field`."""
     path = Path(path)
     if pattern is not None and not path.is_dir():
         raise SettingError("pattern", f"{pattern!r} for {path}", "a folder of views")
+    if lens is not None and not is_picture(path):
+        raise SettingError("lens", f"{'×'.join(map(str, lens))} for {path}", "a lenslet picture")
     if pattern is not None and (opened := views.open_views(path, pattern)) is not None:
         yield opened
     elif is_picture(path) and path.is_file():
-        yield lenslet.open_lenslet(path, lens)
+        yield lenslet.open_lenslet(path, lens or lenslet.LENS)
     else:
         with open_contents(path) as contents:
             yield contents
