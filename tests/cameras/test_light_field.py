@@ -125,6 +125,19 @@ def test_impossible_cameras_are_refused(wrong):
         LightFieldCamera(**{"views": 5, "size": (8, 9), **wrong})
 
 
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"shear": (1,)}, "shear"), ({"shear": "a"}, "shear"), ({"shear": (1, 2, 3)}, "shear"),
+        ({"shear": (1, None)}, "shear"), ({"mask_scale": "wide"}, "mask_scale"),
+        ({"vignetting": [[1.0], [1.0, 2.0]]}, "vignetting"), ({"vignetting": "dark"}, "vignetting"),
+    ],
+)  # fmt: skip
+def test_what_is_no_number_is_refused_by_its_name(wrong, named):
+    with pytest.raises(TmcaError, match=f"^{named}: "):
+        LightFieldCamera(**{"views": 5, "size": (8, 9), **wrong})
+
+
 def test_a_light_field_of_other_views_is_refused():
     camera = LightFieldCamera(5, (8, 9))
     with pytest.raises(ShapeError, match="5, 5, 8, 9"):
