@@ -148,8 +148,10 @@ class LightFieldCamera(CodedCamera):
         return mask_code(*self.codes(), self.shear) * exposure_weight(self.exposure, self.slots)
 
     def code_through_mask(self) -> Tensor:
-        """(V, U, Hm, Wm) the code as seen from the mask, eq. (10): response to the rays through each mask pixel."""
-        return code_through_mask(*self.codes(), self.shear)
+        """(V, U, Hm, Wm) the code as seen from the mask, eq. (10): response to the rays through each mask pixel, in the
+        units of `code_cube`."""
+        light = self.slots * exposure_weight(self.exposure, self.slots)
+        return code_through_mask(*self.codes(), self.shear) * light
 
     def A(self, scene: Tensor) -> Tensor:
         """(B, V, U, H, W) → exact snapshot (B, 1, H, W)."""
