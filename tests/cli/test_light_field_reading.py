@@ -21,10 +21,10 @@ def smooth_views(side=3, size=(48, 56)):
     return np.rint(255 * values / values.max()).astype(np.uint8)
 
 
-def write_views(folder, name):
+def write_views(folder, name, side=3):
     folder.mkdir()
-    views = smooth_views()
-    for v, u in np.ndindex(3, 3):
+    views = smooth_views(side)
+    for v, u in np.ndindex(side, side):
         Image.fromarray(views[v, u]).save(folder / name(v, u))
     return folder
 
@@ -121,6 +121,20 @@ def test_another_lens_grid_is_read_everywhere(tmp_path, capsys, monkeypatch):
     main(["prior", "learn-views", "lens.png", "--views", "3", "--out", "p.nc", *lens])
     capsys.readouterr()
     assert "a lenslet picture" in refused(capsys, "inspect", "p.nc", *lens)
+
+
+def test_a_grid_without_a_centre_view_is_told(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_views(tmp_path / "even", lambda v, u: f"{v}_{u}.png", side=4)
+    main(["simulate", "light-field", "even", *TAKE])
+    assert "even: 4×4 views have no centre one; taken are rows 1 to 3 and columns 1 to 3" in capsys.readouterr().err
+
+
+def test_no_weights_come_with_the_package_for_light_fields(plain, capsys):
+    main(["simulate", "light-field", "plain", *TAKE])
+    capsys.readouterr()
+    line = refused(capsys, "reconstruct", "s.nc", "--weights", "default", "--out", "e.nc")
+    assert "--weights: found 'default', of which none come with tmca for light fields" in line
 
 
 def test_options_of_light_fields_are_refused_for_cubes(tmp_path, capsys, monkeypatch):

@@ -173,6 +173,18 @@ def assumed(cube: xr.DataArray) -> None:
         print(f"tmca: {file}: divided by its maximum, {cube.attrs['scale']:g} (--scale)", file=sys.stderr)
 
 
+def centre_assumed(light_field: xr.DataArray) -> None:
+    """Say on standard error which views were taken of a grid that has no centre view."""
+    grid = [int(n) for n in light_field.attrs.get("grid", ())]
+    taken = light_field.sizes["view_v"], light_field.sizes["view_u"]
+    if not any(n % 2 == 0 for n in grid):
+        return
+    spans = (f"{(n - k + 1) // 2} to {(n - k + 1) // 2 + k - 1}" for n, k in zip(grid, taken, strict=True))
+    rows, columns = spans
+    where = f"{light_field.attrs.get('source')}: {grid[0]}×{grid[1]} views have no centre one"
+    warned(f"{where}; taken are rows {rows} and columns {columns}, counted from 0")
+
+
 def warned(line: str) -> None:
     """Say on standard error what the reader should know."""
     print(f"tmca: {line}", file=sys.stderr)

@@ -38,8 +38,8 @@ def reconstruct(
         decoder: lmmse (default), admm-tv, dagger, or network; of a spectral snapshot also lmmse-adapted (its prior
             refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means; of a light-field snapshot
             also mixture, dictionary, dictionary-omp.
-        weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (12 bands); the decoder
-            is then network.
+        weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
+            the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
             then kept).
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.

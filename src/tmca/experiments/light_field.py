@@ -179,6 +179,9 @@ def reconstruct_light_field(
     """
     from tmca.priors import PatchDictionary
 
+    if isinstance(weights, str) and weights == "default":
+        missing = "'default', of which none come with tmca for light fields"
+        raise SettingError("weights", missing, "a file or run of `tmca train light-field`")
     chosen = None
     if decoder == "lmmse" or prior is not None:
         chosen = find_light_field_prior(prior, snapshot.camera, progress)
