@@ -19,7 +19,7 @@ from tmca.experiments.animation import views_gif
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field_figures import light_field_figure
 from tmca.experiments.reconstructions import write_reconstruction
-from tmca.experiments.refocus import refocus_strip
+from tmca.experiments.refocus import focus_steps, refocus_strip
 from tmca.experiments.snapshots import NOISE_STREAM
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 READING = "scene_reading"
 """Attribute of light fields, snapshots and estimates: how the scene was read, as JSON."""
-_DISPARITIES = (-2.0, -1.0, 0.0, 1.0, 2.0)
 
 
 @dataclass
@@ -230,7 +229,7 @@ def light_field_pictures(
     title = f"{path.stem}: refocused, disparity in px per view"
     return [
         save_figure(drawing, picture, overwrite=overwrite),
-        save_figure(refocus_strip(values, _DISPARITIES, title), strip, overwrite=overwrite),
+        save_figure(refocus_strip(values, focus_steps(result.light_field), title), strip, overwrite=overwrite),
         views_gif(values, walk, overwrite=overwrite),
     ]
 
