@@ -1,11 +1,13 @@
 """Documents name what is there: tests that hold an erratum, presets."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 from tmca.cameras.presets import LIGHT_FIELD_PRESETS as CAMERAS
+from tmca.experiments.light_field_tables import markdown
 from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
 
 ROOT = Path(__file__).parents[1]
@@ -30,3 +32,12 @@ def test_every_preset_of_the_light_field_is_described():
     cameras, trainings = LIGHT_FIELD.split("`--preset` of `tmca train light-field`")
     assert all(f"| `{name}` |" in cameras for name in CAMERAS)
     assert all(f"| `{name}` |" in trainings for name in TRAININGS)
+
+
+def test_the_light_field_page_is_made_from_its_results_and_shows_its_pictures():
+    kept = ROOT / "docs" / "results" / "light-field.json"
+    results = json.loads(kept.read_text())
+    page = markdown(results)
+    for file in re.findall(r"\]\(([^)]*\.png)\)", page):
+        assert (kept.parent / file).exists()
+    assert page.count("](light-field_") == 3 * len(results["split"]["test"])

@@ -2,7 +2,6 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from tmca.experiments.light_field import load_light_field, reconstruct_light_fie
 from tmca.experiments.light_field_cells import coded_camera
 from tmca.experiments.light_field_comparison_figures import slug
 from tmca.experiments.light_field_pages import left_out, pictures, thesis_table
-from tmca.experiments.light_field_tables import margins, markdown, steps_between
+from tmca.experiments.light_field_tables import margins, steps_between
 from tmca.experiments.scenes import short_names
 
 SIZES = rows.Sizes(views=3, period=6, frame=(30, 36), rendered=(26, 30), crop=(20, 20), patch=16)
@@ -173,15 +172,6 @@ def test_the_table_of_the_thesis_is_whole_and_what_was_left_out_is_named():
     assert "thesis' sub-network (`sub-network`)" in line
     assert "dictionary" not in line
     assert pictures(results) == []
-
-
-def test_the_page_can_be_made_again_from_results_that_were_kept():
-    kept = Path(__file__).parents[2] / "docs" / "results" / "light-field.json"
-    results = json.loads(kept.read_text())
-    page = markdown(results)
-    for file in re.findall(r"\]\(([^)]*\.png)\)", page):
-        assert (kept.parent / file).exists()
-    assert page.count("](light-field_") == 3 * len(results["split"]["test"])
 
 
 def test_margins_compare_the_best_of_each_kind():
