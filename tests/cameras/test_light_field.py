@@ -61,6 +61,15 @@ def test_throughput_is_the_share_of_light_of_a_white_scene():
     assert camera.throughput() == pytest.approx(float(white), rel=1e-5)
 
 
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+def test_the_code_seen_from_the_mask_is_that_of_the_sensor_ray_by_ray(exposure):
+    camera = LightFieldCamera(3, (7, 8), 4, exposure=exposure)
+    cube, seen = camera.code_cube(), camera.code_through_mask()
+    for v in range(3):
+        for u in range(3):
+            torch.testing.assert_close(seen[v, u, v : v + 7, u : u + 8], cube[v, u])
+
+
 @pytest.mark.parametrize("shear", [1.0, (2.0, -1.0)])
 def test_a_static_mask_answers_alike_to_all_angles(shear):
     camera = LightFieldCamera((3, 5), (12, 14), 1, aperture="static", shutter="open", shear=shear)
@@ -122,6 +131,19 @@ def test_noise_is_in_units_of_one_white_view():
 )  # fmt: skip
 def test_impossible_cameras_are_refused(wrong):
     with pytest.raises(TmcaError):
+        LightFieldCamera(**{"views": 5, "size": (8, 9), **wrong})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"shear": (1,)}, "shear"), ({"shear": "a"}, "shear"), ({"shear": (1, 2, 3)}, "shear"),
+        ({"shear": (1, None)}, "shear"), ({"mask_scale": "wide"}, "mask_scale"),
+        ({"vignetting": [[1.0], [1.0, 2.0]]}, "vignetting"), ({"vignetting": "dark"}, "vignetting"),
+    ],
+)  # fmt: skip
+def test_what_is_no_number_is_refused_by_its_name(wrong, named):
+    with pytest.raises(TmcaError, match=f"^{named}: "):
         LightFieldCamera(**{"views": 5, "size": (8, 9), **wrong})
 
 

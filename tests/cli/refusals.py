@@ -5,13 +5,13 @@ import pytest
 from tmca.cli import main
 
 
-def refused(capsys, *arguments):
-    """The line on standard error."""
+def refused(capsys, *arguments, lines=1):
+    """The last of the lines on standard error, one unless something was said before."""
     with pytest.raises(SystemExit) as stop:
         main([str(a) for a in arguments])
     captured = capsys.readouterr()
     assert stop.value.code == 2, captured
-    lines = captured.err.strip().splitlines()
-    assert len(lines) == 1, captured.err
+    said = captured.err.strip().splitlines()
+    assert len(said) == lines, captured.err
     assert "Traceback" not in captured.err
-    return lines[0]
+    return said[-1]

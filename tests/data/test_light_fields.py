@@ -336,6 +336,16 @@ def test_folders_that_cannot_be_used(tmp_path, spoil, words):
         read(tmp_path / "bad")
 
 
+@pytest.mark.parametrize("count", ["nan", "inf", "0", "5.5", "1e30"])
+def test_an_impossible_number_of_cameras_is_refused(tmp_path, count):
+    folder = write_folder(tmp_path / "bad", VIEWS, NAMES["hci"])
+    write_parameters(folder, without=("num_cams_x",))
+    text = (folder / "parameters.cfg").read_text()
+    (folder / "parameters.cfg").write_text(text.replace("num_cams_y", f"num_cams_x = {count}\nnum_cams_y"))
+    with pytest.raises(DataError, match=r"parameters.cfg: found num_cams_x = .*a whole number of views from 1 to"):
+        read_light_field(folder)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

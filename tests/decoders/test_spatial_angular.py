@@ -12,8 +12,10 @@ from tmca.decoders.neural import NeuralDecoder
 from tmca.decoders.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
 from tmca.decoders.start import first_estimate
 from tmca.errors import SettingError, ShapeError
+from tmca.experiments.light_field_rows import NETWORKS
 from tmca.operators import TapOperator, Taps
 from tmca.sensor import Noise
+from tmca.training.light_field import LIGHT_FIELD_PRESETS
 
 NOISE = Noise(0.02, 0.005)
 TINY = {"width": 4, "blocks": 2}
@@ -253,6 +255,22 @@ def test_nothing_beyond_the_reach_of_a_network_changes_its_estimate(name, axis):
 def test_large_tiles_are_cut_to_what_memory_allows():
     small, large = (build_network("spatial-angular", bands=25, width=width) for width in (16, 256))
     assert large.tile < small.tile <= 512
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        *(pytest.param(own, id=name) for name, own in NETWORKS.items()),
+        *(pytest.param(own["decoder"], id=f"training preset {name}") for name, own in LIGHT_FIELD_PRESETS.items()),
+    ],
+)
+def test_a_tile_of_every_preset_takes_a_bounded_number_of_bytes(settings):
+    network = build_network(**{**settings, "bands": 25})
+    own, margin = network.settings, -(-network.reach // network.multiple) * network.multiple
+    cells = ((network.tile + 2 * margin) / own["gather"]) ** 2
+    # the features of all blocks but the last stand beside those that they are joined into
+    features = 4 * 25 * cells * own["width"] * 2 * (own["blocks"] + 1)
+    assert features < 2.5e9
 
 
 def test_half_precision_leaves_the_steps_precise():

@@ -1,6 +1,7 @@
 """The light-field table: rows of every code, noise and decoder, numbers that are those of the cameras, kept cells."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tmca.experiments.compare_light_field import compare_light_field
 from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field_cells import coded_camera
 from tmca.experiments.light_field_comparison_figures import slug
+from tmca.experiments.light_field_pages import left_out, pictures, thesis_table
 from tmca.experiments.light_field_tables import margins, steps_between
 from tmca.experiments.scenes import short_names
 
@@ -140,8 +142,10 @@ def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small
     assert "## noise-free" in page
     assert "TMCA optimised K = 8 for this noise" in page
     row = next(r for r in found["rows"] if (r["code"], r["decoder"]) == ("CLFP E2E", "sub-network"))
-    assert f"| CLFP E2E | 33.21 | {row['scenes']['chelsea']['psnr']:.2f} |" in page
+    own = row["scenes"]["chelsea"]
+    assert f"| CLFP E2E | 33.21 | 0.91 |  | {own['psnr']:.2f} / {own['ssim']:.3f} |" in page
     pictures = {file.name for file in out.glob("*.png")}
+    assert pictures == set(re.findall(r"\]\(([^)]*\.png)\)", page))
     assert pictures == {
         f"light-field_{scene}_{kind}.png"
         for scene in ("chelsea", "coffee", "motorcycle") for kind in ("views", "psnr", "disparity")
@@ -151,6 +155,23 @@ def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small
     again = compare_light_field(*args, steps=4, **SPARSE, overwrite=True, progress=lambda *said: told.append(said))
     assert told == []
     assert again["rows"] == found["rows"]
+
+
+def test_the_table_of_the_thesis_is_whole_and_what_was_left_out_is_named():
+    own = {"psnr": 33.8, "ssim": 0.92}
+    dictionary = {"code": "CLFP static random", "noise": "noise-free", "decoder": "dictionary", "scenes": {"a": own}}
+    results = {"rows": [], "crop_rows": [dictionary], "split": {"test": ["a"], "real": ["a"]}}
+    page = "\n".join(thesis_table(results, ["a"]))
+    assert "dictionary on the crop" in page
+    assert "| CLFP dictionary | 30.06 | 0.82 | 33.80 / 0.920 |" in page
+    for row in ("CLFP deep | 32.43 | 0.91", "CLFP E2E | 33.21 | 0.91", "TMCA random codes | 34.03 | 0.93",
+                "TMCA learned codes | 34.89 | 0.94"):  # fmt: skip
+        assert f"| {row} |  |" in page
+    (line, _) = left_out(results)
+    assert "patch LMMSE (`lmmse`)" in line
+    assert "thesis' sub-network (`sub-network`)" in line
+    assert "dictionary" not in line
+    assert pictures(results) == []
 
 
 def test_margins_compare_the_best_of_each_kind():
@@ -163,7 +184,7 @@ def test_margins_compare_the_best_of_each_kind():
     table += [row("TMCA random K = 8", 30.5, 0.1), row("TMCA optimised K = 8", 33.0, 0.2)]
     split = {"test": ["a", "b"], "real": ["a"]}
     real, rendered = margins({"rows": table, "split": split})
-    assert (real["part"], rendered["part"]) == ("real", "rendered")
+    assert (real["part"], rendered["part"]) == ("from files", "rendered")
     assert (real["static"], real["best"]) == ("CLFP optimised", "TMCA optimised K = 8")
     assert real["gain"] == real["designed"] == pytest.approx(2.0)
     assert rendered["gain"] == pytest.approx(4.0)
@@ -171,7 +192,7 @@ def test_margins_compare_the_best_of_each_kind():
     assert real["disparity_mae"] is None
     better = [row("CLFP optimised", 32.5, 0.1, "consistent"), row("TMCA optimised K = 8", 33.5, 0.1, "consistent")]
     steps = steps_between({"rows": table + better, "crop_rows": [], "split": split})
-    assert [step["where"] for step in steps] == ["real", "rendered"]
+    assert [step["where"] for step in steps] == ["from files", "rendered"]
     assert (steps[0]["least"], steps[0]["mean"], steps[0]["most"]) == pytest.approx((0.5, 1.0, 1.5))
 
 

@@ -16,6 +16,7 @@ from tmca.experiments.light_field import (
     take_light_field_snapshot,
     true_disparity,
 )
+from tmca.experiments.light_field_truth import evaluate_light_field
 from tmca.priors import GaussianPrior, PatchDictionary, learn_light_field_prior
 from tmca.priors.light_field import _MIXTURE
 
@@ -61,6 +62,22 @@ def test_colours_are_snapshots_of_their_own(prior):
     assert together.dims == ("colour", "view_v", "view_u", "y", "x")
     alone = reconstruct_light_field(take_light_field_snapshot(colour[1], camera), prior=prior).light_field
     np.testing.assert_allclose(together.values[1], alone.values, atol=1e-5)
+
+
+def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = ["coffee", "--views", "3", "--crop", "24x30", "--colour", "--no-figures"]
+    main(["simulate", "light-field", *scene, "--slots", "2", "--period", "6", "--out", "s.nc"])
+    capsys.readouterr()
+    main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
+    found = json.loads(capsys.readouterr().out)["metrics"]
+    drawn = {}
+    monkeypatch.setattr("tmca.experiments.light_field_truth.light_field_figure", lambda e, t: drawn.update(e, truth=t))
+    monkeypatch.setattr("tmca.experiments.light_field_truth.save_figure", lambda *a, **k: None)
+    again = evaluate_light_field("e.nc", "coffee", figure=tmp_path / "e.png")
+    assert again["psnr"] == pytest.approx(found["psnr"], abs=1e-4)
+    assert again["ssim"] == pytest.approx(found["ssim"], abs=1e-5)
+    assert drawn["e"].shape == drawn["truth"].shape == (3, 3, 3, 24, 30)
 
 
 def test_the_estimate_explains_more_than_the_least_norm_one(prior):

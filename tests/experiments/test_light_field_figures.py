@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from tmca.data import label_light_field
 from tmca.errors import OutputError
 from tmca.experiments.animation import border_walk, views_gif
 from tmca.experiments.light_field_figures import disparity_figure, light_field_figure, view_psnr_figure
-from tmca.experiments.refocus import refocus, refocus_strip
+from tmca.experiments.refocus import focus_steps, refocus, refocus_strip
 from tmca.experiments.sub_images import sub_images, sub_images_figure
 from tmca.experiments.views import colour_views, horizontal_slice, liveliest, vertical_slice
 
@@ -30,6 +31,17 @@ def test_a_dot_draws_a_line_in_both_slices():
     views = colour_views(field)
     np.testing.assert_array_equal(horizontal_slice(views, 7)[..., 0].argmax(axis=1), [14, 12, 10, 8, 6])
     np.testing.assert_array_equal(vertical_slice(views, 10)[..., 0].argmax(axis=0), [9, 7, 5])
+
+
+@pytest.mark.parametrize("disparity", [-3, 4])
+def test_the_strip_is_focused_where_the_light_field_has_something(disparity):
+    wide = np.random.default_rng(0).random((90, 98)).astype(np.float32)
+    views = [[wide[9 - v * disparity :, 9 - u * disparity :][:64, :72] for u in (-1, 0, 1)] for v in (-1, 0, 1)]
+    steps = focus_steps(label_light_field(np.array(views)))
+    assert len(steps) == 5
+    assert min(steps) <= -disparity <= max(steps)
+    assert max(steps) - min(steps) == pytest.approx(0.5, abs=0.3)
+    assert focus_steps(label_light_field(np.zeros((3, 3, 20, 20)))) == [-2, -1, 0, 1, 2]
 
 
 def test_refocusing_on_a_dot_brings_it_together():

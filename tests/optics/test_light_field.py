@@ -82,3 +82,22 @@ def test_impossible_shears_are_refused(wrong):
 def test_impossible_benches_are_refused(wrong):
     with pytest.raises(SettingError):
         MaskGeometry(**{"mask_distance": 1e-4, **BENCH, **wrong})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [
+        ({"views": 0}, "views"), ({"views": (5, 5)}, "views"), ({"aperture_width": -0.1}, "aperture_width"),
+        ({"pixel_pitch": float("nan")}, "pixel_pitch"), ({"step": float("nan")}, "step"), ({"step": "1"}, "step"),
+        ({"aperture_distance": None}, "aperture_distance"),
+    ],
+)  # fmt: skip
+def test_an_impossible_bench_for_a_shear_names_the_argument_at_fault(wrong, named):
+    with pytest.raises(SettingError, match=f"^{named}: "):
+        MaskGeometry.for_shear(**{"step": 1.0, **BENCH, **wrong})
+
+
+@pytest.mark.parametrize("pitch", [0, -6e-6, float("inf"), "6e-6"])
+def test_a_mask_without_a_pitch_is_refused(pitch):
+    with pytest.raises(SettingError, match=r"^mask_pitch: .*metres, above 0"):
+        MaskGeometry(mask_distance=1e-4, **BENCH).shear(pitch)

@@ -15,7 +15,7 @@ from tmca.codes import MultiplexedCodes
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator, code_through_mask, coded_mask, mask_code
 from tmca.operators.spectral import exposure_weight
-from tmca.optics import MaskGeometry, ViewShear, view_coordinates, view_grid
+from tmca.optics import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
 from tmca.sensor import Sensor
 
 
@@ -74,8 +74,7 @@ class LightFieldCamera(CodedCamera):
     ) -> None:
         super().__init__(size, slots, exposure, sensor)
         grid = view_grid(views)
-        step = (float(shear), float(shear)) if isinstance(shear, (int, float)) else (float(shear[0]), float(shear[1]))
-        self.shear = ViewShear(grid, step, float(mask_scale))
+        self.shear = ViewShear(grid, shear_step(shear), mask_scale)
         self.register_buffer("response", _weights(vignetting, grid).flatten())
         self.multiplexed = MultiplexedCodes(
             slots, self.mask_size, self.size, aperture=aperture, shutter=shutter, transmittance=transmittance,
@@ -106,6 +105,9 @@ class LightFieldCamera(CodedCamera):
             size: (H, W) of the sensor, pixels.
             mask_pitch: of the mask's pixels, metres; (1-s)·p if None.
             settings: further arguments of the camera.
+
+        Raises:
+            SettingError: a pitch that is not positive, or an impossible setting.
         """
         shear = geometry.shear(mask_pitch)
         return cls(shear.views, size, shear=shear.step, mask_scale=shear.scale, **settings)
@@ -146,8 +148,10 @@ class LightFieldCamera(CodedCamera):
         return mask_code(*self.codes(), self.shear) * exposure_weight(self.exposure, self.slots)
 
     def code_through_mask(self) -> Tensor:
-        """(V, U, Hm, Wm) the code as seen from the mask, eq. (10): response to the rays through each mask pixel."""
-        return code_through_mask(*self.codes(), self.shear)
+        """(V, U, Hm, Wm) the code as seen from the mask, eq. (10): response to the rays through each mask pixel, in the
+        units of `code_cube`."""
+        light = self.slots * exposure_weight(self.exposure, self.slots)
+        return code_through_mask(*self.codes(), self.shear) * light
 
     def A(self, scene: Tensor) -> Tensor:
         """(B, V, U, H, W) → exact snapshot (B, 1, H, W)."""
@@ -204,7 +208,12 @@ class LightFieldCamera(CodedCamera):
 
 
 def _weights(vignetting: Tensor | Sequence[Sequence[float]] | None, grid: tuple[int, int]) -> Tensor:
-    values = torch.ones(grid) if vignetting is None else torch.as_tensor(vignetting, dtype=torch.get_default_dtype())
+    try:
+        values = (
+            torch.ones(grid) if vignetting is None else torch.as_tensor(vignetting, dtype=torch.get_default_dtype())
+        )
+    except (TypeError, ValueError):
+        raise ShapeError("vignetting", "rows of unequal length, or no numbers", f"{grid}, one value per view") from None
     if tuple(values.shape) != grid:
         raise ShapeError("vignetting", f"shape {tuple(values.shape)}", f"{grid}, one value per view")
     if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() <= 0:

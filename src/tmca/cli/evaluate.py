@@ -8,10 +8,10 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import SceneOptions, assumed, check_figure, views_reading
+from tmca.cli.options import TruthOptions, assumed, check_figure, warned
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
-_SCENE = SceneOptions()
+_SCENE = TruthOptions()
 
 
 @app.default
@@ -20,7 +20,7 @@ def evaluate(
     truth: str,
     /,
     *,
-    reading: SceneOptions = _SCENE,
+    reading: TruthOptions = _SCENE,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -31,18 +31,21 @@ def evaluate(
 
     Args:
         estimate: a cube or light-field file, such as one written by `tmca reconstruct`.
-        truth: a file, a folder of views, or the name of a rendered scene; a larger truth is cropped to its middle.
+        truth: a file, a folder of views, or the name of a rendered scene; a larger truth is cropped to its middle, a
+            light field read as it was for the snapshot.
         figure: write a picture of both with error map and spectra (PNG).
         overwrite: replace the picture if it exists.
         json: print JSON instead of text.
     """
     from tmca.data import describe
-    from tmca.experiments.light_field import evaluate_light_field
+    from tmca.experiments.light_field_truth import evaluate_light_field
     from tmca.experiments.spectral import evaluate_files
 
     check_figure(figure, overwrite, estimate)
     if describe(estimate)["kind"] == "light field":
-        found = evaluate_light_field(estimate, truth, figure=figure, overwrite=overwrite, **views_reading(reading))
+        found = evaluate_light_field(
+            estimate, truth, figure=figure, overwrite=overwrite, told=warned, **reading.views_reading()
+        )
     else:
         found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, told=assumed, **reading.reading())
     if json:

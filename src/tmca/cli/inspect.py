@@ -8,7 +8,9 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from tmca.cli.options import check_figure
+from tmca.cli.options import ViewFilesOptions, check_figure
+
+_VIEWS = ViewFilesOptions()
 
 
 def inspect(
@@ -18,6 +20,7 @@ def inspect(
     variable: str | None = None,
     conditioning: Annotated[bool, Parameter(negative="")] = False,
     figure: Path | None = None,
+    reading: ViewFilesOptions = _VIEWS,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -35,7 +38,7 @@ def inspect(
     from tmca.data import describe
 
     check_figure(figure, overwrite, file)
-    found = describe(file, variable)
+    found = describe(file, variable, **reading.files())
     if conditioning:
         from tmca.cameras import Snapshot
         from tmca.experiments.corner import corner_conditioning
@@ -44,7 +47,7 @@ def inspect(
     if figure is not None:
         from tmca.experiments.pictures import picture_of
 
-        picture_of(file, figure, variable=variable, overwrite=overwrite)
+        picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.files())
         found["figure"] = str(figure)
     if json:
         print(json_module.dumps(found, indent=1))

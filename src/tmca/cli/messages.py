@@ -33,9 +33,9 @@ _EXTRA = (
 def options() -> dict[str, str]:
     """Python's name of an argument → the option that sets it."""
     from tmca.cli.cameras import LightFieldOptions, SpectralOptions
-    from tmca.cli.options import LightFieldSceneOptions, SceneOptions, SensorOptions
+    from tmca.cli.options import LightFieldSceneOptions, SensorOptions, TruthOptions
 
-    kinds = (SceneOptions, LightFieldSceneOptions, SensorOptions, SpectralOptions, LightFieldOptions)
+    kinds = (TruthOptions, LightFieldSceneOptions, SensorOptions, SpectralOptions, LightFieldOptions)
     names = [field.name for kind in kinds for field in fields(kind)]
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 

@@ -46,7 +46,60 @@ class SceneOptions:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class LightFieldSceneOptions:
+class ViewFilesOptions:
+    """How the views of a light field lie in its files."""
+
+    pattern: Annotated[str | None, Parameter(group=_SCENE)] = None
+    "Of light fields: file names of a folder of views that are not recognised, such as view_{row}_{column}.png."
+    lens: Annotated[str | None, Parameter(group=_SCENE)] = None
+    "Of light fields: ROWSxCOLUMNS of the views under a lens of a lenslet picture. [default: 14x14]"
+
+    def files(self) -> dict[str, Any]:
+        """``pattern`` and ``lens`` as ``load_light_field`` takes them."""
+        return {"pattern": self.pattern, "lens": size(self.lens, "--lens")}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TruthOptions(ViewFilesOptions, SceneOptions):
+    """How a truth is read, which is a cube or a light field."""
+
+    scale: Annotated[float | None, Parameter(group=_SCENE)] = None
+    """Of a cube: stored value that is relative irradiance 1; an integer type's maximum, or that of floats above 1,
+    without it. Of a light field: whole number of pixels per axis that are averaged into one; what the snapshot's scene
+    was read with, without it."""
+
+    def reading(self) -> dict[str, Any]:
+        """Arguments of ``load_scene``.
+
+        Raises:
+            SettingError: options that cubes do not have.
+        """
+        for name in ("pattern", "lens"):
+            if getattr(self, name) is not None:
+                raise SettingError(f"--{name}", getattr(self, name), "a light field", "leave it out")
+        return super().reading()
+
+    def views_reading(self) -> dict[str, Any]:
+        """``scale``, ``pattern`` and ``lens`` of ``load_light_field``.
+
+        Raises:
+            SettingError: options that light fields do not have.
+        """
+        for name, usual in (("wavelengths", None), ("variable", None), ("negative", "error")):
+            value = getattr(self, name)
+            if value != usual:
+                wanted = "--scale, --pattern or --lens of a light field"
+                raise SettingError(f"--{name}", str(value), wanted, "leave it out")
+        if self.scale is not None and not float(self.scale).is_integer():
+            found = f"{self.scale:g}"
+            raise SettingError("--scale", found, "a whole number of pixels that are averaged into one")
+        return {"scale": None if self.scale is None else int(self.scale), **self.files()}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LightFieldSceneOptions(ViewFilesOptions):
     """How a light field is read."""
 
     views: Annotated[int, Parameter(group=_SCENE, converter=whole)] = 5
@@ -55,14 +108,10 @@ class LightFieldSceneOptions:
     "Whole number of pixels per axis that are averaged into one."
     colour: Annotated[bool, Parameter(group=_SCENE, negative="")] = False
     "Red, green and blue, a snapshot of each, instead of their luminance."
-    pattern: Annotated[str | None, Parameter(group=_SCENE)] = None
-    "File names of a folder of views where they are not recognised, such as view_{row}_{column}.png."
-    lens: Annotated[str | None, Parameter(group=_SCENE)] = None
-    "ROWSxCOLUMNS of the views under a lens of a lenslet picture. [default: 14x14]"
 
     def reading(self) -> dict[str, Any]:
         """Arguments of ``load_light_field``."""
-        return {**vars(self), "lens": size(self.lens, "--lens")}
+        return {**vars(self), **self.files()}
 
 
 @Parameter(name="*")
@@ -124,6 +173,23 @@ def assumed(cube: xr.DataArray) -> None:
         print(f"tmca: {file}: divided by its maximum, {cube.attrs['scale']:g} (--scale)", file=sys.stderr)
 
 
+def centre_assumed(light_field: xr.DataArray) -> None:
+    """Say on standard error which views were taken of a grid that has no centre view."""
+    grid = [int(n) for n in light_field.attrs.get("grid", ())]
+    taken = light_field.sizes["view_v"], light_field.sizes["view_u"]
+    if not any(n % 2 == 0 for n in grid):
+        return
+    spans = (f"{(n - k + 1) // 2} to {(n - k + 1) // 2 + k - 1}" for n, k in zip(grid, taken, strict=True))
+    rows, columns = spans
+    where = f"{light_field.attrs.get('source')}: {grid[0]}×{grid[1]} views have no centre one"
+    warned(f"{where}; taken are rows {rows} and columns {columns}, counted from 0")
+
+
+def warned(line: str) -> None:
+    """Say on standard error what the reader should know."""
+    print(f"tmca: {line}", file=sys.stderr)
+
+
 def check_figure(figure: Path | None, overwrite: bool, source: str | Path = "") -> None:
     """Refuse a picture that could not be written, before the work is done."""
     if figure is not None:
@@ -181,18 +247,3 @@ def size(text: str | None, option: str = "--size") -> tuple[int, int] | None:
     except ValueError:
         raise SettingError(option, repr(text), "HEIGHTxWIDTH in pixels, such as 256x256") from None
     return height, width
-
-
-def views_reading(reading: SceneOptions) -> dict[str, Any]:
-    """Arguments of ``load_light_field`` where options are shared with the spectral camera.
-
-    Raises:
-        SettingError: options that light fields do not have.
-    """
-    given = {name: value for name, value in vars(reading).items() if value not in (None, "error")}
-    others = sorted(given.keys() - {"scale"})
-    if others:
-        raise SettingError(f"--{others[0]}", str(given[others[0]]), "--scale alone for a light field", "leave it out")
-    if "scale" in given and not float(given["scale"]).is_integer():
-        raise SettingError("--scale", f"{given['scale']:g}", "a whole number of pixels that are averaged into one")
-    return {name: int(value) for name, value in given.items()}

@@ -10,11 +10,12 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import SpectralOptions
 from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.options import SceneOptions, SensorOptions, check_figure
+from tmca.cli.options import SceneOptions, SensorOptions, ViewFilesOptions, check_figure
 from tmca.errors import SettingError
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
 _CAMERA, _SENSOR, _SCENE = SpectralOptions(), SensorOptions(), SceneOptions()
+_VIEWS = ViewFilesOptions()
 
 
 @app.command
@@ -78,6 +79,7 @@ def learn_views(
     mixture: Annotated[bool, Parameter(negative="")] = False,
     views: Whole = 5,
     scale: MaybeWhole = None,
+    reading: ViewFilesOptions = _VIEWS,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     seed: Whole = 0,
@@ -107,7 +109,7 @@ def learn_views(
     with progress_bar(f"prior {out.name}") as progress:
         found = learn_views_to_file(
             light_fields, out, split=split, views=views, scale=scale, kind=kind, atoms=atoms, seed=seed,
-            figure=figure, overwrite=overwrite, progress=progress,
+            figure=figure, overwrite=overwrite, progress=progress, **reading.files(),
         )  # fmt: skip
     channels, rows, columns = found.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}

@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import OutputOptions, SceneOptions, check_targets, views_reading
+from tmca.cli.options import OutputOptions, TruthOptions, check_targets, warned
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
-_OUTPUT, _SCENE = OutputOptions(), SceneOptions()
+_OUTPUT, _SCENE = OutputOptions(), TruthOptions()
 
 
 @app.default
@@ -28,7 +28,7 @@ def reconstruct(
     truth: str | None = None,
     tv_weight: float | None = None,
     uncertainty: bool = True,
-    reading: SceneOptions = _SCENE,
+    reading: TruthOptions = _SCENE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Recover the scene from SNAPSHOT, a file written by `tmca simulate`.
@@ -38,12 +38,13 @@ def reconstruct(
         decoder: lmmse (default), admm-tv, dagger, or network; of a spectral snapshot also lmmse-adapted (its prior
             refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means; of a light-field snapshot
             also mixture, dictionary, dictionary-omp.
-        weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (12 bands); the decoder
-            is then network.
+        weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
+            the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
             then kept).
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
-        truth: the scene, for errors and metrics: a file or the name of a rendered scene.
+        truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
+            was for the snapshot.
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
     """
@@ -71,7 +72,7 @@ def _spectral(
     target: Path,
     decoder: str,
     truth: str | None,
-    reading: SceneOptions,
+    reading: TruthOptions,
     output: OutputOptions,
     how: dict[str, Any],
 ) -> tuple[Any, list[Path]]:
@@ -98,20 +99,20 @@ def _light_field(
     target: Path,
     decoder: str,
     truth: str | None,
-    reading: SceneOptions,
+    reading: TruthOptions,
     output: OutputOptions,
     how: dict[str, Any],
 ) -> tuple[Any, list[Path]]:
     from tmca.experiments.light_field import (
         light_field_files,
         light_field_pictures,
-        load_light_field,
         reconstruct_light_field,
     )
+    from tmca.experiments.light_field_truth import true_light_field
 
     check_targets(light_field_files(target, output.figures), output.overwrite, snapshot)
-    own: dict[str, Any] = {"views": taken.camera.views[0], "size": taken.camera.size, "colour": len(taken.values) > 1}
-    scene = None if truth is None else load_light_field(truth, **own, **views_reading(reading))
+    given = reading.views_reading()
+    scene = None if truth is None else true_light_field(truth, taken, told=warned, **given)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         result = reconstruct_light_field(taken, decoder, truth=scene, progress=progress, **how)
     written = [result.save(target, overwrite=output.overwrite)]

@@ -16,6 +16,7 @@ from tmca.cli.options import (
     SceneOptions,
     SensorOptions,
     assumed,
+    centre_assumed,
     check_targets,
     pair,
     size,
@@ -92,6 +93,7 @@ def light_field(
     from tmca.experiments.snapshots import snapshot_files
 
     field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())
+    centre_assumed(field)
     target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures, views=True), output.overwrite, scene)
     taken = take_light_field_snapshot(field, light_field_camera(field, camera, sensor), seed=camera.seed)

@@ -16,7 +16,7 @@ from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored, from_array
 from tmca.data.formats.wavelengths import metres_to_nm, read_sidecar
 from tmca.data.light_field_facts import describe_light_field
-from tmca.data.light_fields import find_light_field
+from tmca.data.light_fields import find_light_field, open_light_field
 from tmca.data.rgbd import holds_rgbd, read_rgbd
 from tmca.data.spectral_depth import scene_parts
 from tmca.data.write import plain
@@ -26,7 +26,13 @@ if TYPE_CHECKING:
     import xarray
 
 
-def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
+def describe(
+    path: str | Path,
+    variable: str | None = None,
+    *,
+    pattern: str | None = None,
+    lens: tuple[int, int] | None = None,
+) -> dict[str, Any]:
     """Shape, type, wavelengths and statistics of a file and of every variable in it.
 
     The statistics are of the stored values; ``zero_share`` and ``saturated_share`` are the shares of elements
@@ -35,6 +41,8 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
     Args:
         path: any file that `read` or `read_array` opens.
         variable: the array to put first, where the file has several.
+        pattern: of the file names of a folder of views, as in `read_light_field`.
+        lens: (rows, columns) of the views under a lens of a lenslet picture, as in `read_light_field`.
 
     Returns:
         Plain JSON types: ``kind`` ("cube", "light field", "RGB-D scene", "spectral-depth scene" of a folder with both,
@@ -48,17 +56,18 @@ def describe(path: str | Path, variable: str | None = None) -> dict[str, Any]:
     Raises:
         DataError: missing, damaged or unknown file, or no such variable.
     """
-    if variable is None and holds_rgbd(path):
+    views = pattern is not None or lens is not None
+    if variable is None and not views and holds_rgbd(path):
         return dict(plain(_scene(path, read_rgbd(path))))
-    parts = None if variable is not None else scene_parts(Path(path))
+    parts = None if variable is not None or views else scene_parts(Path(path))
     if parts is not None:
         return dict(plain(_folder(path, *parts)))
-    with open_contents(path) as contents:
+    with open_light_field(path, pattern, lens) if views else open_contents(path) as contents:
         about: dict[str, Any] = {"path": str(path), "format": contents.format, "kind": "", "variables": {}}
         about["attrs"] = {key: value for key, value in contents.attrs.items() if np.size(value) <= 64}
         for name, stored in contents.arrays.items():
             about["variables"][name] = _variable(stored)
-        main = _main(contents, variable)
+        main = _main(contents, variable, pattern)
         if main["variable"]:
             about |= {k: v for k, v in about["variables"][main["variable"]].items() if k != "attrs"}
         about |= main
@@ -92,11 +101,11 @@ def _folder(path: str | Path, cube: Path, depth: Path) -> dict[str, Any]:
     return {**found, **about, "format": f"{found['format']} with {depth.name}"}
 
 
-def _main(contents: Contents, variable: str | None) -> dict[str, Any]:
+def _main(contents: Contents, variable: str | None, pattern: str | None) -> dict[str, Any]:
     """Kind, main variable and wavelengths: a light field or cube if `read` would take it, else why not."""
     views = find_light_field(contents, variable)
     if views is not None:
-        return describe_light_field(contents, views)
+        return describe_light_field(contents, views, pattern)
     sidecar = read_sidecar(contents.path)
     try:
         stored = find_cube(contents, variable, None if sidecar is None else sidecar.size)

@@ -49,6 +49,7 @@ def read_disparity(
     crop: tuple[int, int] | None = None,
     scale: int | None = None,
     size: tuple[int, int] | None = None,
+    pattern: str | None = None,
 ) -> xarray.DataArray:
     """Disparity of the centre view in px per view step, brought to the pixels of `read_light_field`.
 
@@ -60,6 +61,7 @@ def read_disparity(
         crop: as in `read_light_field`.
         scale: as in `read_light_field`.
         size: (H, W) that the map must have before both; that of the views for a folder.
+        pattern: of the views' names in a folder, as in `read_light_field`.
 
     Returns:
         dims ``(y, x)``, float32, positive = nearer than the plane in focus; attrs ``source`` and ``units``.
@@ -72,7 +74,7 @@ def read_disparity(
 
     path = Path(path)
     values, source = _values(path)
-    expected = _size_of_views(path) if size is None else size
+    expected = _size_of_views(path, pattern) if size is None else size
     if expected is not None and values.shape != tuple(expected):
         found = f"{values.shape[0]}×{values.shape[1]} pixels (height × width)"
         raise DataError(source, found, f"{expected[0]}×{expected[1]} as the views have", "fetch the map of their size")
@@ -109,7 +111,7 @@ def _values(path: Path) -> tuple[NDArray[np.float32], Path]:
     return values.astype(np.float32), path
 
 
-def _size_of_views(path: Path) -> tuple[int, int] | None:
+def _size_of_views(path: Path, pattern: str | None) -> tuple[int, int] | None:
     """Height and width of the views in a folder, None for anything else."""
-    opened = open_views(path) if path.is_dir() and path.suffix.lower() not in LABELLED else None
+    opened = open_views(path, pattern) if path.is_dir() and path.suffix.lower() not in LABELLED else None
     return None if opened is None else next((s.shape[2], s.shape[3]) for s in opened.arrays.values())

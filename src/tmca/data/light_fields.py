@@ -41,7 +41,7 @@ def read_light_field(
     scale: int | None = None,
     colour: bool = False,
     pattern: str | None = None,
-    lens: tuple[int, int] = lenslet.LENS,
+    lens: tuple[int, int] | None = None,
     variable: str | None = None,
 ) -> xarray.DataArray:
     """Read a light field as relative irradiance.
@@ -60,7 +60,7 @@ def read_light_field(
         colour: red, green and blue instead of their luminance (Rec. 709 weights of the stored values).
         pattern: of a folder's file names where they are not recognised, such as ``view_{row}_{column}.png``; see
             `tmca.data.formats.view_names.find_views`.
-        lens: views under a lens of a lenslet picture, (rows, columns).
+        lens: views under a lens of a lenslet picture, (rows, columns); 14×14 by default.
         variable: which array, where a labelled file has several light fields.
 
     Returns:
@@ -74,22 +74,24 @@ def read_light_field(
     with open_light_field(path, pattern, lens) as contents:
         stored = find_light_field(contents, variable)
         if stored is None:
-            raise _no_light_field(contents, variable)
+            raise no_light_field(contents, variable)
         return load_light_field(contents, stored, views=views, crop=crop, scale=scale, colour=colour)
 
 
 @contextmanager
 def open_light_field(
-    path: str | Path, pattern: str | None = None, lens: tuple[int, int] = lenslet.LENS
+    path: str | Path, pattern: str | None = None, lens: tuple[int, int] | None = None
 ) -> Iterator[Contents]:
     """Look into a light field without loading it; arguments as in `read_light_field`."""
     path = Path(path)
     if pattern is not None and not path.is_dir():
         raise SettingError("pattern", f"{pattern!r} for {path}", "a folder of views")
+    if lens is not None and not is_picture(path):
+        raise SettingError("lens", f"{'×'.join(map(str, lens))} for {path}", "a lenslet picture")
     if pattern is not None and (opened := views.open_views(path, pattern)) is not None:
         yield opened
     elif is_picture(path) and path.is_file():
-        yield lenslet.open_lenslet(path, lens)
+        yield lenslet.open_lenslet(path, lens or lenslet.LENS)
     else:
         with open_contents(path) as contents:
             yield contents
@@ -111,6 +113,12 @@ def find_light_field(contents: Contents, variable: str | None = None) -> Stored 
     raise DataError(
         contents.path, f"{len(over)} light fields ({names})", "one", "choose it with variable= (--variable)"
     )
+
+
+def has_colour(stored: Stored) -> bool:
+    """Whether every view has three colours."""
+    size = dict(zip(stored.dims, stored.shape, strict=True))
+    return max(size.get("channel", 1), size.get("colour", 1)) >= len(COLOURS)
 
 
 def load_light_field(
@@ -248,7 +256,8 @@ def _coloured(pixels: NDArray[np.float32], colour: bool, stored: Stored) -> NDAr
     """Three colours or their luminance; an alpha channel is dropped."""
     pixels = pixels[..., : 1 if pixels.shape[2] < 3 else 3]
     if colour and pixels.shape[2] == 1:
-        raise DataError(stored.name, "grey views", "red, green and blue", "read them without colour= (--colour)")
+        remedy = "take one in colour, or leave out colour= (--colour)"
+        raise DataError(stored.name, "grey views", "red, green and blue", remedy)
     if colour or pixels.shape[2] == 1:
         return pixels
     return pixels @ np.array(LUMINANCE, dtype=np.float32)[:, None]
@@ -272,7 +281,8 @@ def _require_finite(pixels: NDArray[np.float32], where: object) -> None:
         raise DataError(where, found, "finite values", "mask or repair them first")
 
 
-def _no_light_field(contents: Contents, variable: str | None) -> DataError:
+def no_light_field(contents: Contents, variable: str | None = None) -> DataError:
+    """The error for a file or folder without one."""
     there = ", ".join(f"{s.name} {s.dims or s.shape}" for s in list(contents.arrays.values())[:4]) or "nothing"
     found = f"no light field{'' if variable is None else f' {variable!r}'} ({contents.format}: {there})"
     expected = "pictures named by row and column, a lenslet picture, or a file with view_v and view_u"

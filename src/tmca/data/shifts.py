@@ -83,5 +83,7 @@ def shift_facts(light_field: xarray.DataArray) -> dict[str, Any]:
         "agreement": agree,
     }
     if agree < -0.5:
-        facts["note"] = "rows and columns run in opposite senses: read it with {-row} or {-column} in pattern="
+        facts["note"] = (
+            "rows and columns run in opposite senses: read it with {-row} or {-column} in pattern= (--pattern)"
+        )
     return facts

@@ -11,12 +11,12 @@ from tmca.experiments.animation import views_gif
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field import (
     LightFieldReconstruction,
-    geometry,
     load_light_field,
     reconstruct_light_field,
     take_light_field_snapshot,
 )
 from tmca.experiments.light_field_figures import light_field_figure
+from tmca.experiments.light_field_truth import geometry
 from tmca.experiments.refocus import refocus_strip
 from tmca.experiments.report import Section
 from tmca.sensor import Sensor

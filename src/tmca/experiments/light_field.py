@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +19,7 @@ from tmca.experiments.animation import views_gif
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field_figures import light_field_figure
 from tmca.experiments.reconstructions import write_reconstruction
-from tmca.experiments.refocus import refocus_strip
+from tmca.experiments.refocus import focus_steps, refocus_strip
 from tmca.experiments.snapshots import NOISE_STREAM
 
 if TYPE_CHECKING:
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
     from tmca.priors import GaussianPrior, PatchDictionary, Prior
 
-_DISPARITIES = (-2.0, -1.0, 0.0, 1.0, 2.0)
+READING = "scene_reading"
+"""Attribute of light fields, snapshots and estimates: how the scene was read, as JSON."""
 
 
 @dataclass
@@ -81,23 +83,29 @@ def load_light_field(
         lens: (rows, columns) of the views under a lens of a lenslet picture; 14×14 without.
 
     Returns:
-        (view_v, view_u, y, x), or (colour, view_v, view_u, y, x), with an attribute ``name``.
+        (view_v, view_u, y, x), or (colour, view_v, view_u, y, x), with an attribute ``name``, and ``scene_reading``: a
+        JSON object with ``source`` and these arguments.
 
     Raises:
         DataError, SettingError: no such light field, or one that cannot be used so.
     """
     from tmca.data import read_light_field, rendered_names
 
-    if Path(source).exists() or source.partition(":")[0] not in rendered_names():
-        if not Path(source).exists():
-            wanted = f"a path, or one of {', '.join(rendered_names())}"
-            raise DataError(source, "no such file, folder or rendered scene", wanted)
-        how: dict[str, Any] = {} if lens is None else {"lens": lens}
-        return read_light_field(source, views=views, crop=size, scale=scale, colour=colour, pattern=pattern, **how)
-    return _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
+    asked: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
+    if Path(source).exists():
+        found = read_light_field(source, crop=size, **asked)
+    elif source.partition(":")[0] in rendered_names():
+        found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
+    else:
+        wanted = f"a path, or one of {', '.join(rendered_names())}"
+        raise DataError(source, "no such file, folder or rendered scene", wanted)
+    noted = {"source": source, "size": size, **asked, "scale": scale or 1}
+    return found.assign_attrs({READING: json.dumps(noted, default=int)})
 
 
-def true_disparity(source: str, like: xr.DataArray, scale: int | None = None) -> xr.DataArray | None:
+def true_disparity(
+    source: str, like: xr.DataArray, scale: int | None = None, pattern: str | None = None
+) -> xr.DataArray | None:
     """Disparity (y, x) of the centre view in px per view step, brought to the pixels of ``like``; None without."""
     from tmca.data import find_disparity, read_disparity
 
@@ -106,7 +114,7 @@ def true_disparity(source: str, like: xr.DataArray, scale: int | None = None) ->
         return _rendered(source, like.sizes["view_v"], size, scale or 1, False)["disparity"]
     if find_disparity(source) is None:
         return None
-    return read_disparity(source, crop=size, scale=scale)
+    return read_disparity(source, crop=size, scale=scale, pattern=pattern)
 
 
 def _rendered(source: str, views: int, size: tuple[int, int] | None, scale: int, colour: bool) -> xr.Dataset:
@@ -138,7 +146,9 @@ def take_light_field_snapshot(
     """
     with torch.no_grad():
         values = camera(as_batch(light_field), NOISE_STREAM + seed)
-    return Snapshot(values, camera, {"scene": str(light_field.attrs.get("name", "")), "noise_seed": seed})
+    notes = {"scene": str(light_field.attrs.get("name", "")), "noise_seed": seed}
+    noted = {READING: light_field.attrs[READING]} if READING in light_field.attrs else {}
+    return Snapshot(values, camera, notes | noted)
 
 
 def reconstruct_light_field(
@@ -168,6 +178,9 @@ def reconstruct_light_field(
     """
     from tmca.priors import PatchDictionary
 
+    if isinstance(weights, str) and weights == "default":
+        missing = "'default', of which none come with tmca for light fields"
+        raise SettingError("weights", missing, "a file or run of `tmca train light-field`")
     chosen = None
     if decoder == "lmmse" or prior is not None:
         chosen = find_light_field_prior(prior, snapshot.camera, progress)
@@ -216,55 +229,9 @@ def light_field_pictures(
     title = f"{path.stem}: refocused, disparity in px per view"
     return [
         save_figure(drawing, picture, overwrite=overwrite),
-        save_figure(refocus_strip(values, _DISPARITIES, title), strip, overwrite=overwrite),
+        save_figure(refocus_strip(values, focus_steps(result.light_field), title), strip, overwrite=overwrite),
         views_gif(values, walk, overwrite=overwrite),
     ]
-
-
-def evaluate_light_field(
-    estimate: str | Path, truth: str, *, figure: Path | None = None, overwrite: bool = False, **reading: Any
-) -> dict[str, float]:
-    """Metrics of one light-field file against another: quality, and disparity where the truth's is known.
-
-    ``reading`` goes to ``load_light_field`` for the truth, of which the centre views and the middle are taken.
-
-    Raises:
-        DataError: a truth that is smaller than the estimate, or has fewer views.
-    """
-    from tmca.metrics import light_field_metrics
-
-    if figure is not None and Path(estimate).resolve() == figure.resolve():
-        raise SettingError("--figure", str(figure), "another file than the estimate")
-    own, reference = estimate_and_truth(estimate, truth, **reading)
-    if figure is not None:
-        drawing = light_field_figure({Path(estimate).stem: own.values}, reference.values)
-        save_figure(drawing, figure, overwrite=overwrite)
-    return light_field_metrics(own.values, reference.values) | geometry(own, truth, reading.get("scale"))
-
-
-def estimate_and_truth(estimate: str | Path, truth: str, **reading: Any) -> tuple[xr.DataArray, xr.DataArray]:
-    """Both at the estimate's views, size and colours; the estimate as it is stored."""
-    from tmca.data import read
-
-    own = read(estimate, scale=1.0)
-    return own, load_light_field(truth, **like(own), **reading)
-
-
-def like(light_field: xr.DataArray) -> dict[str, Any]:
-    """Arguments of ``load_light_field`` for the same views, size and colours."""
-    size = (light_field.sizes["y"], light_field.sizes["x"])
-    return {"views": light_field.sizes["view_v"], "size": size, "colour": "colour" in light_field.dims}
-
-
-def geometry(light_field: xr.DataArray, source: str, scale: int | None = None) -> dict[str, float]:
-    """Error of the disparity that the views show, against the true one of their source; nothing without one."""
-    from tmca.metrics import disparity_error, estimate_disparity
-
-    truth = true_disparity(source, light_field, scale)
-    if truth is None:
-        return {}
-    found = disparity_error(estimate_disparity(light_field.values), truth.values)
-    return {"disparity_mae": found["mae"], "disparity_badpix": found["badpix"]}
 
 
 def _labelled(

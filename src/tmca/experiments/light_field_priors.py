@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tmca.errors import SettingError
 from tmca.experiments.figures import save_figure
@@ -37,6 +37,7 @@ def learn_views_to_file(
     figure: Path | None = None,
     overwrite: bool = False,
     progress: Told | None = None,
+    **files: Any,
 ) -> GaussianPrior | GaussianMixturePrior | PatchDictionary:
     """Learn a prior or a dictionary of light fields, and write it with its picture.
 
@@ -52,6 +53,7 @@ def learn_views_to_file(
         figure: PNG to write.
         overwrite: replace files.
         progress: told the share that is done and what is done.
+        files: ``pattern`` and ``lens`` of those from files, see ``load_light_field``.
 
     Raises:
         SettingError: no light fields, or an unknown kind.
@@ -68,7 +70,7 @@ def learn_views_to_file(
     if not names:
         raise SettingError("prior learn-views", "no light fields", "folders, files, rendered scenes or --split")
     told = progress or (lambda share, step: None)
-    fields = _read(names, views, scale, told)
+    fields = _read(names, views, {"scale": scale, **files}, told)
     told(0.3, f"learning the {'dictionary' if kind == 'dictionary' else 'prior'}")
     if kind == "dictionary":
         found: GaussianPrior | GaussianMixturePrior | PatchDictionary = PatchDictionary.learn(
@@ -85,9 +87,9 @@ def learn_views_to_file(
     return found
 
 
-def _read(names: Sequence[str], views: int, scale: int | None, told: Told) -> list[xr.DataArray]:
+def _read(names: Sequence[str], views: int, how: dict[str, Any], told: Told) -> list[xr.DataArray]:
     fields = []
     for index, name in enumerate(names):
         told(0.3 * index / len(names), f"reading {name}")
-        fields.append(load_light_field(name, views=views, scale=scale if Path(name).exists() else None))
+        fields.append(load_light_field(name, views=views, **(how if Path(name).exists() else {})))
     return fields

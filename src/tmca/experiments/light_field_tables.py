@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from tmca.experiments.cells import Measured
-from tmca.experiments.light_field_rows import DECODER_NAMES, NOISES, STATIC_CODES
+from tmca.experiments.light_field_pages import left_out, pictures, thesis_table
+from tmca.experiments.light_field_rows import DECODER_NAMES, LEARNED, NOISES, STATIC_CODES
 from tmca.experiments.results import markdown_table, mean_over_scenes, repository_commit
 
+FROM_FILES = "from files"
 COLUMNS = (
     ("psnr", "PSNR (dB)", ".2f"),
     ("ssim", "SSIM", ".3f"),
@@ -106,8 +108,8 @@ def _mean(scenes: dict[str, dict[str, float]]) -> dict[str, float]:
 
 
 def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
-    """Time-multiplexed against static codes, noise by noise and decoder by decoder, on real and on rendered scenes: the
-    optimised ones of each, and the best ones of each in hindsight."""
+    """Time-multiplexed against static codes, noise by noise and decoder by decoder, on scenes from files and on
+    rendered ones: the optimised ones of each, and the best ones of each in hindsight."""
     said = []
     for (decoder, noise), (part, scenes) in product(_groups(found["rows"]), _parts(found).items()):
         rows = [r for r in found["rows"] if (r["decoder"], r["noise"]) == (decoder, noise)]
@@ -126,9 +128,9 @@ def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _parts(found: dict[str, Any]) -> dict[str, list[str]]:
-    """Real scenes and rendered ones."""
+    """Scenes from files and rendered ones."""
     real, names = found["split"]["real"], found["split"]["test"]
-    return {"real": list(real), "rendered": [name for name in names if name not in real]}
+    return {FROM_FILES: list(real), "rendered": [name for name in names if name not in real]}
 
 
 def _level(row: dict[str, Any], scenes: Sequence[str], name: str = "psnr") -> float:
@@ -153,7 +155,7 @@ def _designed(rows: Sequence[dict[str, Any]], scenes: Sequence[str]) -> float | 
 
 
 def steps_between(found: dict[str, Any]) -> list[dict[str, Any]]:
-    """PSNR of decoders one over the other, code by code, on real and rendered scenes and on the crop."""
+    """PSNR of decoders one over the other, code by code, on scenes from files, on rendered ones and on the crop."""
     said = []
     for rows, better, worse in (
         ("rows", "consistent", "lmmse"), ("rows", "consistent", "sub-network"), ("rows", "mixture", "lmmse"),
@@ -188,7 +190,7 @@ def markdown(found: dict[str, Any]) -> str:
         f"Command: `{found['command']}` at commit `{found['commit']}`.", "",
         f"Prior, dictionary, codes and networks learned from {', '.join(split['train'])}{told['train']}"
         f" (networks also from rendered light fields). Measured on {', '.join(split['test'])}{told['test']}: the "
-        f"middle {own['frame']} pixels of real ones, rendered ones at {own['rendered']}; "
+        f"middle {own['frame']} pixels of those from files, rendered ones at {own['rendered']}; "
         f"{budget['views']}×{budget['views']} views, grey, shear 1, codes of period {budget['period']}, equal exposure "
         "time in all rows. Means over scenes of means over seeds.", "",
         "Disparity (px per view step) is what one fixed estimator sees in the reconstructed views; its error counts "
@@ -197,14 +199,15 @@ def markdown(found: dict[str, Any]) -> str:
         f"Optimised codes: searches on the expected error, each of {effort['descents']} descents of {effort['steps']} "
         f"steps and {effort['flips']} flips; for σ = 0.05 and used under all noises, or for the noise of the table. "
         "The time-multiplexed design starts from designs of fewer slots and one-hot designs: seven searches in all, "
-        "the static design is one. A network is trained for each code, for all three noises together; E2E codes start "
-        "at the optimised ones and learn with it, in the same minutes.", "",
+        "the static design is one. A network is trained for each code, for all three noises together; "
+        f"{_learned(found)}.", "", *left_out(found),
     ]  # fmt: skip
     for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
         lines += [f"## {noise}", "", _table(found["rows"], noise)]
-    lines += _thesis(found)
-    lines += ["## Time multiplexing against static codes", "", "Decoder by decoder, on real and on rendered scenes: "
-              "optimised codes against each other, and the best codes of either kind, known in hindsight only.", "",
+    lines += thesis_table(found, _parts(found)[FROM_FILES])
+    lines += ["## Time multiplexing against static codes", "", "Decoder by decoder, on scenes from files and on "
+              "rendered ones: optimised codes against each other, and the best codes of either kind, known in "
+              "hindsight only.", "",
               markdown_table(margins(found), _MARGINS)]  # fmt: skip
     lines += [f"## On a crop of {own['crop']}", "", "PSNR (dB), with the dictionary.", "", _crop_table(found)]
     lines += ["## Decoder against decoder", "", "PSNR of one over the other, over all codes: mean, least and most.", "",
@@ -212,36 +215,18 @@ def markdown(found: dict[str, Any]) -> str:
     lines += ["## What was expected of the codes", "", "Before anything is captured: PSNR under the prior of the "
               "training scenes, and gain over the static design when each of them is estimated under the prior of the "
               "others.", "", markdown_table(found["searches"], _SEARCHES)]  # fmt: skip
-    return "\n".join(lines)
+    return "\n".join([*lines, *pictures(found)])
+
+
+def _learned(found: dict[str, Any]) -> str:
+    """How codes were learned, where any were."""
+    if not any(row["code"] in LEARNED for row in found["rows"]):
+        return "codes are not learned with it"
+    return "E2E codes start at the optimised ones and learn with it, in the same minutes"
 
 
 def _times(size: Sequence[int]) -> str:
     return "×".join(map(str, size))
-
-
-def _thesis(found: dict[str, Any]) -> list[str]:
-    """The thesis' table 1 beside the same rows here, without noise, on the real scenes."""
-    real = _parts(found)["real"]
-    known = {(r["code"], r["decoder"]): _level(r, real) for r in found["rows"] if r["noise"] == next(iter(NOISES))}
-    said = [
-        {"row": name, "thesis": psnr, **{d: known.get((code, d)) for d in ("sub-network", "consistent")}}
-        for name, (psnr, code) in _TABLE_1.items()
-    ]
-    if not any(row["sub-network"] or row["consistent"] for row in said):
-        return []
-    columns = [("row", "thesis, table 1", ""), ("thesis", "PSNR there (dB)", ".2f")]
-    columns += [(d, f"here: {DECODER_NAMES[d]} (dB)", ".2f") for d in ("sub-network", "consistent")]
-    about = "Noise-free, real scenes. The thesis trained for 500 epochs on 110 light fields that are not at hand here; "
-    about += "differences between rows are what can be compared. Its dictionary row is on the crop below."
-    return ["## The thesis' table 1", "", about, "", markdown_table(said, columns)]
-
-
-_TABLE_1 = {
-    "CLFP deep": (32.43, "CLFP static random"),
-    "CLFP E2E": (33.21, "CLFP E2E"),
-    "TMCA random codes": (34.03, "TMCA random K = 8"),
-    "TMCA learned codes": (34.89, "TMCA E2E K = 8"),
-}
 
 
 def _own_error(found: dict[str, Any]) -> str:

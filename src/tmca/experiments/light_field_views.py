@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,23 +17,30 @@ _MOSAIC_PX = 1100
 """Sides of the mosaic, about: what a picture of this width can show."""
 
 
-def light_field_picture(path: str | Path, variable: str | None = None) -> Figure:
-    """The picture of a file or folder that `tmca.data.describe` calls a light field.
+def light_field_picture(
+    path: str | Path,
+    variable: str | None = None,
+    *,
+    pattern: str | None = None,
+    lens: tuple[int, int] | None = None,
+) -> Figure:
+    """The picture of a file or folder that `tmca.data.describe`, called with the same arguments, calls a light field.
 
     Raises:
         DataError: it cannot be read.
     """
     from tmca.data import describe, read_disparity, read_light_field
 
-    facts = describe(path, variable)["light_field"]
+    how: dict[str, Any] = {"pattern": pattern, "lens": lens}
+    facts = describe(path, variable, **how)["light_field"]
     most = min(facts["views"])
     views, shortest = most - (most % 2 == 0), min(facts["size"])
     scale = min(shortest, max(1, round(max(facts["size"]) * views / _MOSAIC_PX)))
-    small = read_light_field(path, views=views, scale=scale, colour=facts["colour"], variable=variable)
-    centre = read_light_field(path, views=1, colour=facts["colour"], variable=variable)
+    small = read_light_field(path, views=views, scale=scale, colour=facts["colour"], variable=variable, **how)
+    centre = read_light_field(path, views=1, colour=facts["colour"], variable=variable, **how)
     truth = facts["disparity"]
     known = truth is not None and truth["min"] is not None
-    return light_field_views(centre, small, read_disparity(path) if known else None, Path(path).name)
+    return light_field_views(centre, small, read_disparity(path, pattern=pattern) if known else None, Path(path).name)
 
 
 def light_field_views(centre: xr.DataArray, mosaic: xr.DataArray, disparity: xr.DataArray | None, title: str) -> Figure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,20 +18,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite: bool = False) -> Path:
+def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite: bool = False, **views: Any) -> Path:
     """Write a PNG of a snapshot, a prior, a cube, a light field, a scene with depth or an image.
+
+    ``views`` are ``pattern`` and ``lens`` of `tmca.data.read_light_field`.
 
     Raises:
         DataError: nothing in the file can be drawn.
         OutputError: ``out`` exists, or cannot be written.
     """
-    return save_figure(_figure(path, variable), out, overwrite=overwrite)
+    return save_figure(_figure(path, variable, views), out, overwrite=overwrite)
 
 
-def _figure(path: Path, variable: str | None) -> Figure:
+def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     from tmca.data import describe, read, read_array
 
-    found = describe(path, variable)
+    found = describe(path, variable, **views)
     names = set(found.get("variables", {})) | set(found.get("coords", {}))
     if holds_snapshot(names):
         snapshot = Snapshot.load(path)
@@ -45,7 +47,7 @@ def _figure(path: Path, variable: str | None) -> Figure:
 
         return PatchDictionary.load(path).figure()
     if found["kind"] == "light field":
-        return light_field_picture(path, variable)
+        return light_field_picture(path, variable, **views)
     if found["kind"] == "RGB-D scene":
         return rgbd_picture(path)
     if found["kind"] == "spectral-depth scene" or (found["kind"] == "cube" and "near" in (found.get("depth") or {})):

@@ -11,6 +11,7 @@ from tmca.experiments.figures import grid, image
 from tmca.experiments.views import brightest, colour_views, shown
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
 
 
@@ -44,6 +45,26 @@ def refocus(light_field: np.ndarray, disparity: float) -> np.ndarray:
     # the centre view reaches every pixel
     total /= count
     return total if np.ndim(light_field) == 5 else total[0]
+
+
+def focus_steps(light_field: xr.DataArray, count: int = 5) -> list[float]:
+    """Disparities to focus on, px per view step, evenly over the range that blocks of the views show.
+
+    Args:
+        light_field: (view_v, view_u, y, x), or with colours first.
+        count: how many.
+
+    Returns:
+        From far to near; from -2 to 2 where there are fewer than 3×3 views or no texture, and at least 0.5 wide.
+    """
+    from tmca.data import view_shifts
+
+    grey = light_field.mean("colour") if "colour" in light_field.dims else light_field
+    shifts = view_shifts(grey) if min(grey.shape[:2]) >= 3 else np.zeros((0, 2))
+    most = min(grey.shape[2:]) / (2 * max(grey.shape[:2]))  # beyond it views hardly overlap
+    low, high = np.clip(np.percentile(shifts, [5, 95]), -most, most) if shifts.size else (-2.0, 2.0)
+    wider = max(0.0, 0.25 - (high - low) / 2)
+    return [float(step) for step in np.linspace(low - wider, high + wider, count)]
 
 
 def refocus_strip(light_field: np.ndarray, disparities: Sequence[float], title: str = "") -> Figure:

@@ -43,7 +43,7 @@ def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figu
         drawn = axis.imshow(sheet, cmap="gray", vmin=0, vmax=top, interpolation="nearest")
         views, points = codes[name].shape[:2], [min(corner, n) for n in codes[name].shape[2:]]
         bare(axis, f"{name}\n{points[0]} × {points[1]} mask points, {views[0]} × {views[1]} angles each")
-    add_bar(axes[0, -1], drawn, "mean transmittance over the exposure")
+    add_bar(axes[0, -1], drawn, "transmittance over the exposure")
     return figure
 
 

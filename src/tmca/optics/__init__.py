@@ -3,7 +3,7 @@
 from tmca.optics.depth import DepthPlanes
 from tmca.optics.dispersion import Dispersion
 from tmca.optics.heights import FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
-from tmca.optics.light_field import MaskGeometry, ViewShear, view_coordinates, view_grid
+from tmca.optics.light_field import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
 from tmca.optics.mask_families import FAMILIES, mask_heights
 from tmca.optics.materials import MATERIALS, Material
 from tmca.optics.point_spread import PointSpread
@@ -33,6 +33,7 @@ __all__ = [
     "fresnel_lens",
     "gaussian_spread",
     "mask_heights",
+    "shear_step",
     "stray_light",
     "view_coordinates",
     "view_grid",

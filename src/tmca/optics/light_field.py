@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, isfinite
+from numbers import Real
 
 from tmca.errors import SettingError
 
@@ -24,6 +26,30 @@ def view_grid(views: int | tuple[int, int]) -> Grid:
     if not all(1 <= n <= _MOST_VIEWS and n % 2 for n in (rows, columns)):
         raise SettingError("views", f"{rows}×{columns}", f"odd numbers up to {_MOST_VIEWS}", "take the centre views")
     return rows, columns
+
+
+def shear_step(shear: float | Iterable[float]) -> tuple[float, float]:
+    """Mask pixels per view along y and x, of one number for both or of two.
+
+    Raises:
+        SettingError: anything else.
+    """
+    try:
+        y, x = (float(s) for s in shear) if isinstance(shear, Iterable) else (float(shear), float(shear))
+        return y, x
+    except (TypeError, ValueError):
+        raise SettingError("shear", repr(shear), "mask pixels per view: one number, or (along y, along x)") from None
+
+
+def require_length(name: str, metres: object) -> float:
+    """A length in metres.
+
+    Raises:
+        SettingError: not a number, not finite, or not above 0.
+    """
+    if isinstance(metres, bool) or not isinstance(metres, Real) or not (isfinite(metres) and float(metres) > 0):
+        raise SettingError(name, repr(metres), "metres, above 0")
+    return float(metres)
 
 
 def view_coordinates(count: int) -> tuple[int, ...]:
@@ -55,9 +81,10 @@ class ViewShear:
         step = tuple(round(float(s), _DECIMALS) for s in self.step)
         if len(step) != 2 or not all(isfinite(s) and abs(s) <= 1000 for s in step):
             raise SettingError("shear", str(self.step), "mask pixels per view along y and x, within ±1000")
-        if not (isfinite(self.scale) and 0.1 <= self.scale <= 10):
+        if not (isinstance(self.scale, Real) and isfinite(self.scale) and 0.1 <= self.scale <= 10):
             raise SettingError("mask_scale", str(self.scale), "mask pixels per sensor pixel, 0.1 to 10")
         object.__setattr__(self, "step", step)
+        object.__setattr__(self, "scale", float(self.scale))
 
     @property
     def whole(self) -> bool:
@@ -78,6 +105,13 @@ class ViewShear:
     def drift(self, size: tuple[int, int]) -> tuple[float, float]:
         """Mask pixels by which the code at the edge of a sensor of ``size`` is off if the scale is taken for 1."""
         return ((self.scale - 1) * (size[0] - 1) / 2, (self.scale - 1) * (size[1] - 1) / 2)
+
+
+def _views_of_bench(views: object) -> None:
+    """Raises SettingError unless the views are an odd number per axis."""
+    if not isinstance(views, int):
+        raise SettingError("views", repr(views), "an odd number per axis")
+    view_grid(views)
 
 
 @dataclass(frozen=True)
@@ -105,10 +139,9 @@ class MaskGeometry:
     views: int = 5
 
     def __post_init__(self) -> None:
-        view_grid(self.views)
+        _views_of_bench(self.views)
         for name in ("mask_distance", "aperture_distance", "pixel_pitch", "aperture_width"):
-            if not (isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise SettingError(name, f"{getattr(self, name)}", "metres, above 0")
+            require_length(name, getattr(self, name))
         if self.mask_distance >= self.aperture_distance:
             wanted = f"less than the aperture's {self.aperture_distance:g} m"
             raise SettingError("mask_distance", f"{self.mask_distance:g} m", wanted)
@@ -121,9 +154,18 @@ class MaskGeometry:
 
         From ``step = d_l Δu / ((d_a - d_l) p)``: ``d_l = d_a · step · p / (Δu + step · p)``. The angular resolution of
         a mask at d_l is then that of Marwah 2013: neighbouring views are one mask pixel apart.
+
+        Raises:
+            SettingError: a step or a length that is not positive, even views.
         """
-        if step <= 0:
+        if not (isinstance(step, Real) and isfinite(step) and step > 0):
             raise SettingError("step", f"{step}", "mask pixels per view, above 0")
+        _views_of_bench(views)
+        lengths = {
+            "aperture_distance": aperture_distance, "pixel_pitch": pixel_pitch, "aperture_width": aperture_width,
+        }  # fmt: skip
+        for name, metres in lengths.items():
+            require_length(name, metres)
         moved = step * pixel_pitch
         distance = aperture_distance * moved / (aperture_width / views + moved)
         return cls(distance, aperture_distance, pixel_pitch, aperture_width, views)
@@ -151,6 +193,10 @@ class MaskGeometry:
         )
 
     def shear(self, mask_pitch: float | None = None) -> ViewShear:
-        """The shear of a mask of this pitch, metres; of ``(1-s) · p`` if None."""
-        scale = 1.0 if mask_pitch is None else self.mask_pitch / mask_pitch
+        """The shear of a mask of this pitch, metres; of ``(1-s) · p`` if None.
+
+        Raises:
+            SettingError: a pitch that is not positive, or too far from the pixels'.
+        """
+        scale = 1.0 if mask_pitch is None else self.mask_pitch / require_length("mask_pitch", mask_pitch)
         return ViewShear((self.views, self.views), (self.step * scale,) * 2, scale)

@@ -59,6 +59,7 @@ def open_cave(folder: Path) -> Contents:
             folder,
             "an empty folder" if not any(folder.iterdir()) else "a folder without band images or views",
             "a CAVE scene (*_ms_01.png … *_ms_31.png), a light field (a picture per view) or a Zarr store",
+            "say how a light field's views are named with pattern= (--pattern), such as view_{row}_{column}.png",
         )
     first = _grey(files[0])
 

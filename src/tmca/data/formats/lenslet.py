@@ -40,7 +40,7 @@ def open_lenslet(path: Path, lens: tuple[int, int] = LENS) -> Contents:
             path,
             f"{height}×{width} pixels (height × width)",
             f"a multiple of the {lens[0]}×{lens[1]} views under a lens",
-            "fetch it again, or give its lens grid with lens= (`tmca simulate … --lens`)",
+            "fetch it again, or give its lens grid with lens= (--lens)",
         )
     pixels = cache(lambda: read_picture(path))
     dtype, channels = pixels().dtype, pixels().shape[2:]

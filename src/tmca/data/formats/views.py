@@ -22,6 +22,7 @@ NEEDED = {
     "extrinsics": ("num_cams_x", "num_cams_y", "baseline_mm", "focus_distance_m"),
 }
 """What a ``parameters.cfg`` of the HCI benchmark must state."""
+_MOST_A_SIDE = 999
 
 
 def open_views(folder: Path, pattern: str | None = None) -> Contents | None:
@@ -86,7 +87,7 @@ def read_parameters(path: Path) -> dict[str, float]:
     """The numbers of a ``parameters.cfg``, of all its sections; `NEEDED` ones are all there.
 
     Raises:
-        DataError: unreadable, or without a needed key.
+        DataError: unreadable, without a needed key, or with an impossible number of views.
     """
     parser = ConfigParser()
     try:
@@ -97,9 +98,13 @@ def read_parameters(path: Path) -> dict[str, float]:
         key: number for s in parser.sections() for key, v in parser.items(s) if (number := _number(v)) is not None
     }
     gone = [f"[{s}] {key}" for s, keys in NEEDED.items() for key in keys if key not in numbers]
+    remedy = "fetch it again, or take it away to go by the pictures alone"
     if gone:
-        remedy = "fetch it again, or take it away to go by the pictures alone"
         raise DataError(path, f"no number for {', '.join(gone)}", "the keys of the HCI benchmark", remedy)
+    for name in ("num_cams_x", "num_cams_y"):
+        if not (numbers[name].is_integer() and 1 <= numbers[name] <= _MOST_A_SIDE):
+            wanted = f"a whole number of views from 1 to {_MOST_A_SIDE}"
+            raise DataError(path, f"{name} = {numbers[name]:g}", wanted, remedy)
     return numbers
 
 

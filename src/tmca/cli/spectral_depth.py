@@ -1,0 +1,147 @@
+"""Options and commands of the spectral-depth camera: scenes with depth go in, cube and depth come out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from tmca.cli.numbers import whole
+from tmca.cli.options import OutputOptions, SensorOptions, check_targets, numbers, size
+from tmca.cli.progress import progress_bar
+from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.cameras import SpectralDepthCamera
+
+_SCENE = Group("Reading the scene", sort_key=0)
+_CAMERA = Group("Camera", sort_key=1)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class DepthSceneOptions:
+    """How a scene with depth is read."""
+
+    reduce: Annotated[int, Parameter(group=_SCENE, converter=whole)] = 1
+    "Whole number of pixels per axis that are averaged into one."
+    placed: Annotated[str | None, Parameter(group=_SCENE)] = None
+    "Put a cube without depth at drawn depths: plane, slanted, staged, smooth, pieces or random."
+    from_rgb: Annotated[bool, Parameter(group=_SCENE, negative="")] = False
+    "Make up spectra of measured reflectances for an RGB-D scene."
+    scene_seed: Annotated[int, Parameter(group=_SCENE, converter=whole)] = 0
+    "Of what is drawn for the scene: made-up spectra, depths."
+
+    def load(self, source: str, camera: SpectralDepthCamera, crop: tuple[int, int] | None) -> xr.Dataset:
+        """The scene at bands and depth range of a camera."""
+        from tmca.experiments.spectral_depth import load_spectral_depth
+
+        if self.reduce < 1:
+            raise SettingError("--reduce", str(self.reduce), "1 or more")
+        return load_spectral_depth(
+            source, camera.wavelengths, near=camera.planes.near, far=camera.planes.far, size=crop,
+            reduce=self.reduce, placed=self.placed, from_rgb=self.from_rgb, seed=self.scene_seed,
+        )  # fmt: skip
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class SpectralDepthOptions:
+    """The spectral-depth camera."""
+
+    preset: Annotated[str, Parameter(group=_CAMERA)] = "quick"
+    "Start from a named camera: thesis, diffractive (its phase mask alone), quick, quick-diffractive."
+    slots: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
+    "Time slots K within the exposure."
+    depth: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "NEAR,FAR of the depth planes, metres. [default: 0.4,2]"
+    planes: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
+    "Number of depth planes, even in inverse depth."
+    mask: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Phase mask: flat, zernike, free-form, rotational or lens."
+    rms: Annotated[float | None, Parameter(group=_CAMERA)] = None
+    "Of a random mask's heights, nm. [default: 100]"
+    shutter: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Shutter codes: random, open, one-hot, complementary or blue-noise."
+    filters: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Colour filters over the pixels: clear, gaussian or rgbw."
+    channels: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "Of the sensor: monochrome or rgb."
+    period: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
+    "Tile of shutter and filters, pixels."
+    exposure: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "equal: the slots share one exposure time; per-slot: each has its own."
+    image_formation: Annotated[str | None, Parameter(group=_CAMERA)] = None
+    "linear, or occlusion: near layers hide far ones."
+    seed: Annotated[int, Parameter(group=_CAMERA, converter=whole)] = 0
+    "Of the codes and the noise."
+
+    def camera(self, sensor: SensorOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
+        """The camera that is described, of this size."""
+        from tmca.cameras import SpectralDepthCamera
+        from tmca.sensor import Sensor
+
+        given = {name: value for name, value in vars(self).items() if value is not None and name != "preset"}
+        if self.depth is not None:
+            given["depth"] = _range(self.depth)
+        if self.rms is not None:
+            given["rms"] = self.rms * 1e-9
+        return SpectralDepthCamera.from_preset(self.preset, size=crop, sensor=Sensor(**vars(sensor)), **given)
+
+
+def _range(text: str) -> tuple[float, float]:
+    values = numbers(text, "--depth")
+    if not isinstance(values, list) or len(values) != 2:
+        raise SettingError("--depth", repr(text), "NEAR,FAR in metres, such as 0.4,2")
+    return (values[0], values[1])
+
+
+def take(
+    scene: str,
+    crop: str | None,
+    reading: DepthSceneOptions,
+    options: SpectralDepthOptions,
+    sensor: SensorOptions,
+    output: OutputOptions,
+) -> tuple[Any, Path]:
+    """A snapshot of a scene, and where it goes."""
+    from tmca.experiments.snapshots import snapshot_files
+    from tmca.experiments.spectral_depth import take_spectral_depth_snapshot
+
+    probe = options.camera(sensor, (32, 32))
+    loaded = reading.load(scene, probe, size(crop, "--crop"))
+    target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
+    check_targets(snapshot_files(target, output.figures), output.overwrite, scene)
+    camera = options.camera(sensor, (loaded.sizes["y"], loaded.sizes["x"]))
+    return take_spectral_depth_snapshot(loaded, camera, seed=options.seed), target
+
+
+def reconstruct(
+    taken: Any,
+    snapshot: Path,
+    target: Path,
+    decoder: str,
+    truth: str | None,
+    reading: DepthSceneOptions,
+    output: OutputOptions,
+    prior: Path | None,
+) -> tuple[Any, list[Path]]:
+    """Cube and depth of a snapshot, and the files that were written."""
+    from tmca.experiments.spectral_depth import (
+        reconstruct_spectral_depth,
+        spectral_depth_files,
+        spectral_depth_pictures,
+    )
+
+    check_targets(spectral_depth_files(target, output.figures), output.overwrite, snapshot)
+    scene = None if truth is None else reading.load(truth, taken.camera, taken.camera.size)
+    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
+        result = reconstruct_spectral_depth(taken, decoder, prior=prior, truth=scene, progress=progress)
+    written = [result.save(target, overwrite=output.overwrite)]
+    if output.figures:
+        written += spectral_depth_pictures(result, target, snapshot=taken, truth=scene, overwrite=output.overwrite)
+    return result, written

@@ -1,0 +1,151 @@
+"""How a light field is read stays the same from the snapshot to its truth, and can be said in every command."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.ndimage import gaussian_filter
+
+from tests.cli.refusals import refused
+from tmca.cli import main
+from tmca.data import write_dataset
+from tmca.experiments.light_field import load_light_field
+
+TAKE = ["--views", "3", "--slots", "2", "--period", "6", "--no-figures", "--out", "s.nc"]
+
+
+def smooth_views(side=3, size=(48, 56)):
+    values = gaussian_filter(np.random.default_rng(0).random((side, side, *size, 3)), (0, 0, 2, 2, 0))
+    values -= values.min()
+    return np.rint(255 * values / values.max()).astype(np.uint8)
+
+
+def write_views(folder, name, side=3):
+    folder.mkdir()
+    views = smooth_views(side)
+    for v, u in np.ndindex(side, side):
+        Image.fromarray(views[v, u]).save(folder / name(v, u))
+    return folder
+
+
+@pytest.fixture
+def plain(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return write_views(tmp_path / "plain", lambda v, u: f"{v}_{u}.png")
+
+
+@pytest.fixture
+def odd(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return write_views(tmp_path / "odd", lambda v, u: f"r{v}c{u}end.png")
+
+
+def said(capsys, *arguments):
+    main([*map(str, arguments), "--json"])
+    captured = capsys.readouterr()
+    return json.loads(captured.out), captured.err
+
+
+def decoded(capsys, *arguments):
+    return said(
+        capsys, "reconstruct", "s.nc", "-d", "dagger", "--no-figures", "--overwrite", "--out", "e.nc", *arguments
+    )
+
+
+def test_the_truth_is_averaged_as_the_scene_of_the_snapshot_was(plain, capsys):
+    main(["simulate", "light-field", "plain", "--scale", "2", *TAKE])
+    capsys.readouterr()
+    found, err = decoded(capsys, "--truth", "plain")
+    assert err == ""
+    assert found["metrics"]["psnr"] == pytest.approx(
+        decoded(capsys, "--truth", "plain", "--scale", 2)[0]["metrics"]["psnr"]
+    )
+    assert said(capsys, "evaluate", "e.nc", "plain")[0]["psnr"] == pytest.approx(found["metrics"]["psnr"], abs=1e-4)
+    for command in (["reconstruct", "s.nc", "-d", "dagger", "--out", "f.nc", "--truth"], ["evaluate", "e.nc"]):
+        line = refused(capsys, *command, "plain", "--scale", "1")
+        assert "--scale: found 1, expected 2, as the snapshot's scene was read" in line
+
+
+def test_another_truth_is_read_at_the_scale_of_the_snapshot_and_that_is_said(plain, capsys):
+    main(["simulate", "light-field", "plain", "--scale", "2", *TAKE])
+    capsys.readouterr()
+    known = decoded(capsys, "--truth", "plain")[0]["metrics"]["psnr"]
+    other = write_views(plain.with_name("copy"), lambda v, u: f"view_{v}_{u}.png")
+    found, err = decoded(capsys, "--truth", other)
+    assert found["metrics"]["psnr"] == pytest.approx(known)
+    assert "copy is not the snapshot's scene, plain; read with scale 2" in err
+    reduced = load_light_field("plain", views=3, scale=2)
+    write_dataset(reduced, plain.with_name("reduced.nc"))
+    assert "pixels of reduced.nc" in refused(capsys, "evaluate", "e.nc", "reduced.nc", "--scale", "2", lines=2)
+    assert said(capsys, "evaluate", "e.nc", "reduced.nc", "--scale", "1")[0]["psnr"] == pytest.approx(known, abs=1e-4)
+
+
+def test_a_folder_that_moved_is_still_the_scene(plain, capsys):
+    main(["simulate", "light-field", "plain", "--scale", "2", *TAKE])
+    capsys.readouterr()
+    (plain.parent / "there").mkdir()
+    plain.rename(plain.parent / "there" / "plain")
+    assert decoded(capsys, "--truth", "there/plain")[1] == ""
+
+
+def test_names_that_are_not_recognised_are_read_by_their_pattern_everywhere(odd, capsys):
+    pattern = ["--pattern", "r{row}c{column}end.png"]
+    assert "--pattern" in refused(capsys, "inspect", "odd")
+    assert "--pattern" in refused(capsys, "simulate", "light-field", "odd")
+    about, _ = said(capsys, "inspect", "odd", *pattern, "--figure", "odd.png")
+    assert about["light_field"]["views"] == [3, 3]
+    assert (odd.parent / "odd.png").exists()
+    main(["simulate", "light-field", "odd", *pattern, *TAKE])
+    capsys.readouterr()
+    found, _ = decoded(capsys, "--truth", "odd")
+    assert found["metrics"] == decoded(capsys, "--truth", "odd", *pattern)[0]["metrics"]
+    assert said(capsys, "evaluate", "e.nc", "odd")[0]["psnr"] == pytest.approx(found["metrics"]["psnr"], abs=1e-4)
+    main(["prior", "learn-views", "odd", "--views", "3", "--out", "p.nc", *pattern])
+    assert (odd.parent / "p.nc").exists()
+
+
+def test_another_lens_grid_is_read_everywhere(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lenslet = smooth_views()[..., 0].transpose(2, 0, 3, 1).reshape(144, 168)
+    Image.fromarray(lenslet).save("lens.png")
+    lens = ["--lens", "3x3"]
+    about, _ = said(capsys, "inspect", "lens.png", *lens)
+    assert about["light_field"]["views"] == [3, 3]
+    main(["simulate", "light-field", "lens.png", *lens, *TAKE])
+    capsys.readouterr()
+    found, _ = decoded(capsys, "--truth", "lens.png")
+    assert said(capsys, "evaluate", "e.nc", "lens.png", *lens)[0]["psnr"] == pytest.approx(
+        found["metrics"]["psnr"], abs=1e-4
+    )
+    main(["prior", "learn-views", "lens.png", "--views", "3", "--out", "p.nc", *lens])
+    capsys.readouterr()
+    assert "a lenslet picture" in refused(capsys, "inspect", "p.nc", *lens)
+
+
+def test_a_grid_without_a_centre_view_is_told(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_views(tmp_path / "even", lambda v, u: f"{v}_{u}.png", side=4)
+    main(["simulate", "light-field", "even", *TAKE])
+    assert "even: 4×4 views have no centre one; taken are rows 1 to 3 and columns 1 to 3" in capsys.readouterr().err
+
+
+def test_no_weights_come_with_the_package_for_light_fields(plain, capsys):
+    main(["simulate", "light-field", "plain", *TAKE])
+    capsys.readouterr()
+    line = refused(capsys, "reconstruct", "s.nc", "--weights", "default", "--out", "e.nc")
+    assert "--weights: found 'default', of which none come with tmca for light fields" in line
+
+
+def test_options_of_light_fields_are_refused_for_cubes(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["simulate", "spectral", "coffee", "--crop", "16x20", "--no-figures", "--out", "c.nc"])
+    capsys.readouterr()
+    command = ["reconstruct", "c.nc", "-d", "dagger", "--truth", "coffee", "--out", "d.nc"]
+    assert "--pattern" in refused(capsys, *command, "--pattern", "{row}_{column}.png")
+
+
+def test_help_says_what_scale_means_for_a_light_field(capsys):
+    for command in ("reconstruct", "evaluate"):
+        main([command, "--help"])
+        assert "averaged" in capsys.readouterr().out

@@ -1,0 +1,43 @@
+"""Documents name what is there: tests that hold an erratum, presets."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from tmca.cameras.presets import LIGHT_FIELD_PRESETS as CAMERAS
+from tmca.experiments.light_field_tables import markdown
+from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
+
+ROOT = Path(__file__).parents[1]
+ERRATA = (ROOT / "docs" / "errata.md").read_text()
+LIGHT_FIELD = (ROOT / "docs" / "light-field.md").read_text()
+
+
+def test_the_tests_that_hold_an_erratum_are_there():
+    for row in ERRATA.splitlines():
+        if files := re.findall(r"`(tests/\S+\.py)`", row):
+            text = "".join((ROOT / file).read_text() for file in files)
+            for name in re.findall(r"`(test_\w+)`", row):
+                assert f"def {name}(" in text, row
+
+
+@pytest.mark.parametrize("where", ["(6)", "(10)", "(11), (13)", "(12)", "(13)", "3, mask array", "3, pseudo-inverse"])
+def test_every_erratum_of_the_light_field_has_a_row(where):
+    assert f"\n| {where} |" in ERRATA
+
+
+def test_every_preset_of_the_light_field_is_described():
+    cameras, trainings = LIGHT_FIELD.split("`--preset` of `tmca train light-field`")
+    assert all(f"| `{name}` |" in cameras for name in CAMERAS)
+    assert all(f"| `{name}` |" in trainings for name in TRAININGS)
+
+
+def test_the_light_field_page_is_made_from_its_results_and_shows_its_pictures():
+    kept = ROOT / "docs" / "results" / "light-field.json"
+    results = json.loads(kept.read_text())
+    page = markdown(results)
+    for file in re.findall(r"\]\(([^)]*\.png)\)", page):
+        assert (kept.parent / file).exists()
+    assert page.count("](light-field_") == 3 * len(results["split"]["test"])
