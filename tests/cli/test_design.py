@@ -180,6 +180,19 @@ def test_scenes_too_small_for_the_blocks_are_named(tmp_path, capsys):
     assert "6×6 pixels" in line
 
 
+@pytest.mark.parametrize("light", [[], ["--light", "0.1"]])
+def test_scenes_without_light_are_named(tmp_path, capsys, light):
+    lit = np.random.default_rng(0).random((4, 24, 40)).astype(np.float32)
+    for name, scene in {"black": 0 * lit, "night": 0 * lit, "day": lit}.items():
+        np.save(tmp_path / f"{name}.npy", scene)
+    how = ["--wavelengths", "400:700:4", "--bands", "4", "--slots", "2", "--period", "6", *light]
+    for names in (["black", "night"], ["day", "black", "night"]):
+        files = [tmp_path / f"{name}.npy" for name in names]
+        line = refused(capsys, *files, *how, "--out", tmp_path / "d")
+        assert "tmca: black, night: found no light, mean irradiance 0" in line
+    assert not (tmp_path / "d").exists()
+
+
 def test_codes_files_that_do_not_fit_are_one_line(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_codes("codes.nc", torch.ones(2, 6, 6), torch.ones(2, 6, 6), (6, 6))

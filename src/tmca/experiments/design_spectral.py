@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import torch
@@ -12,7 +13,7 @@ import torch
 from tmca.design import Advice, Examples, SensorSheet, design_model, designable, learn_examples
 from tmca.errors import DataError
 from tmca.experiments.design_codes import Learned, Told, design_codes, named_once
-from tmca.experiments.scenes import load_scene
+from tmca.experiments.scenes import DarkScene, load_scene
 
 _RENDERED_SIZE = (256, 256)
 
@@ -63,7 +64,9 @@ def _examples(
     wavelengths: list[float] = []
     for place, name in enumerate(names):
         told(0.3 * place / len(names), f"reading {name}")
-        cube = load_scene(name, bands=bands, size=None if scenes else _RENDERED_SIZE, **reading)
+        with catch_warnings():
+            simplefilter("ignore", DarkScene)  # which are refused by name when all are read
+            cube = load_scene(name, bands=bands, size=None if scenes else _RENDERED_SIZE, **reading)
         own = cube["wavelength"].values.tolist()
         if wavelengths and (len(own) != len(wavelengths) or max(map(_apart, own, wavelengths)) > 1e-9):
             raise DataError(name, "other wavelengths", f"those of {names[0]}", "choose scenes of the same bands")
