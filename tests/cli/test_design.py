@@ -35,6 +35,13 @@ def test_codes_hold_the_light_that_is_asked_for(tmp_path, capsys):
     assert "a share above 0 and below 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
 
 
+def test_the_page_names_codes_that_were_left_out(tmp_path, capsys):
+    main(["design", "spectral", *SMALL, "--kinds", "one-hot", "--throughput", "0.9", "--out", str(tmp_path / "d")])
+    said = "cannot let through 90% of the light: one-hot, K = 2."
+    assert said in capsys.readouterr().out
+    assert said in (tmp_path / "d" / "design.html").read_text()
+
+
 def test_the_answer_may_be_the_static_code(tmp_path, capsys):
     main(["design", "spectral", *SMALL, "--read-noise", "30", "--out", str(tmp_path / "d")])
     assert "Do not multiplex" in capsys.readouterr().out
