@@ -153,6 +153,11 @@ class Examples:
         }
 
 
+def example_bytes(model: BlockModel, scenes: int) -> int:
+    """Memory of the quadratic forms that are kept of so many example scenes, and of all together, bytes."""
+    return 8 * (model.measurements * len(model.offsets)) ** 2 * (4 * scenes + 2)
+
+
 def learn_examples(
     cubes: dict[str, Tensor],
     model: BlockModel,
