@@ -13,6 +13,9 @@ import xarray as xr
 from tmca.cli import main
 from tmca.codes import read_codes, write_codes
 from tmca.decoders import Weights
+from tmca.design import Effort, SensorSheet
+from tmca.experiments.design_light_field import design_light_field
+from tmca.experiments.design_spectral import design_spectral
 
 SMALL = ["coffee", "tissue", "--bands", "4", "--slots", "2", "--period", "6"]
 
@@ -84,6 +87,19 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, ca
     monkeypatch.setattr("tempfile.TemporaryFile", no_place)
     assert "Permission denied" in refused(capsys, *SMALL, "--out", tmp_path / "a" / "d")
     assert sorted(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
+def test_progress_never_runs_backwards(tmp_path):
+    told = []
+    spectral = {"scenes": [*SMALL[:2], "rocket", "chelsea"], "bands": 4}
+    for name, design, own in (("s", design_spectral, spectral), ("l", design_light_field, {"views": 3})):
+        design(
+            SensorSheet(), tmp_path / name, slots=[2], kinds=["free"], period=6, effort=Effort(1, 2, 0), **own,
+            progress=lambda share, step: told.append(share),
+        )  # fmt: skip
+        assert told == sorted(told)
+        assert 0.3 < told[-1] <= 1
+        told.clear()
 
 
 def test_one_scene_leaves_the_spread_unknown(tmp_path, capsys):
@@ -162,7 +178,9 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--period", "0"], "1 pixel"),
         (["--seed", "-1"], "0 or more"),
         (["--light", "1"], "a share above 0 and below 1"),
-        (["--light", "0.9"], "times white"),
+        (["--light", "0.9"], "tmca: --light: found 0.9, which brings the brightest value to"),
+        (["--exposure", "1", "--slot-time", "0"], "tmca: --slot-time: found 0"),
+        (["--exposure", "1", "--pattern-rate", "-1"], "tmca: --pattern-rate: found -1"),
         (["--exposure", "0.001", "--pattern-rate", "300"], "shorter than one pattern"),
         (["coffee"], "the same scene twice"),
     ],

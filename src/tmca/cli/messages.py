@@ -27,6 +27,8 @@ _EXTRA = (
     "seed",
     "motion",
     "size",
+    "light",
+    "throughput",
 )
 
 
@@ -34,8 +36,9 @@ def options() -> dict[str, str]:
     """Python's name of an argument → the option that sets it."""
     from tmca.cli.cameras import LightFieldOptions, SpectralOptions
     from tmca.cli.options import LightFieldSceneOptions, SceneOptions, SensorOptions
+    from tmca.cli.sheets import SheetOptions
 
-    kinds = (SceneOptions, LightFieldSceneOptions, SensorOptions, SpectralOptions, LightFieldOptions)
+    kinds = (SceneOptions, LightFieldSceneOptions, SensorOptions, SheetOptions, SpectralOptions, LightFieldOptions)
     names = [field.name for kind in kinds for field in fields(kind)]
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 

@@ -64,7 +64,7 @@ def _examples(
     cubes: dict[str, torch.Tensor] = {}
     wavelengths: list[float] = []
     for place, name in enumerate(names):
-        told(0.3 * place / len(names), f"reading {name}")
+        told(0.2 * place / len(names), f"reading {name}")
         with catch_warnings():
             simplefilter("ignore", DarkScene)  # which are refused by name when all are read
             cube = load_scene(name, bands=bands, **reading)
