@@ -13,6 +13,9 @@ import xarray as xr
 from tmca.cli import main
 from tmca.codes import read_codes, write_codes
 from tmca.decoders import Weights
+from tmca.design import Effort, SensorSheet
+from tmca.experiments.design_light_field import design_light_field
+from tmca.experiments.design_spectral import design_spectral
 
 SMALL = ["coffee", "tissue", "--bands", "4", "--slots", "2", "--period", "6"]
 
@@ -33,6 +36,13 @@ def test_codes_hold_the_light_that_is_asked_for(tmp_path, capsys):
     for row in (found["static"], found["chosen"], *found["surveyed"]):
         assert row["throughput"] == pytest.approx(0.3, abs=0.03)
     assert "a share above 0 and below 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
+
+
+def test_the_page_names_codes_that_were_left_out(tmp_path, capsys):
+    main(["design", "spectral", *SMALL, "--kinds", "one-hot", "--throughput", "0.9", "--out", str(tmp_path / "d")])
+    said = "cannot let through 90% of the light: one-hot, K = 2."
+    assert said in capsys.readouterr().out
+    assert said in (tmp_path / "d" / "design.html").read_text()
 
 
 def test_the_answer_may_be_the_static_code(tmp_path, capsys):
@@ -77,6 +87,19 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, ca
     monkeypatch.setattr("tempfile.TemporaryFile", no_place)
     assert "Permission denied" in refused(capsys, *SMALL, "--out", tmp_path / "a" / "d")
     assert sorted(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
+def test_progress_never_runs_backwards(tmp_path):
+    told = []
+    spectral = {"scenes": [*SMALL[:2], "rocket", "chelsea"], "bands": 4}
+    for name, design, own in (("s", design_spectral, spectral), ("l", design_light_field, {"views": 3})):
+        design(
+            SensorSheet(), tmp_path / name, slots=[2], kinds=["free"], period=6, effort=Effort(1, 2, 0), **own,
+            progress=lambda share, step: told.append(share),
+        )  # fmt: skip
+        assert told == sorted(told)
+        assert 0.3 < told[-1] <= 1
+        told.clear()
 
 
 def test_one_scene_leaves_the_spread_unknown(tmp_path, capsys):
@@ -145,13 +168,19 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--kinds", "pretty"], "--kinds: found 'pretty', expected some of free, one-hot"),
         (["--kinds", "static"], "always searched"),
         (["--period", "5000"], "GB"),
+        (
+            ["tissue", "rocket", "retina", "chelsea", "--bands", "31"],
+            "found 5 of 31 bands, 8.5 GB for what they say of blocks, expected at most 8 GB; name fewer scenes",
+        ),
         (["--slots", "2000"], "code pixels"),
         (["--slots", "two"], "whole numbers"),
         (["--bands", "3", "--dispersion", "200"], "GB"),
         (["--period", "0"], "1 pixel"),
         (["--seed", "-1"], "0 or more"),
         (["--light", "1"], "a share above 0 and below 1"),
-        (["--light", "0.9"], "times white"),
+        (["--light", "0.9"], "tmca: --light: found 0.9, which brings the brightest value to"),
+        (["--exposure", "1", "--slot-time", "0"], "tmca: --slot-time: found 0"),
+        (["--exposure", "1", "--pattern-rate", "-1"], "tmca: --pattern-rate: found -1"),
         (["--exposure", "0.001", "--pattern-rate", "300"], "shorter than one pattern"),
         (["coffee"], "the same scene twice"),
     ],
@@ -178,6 +207,19 @@ def test_scenes_too_small_for_the_blocks_are_named(tmp_path, capsys):
     )
     assert "small" in line
     assert "6×6 pixels" in line
+
+
+@pytest.mark.parametrize("light", [[], ["--light", "0.1"]])
+def test_scenes_without_light_are_named(tmp_path, capsys, light):
+    lit = np.random.default_rng(0).random((4, 24, 40)).astype(np.float32)
+    for name, scene in {"black": 0 * lit, "night": 0 * lit, "day": lit}.items():
+        np.save(tmp_path / f"{name}.npy", scene)
+    how = ["--wavelengths", "400:700:4", "--bands", "4", "--slots", "2", "--period", "6", *light]
+    for names in (["black", "night"], ["day", "black", "night"]):
+        files = [tmp_path / f"{name}.npy" for name in names]
+        line = refused(capsys, *files, *how, "--out", tmp_path / "d")
+        assert "tmca: black, night: found no light, mean irradiance 0" in line
+    assert not (tmp_path / "d").exists()
 
 
 def test_codes_files_that_do_not_fit_are_one_line(tmp_path, capsys, monkeypatch):

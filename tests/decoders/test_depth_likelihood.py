@@ -1,5 +1,7 @@
 """Patch likelihood: against scipy's Gaussian and the explicit LMMSE, and on scenes of known depth."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from scipy.stats import multivariate_normal
@@ -69,6 +71,8 @@ def test_what_does_not_fit_is_refused():
     made, prior, _ = one_window()
     with pytest.raises(SettingError, match="window"):
         PatchLikelihood(prior, made, 5)
+    with pytest.raises(SettingError, match="480 nm"):
+        PatchLikelihood(replace(prior, wavelengths=(480e-9, 600e-9)), made, 4)
     with pytest.raises(ShapeError, match="snapshot"):
         PatchLikelihood(prior, made, 4)(torch.zeros(1, 1, 4, 4))
     with pytest.raises(ShapeError, match="larger blocks"):

@@ -58,6 +58,18 @@ def test_no_slot_that_fits_leaves_the_static_code(examples):
     assert "static" in found.sentence()
 
 
+def test_codes_that_cannot_hold_the_light_are_named(examples):
+    how = {"slots": [4, 2], "throughput": 0.9, "period": (4, 6), "survey": SMALL, "effort": SMALL, "bands": 3}
+    found = advise(examples, SensorSheet(), kinds=["one-hot"], **how)
+    assert found.chosen is None
+    said = "No codes of several slots could be tried: use the static code. "
+    said += "Left out, as they cannot let through 90% of the light: one-hot, K = 2, 4."
+    assert found.sentence() == said
+    some = advise(examples, SensorSheet(), kinds=["one-hot", "free"], **{**how, "slots": [2]})
+    assert {c.design.kind for c in some.surveyed} == {"static", "free"}
+    assert some.sentence().endswith("through 90% of the light: one-hot, K = 2.")
+
+
 def test_noise_beyond_the_signal_is_not_multiplexed(examples):
     sheet = SensorSheet(read_noise=30.0)
     found = advise(examples, sheet, slots=[4], kinds=["one-hot"], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)

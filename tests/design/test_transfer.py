@@ -7,8 +7,8 @@ from tests.design.small_designs import PRIOR, block_error, designed
 from tests.small_scenes import smooth_scene
 from tmca.design.measures import block_matrices
 from tmca.design.tile import windows
-from tmca.design.transfer import TransferMse, learn_examples
-from tmca.errors import SettingError, ShapeError
+from tmca.design.transfer import TransferMse, example_bytes, learn_examples
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.priors import GaussianPrior, cropped, pooled
 from tmca.priors.pooling import around
 
@@ -64,6 +64,22 @@ def test_examples_judge_each_scene_under_the_others():
     torch.testing.assert_close(examples.without("a").moments, others.moments)
     own = examples.tile_mse(0.05, 0.0).whole(designed(), 2)
     assert max(found.values()) > own
+
+
+def test_scenes_without_light_teach_nothing():
+    model, wavelengths = block_error().model, [4e-7, 5e-7, 6e-7]
+    for dark in (0 * SCENES["a"], SCENES["a"] - SCENES["a"].max(), SCENES["a"] - 2 * SCENES["a"].mean()):
+        with pytest.raises(DataError, match=r"^night: found no light, mean irradiance .*above 0"):
+            learn_examples({"day": SCENES["b"], "night": dark}, model, wavelengths)
+
+
+def test_the_memory_of_examples_is_known_before_they_are_learned():
+    model = block_error().model
+    examples = learn_examples(SCENES, model, [4e-7, 5e-7, 6e-7])
+    errors = [examples.error, *(found.error for found in examples.transfers.values())]
+    forms = [form for error in errors for form in (error.covariance, error.reach)]
+    forms += [form for found in examples.transfers.values() for form in (found.covariance, found.crossed)]
+    assert example_bytes(model, len(SCENES)) == sum(form.numel() * form.element_size() for form in forms)
 
 
 def test_what_cannot_be_pooled_is_refused():

@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tmca.decoders import Weights
 from tmca.design import Effort
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.codes import ranking as ranks
 from tmca.experiments.codes.ablation import INGREDIENTS
+from tmca.experiments.codes.figures import _draw_bars
 from tmca.experiments.codes.learned import prior_file
 from tmca.experiments.codes.study import CORNERS, _common, _network_cells, sensors, study_codes
 from tmca.experiments.codes.tables import grid_rows, network_rows, scene_rows
@@ -82,6 +84,31 @@ def test_gains_are_foretold_of_examples_dimmed_to_the_scene(found, folder):
     rows = [row for row in scene_rows(found["test"], found["light"]) if row["noise"] == cell["noise"]]
     own = next(row for row in rows if row["codes"] == "free, designed")
     assert own["miss"] == pytest.approx(own["gain"] - gain, abs=1e-6)
+
+
+def test_what_light_foretold_is_what_codes_for_the_light_are_held_to():
+    def told(gain, predicted):
+        return {"psnr": 30 + gain, "expected_psnr": 0.0, "predicted_gain": predicted, "throughput": 0.1}
+
+    lit = {"static, designed for the light": told(0, 0), "free, designed for the light": told(2.0, 3.0)}
+    there = {"static, designed": 0, "free, designed": 2.5, "static, designed for the light": 0}
+    cell = {"noise": "σ = 0.01", "scene": "coffee", "seed": 0}
+    tested = {**cell, "metrics": {"static, designed": told(0, 0), "free, designed": told(1.0, 4.0)}}
+    light = {**cell, "metrics": lit, "plain_prior": lit, "there": {**there, "free, designed for the light": 2.8}}
+    rows = scene_rows([tested], [light])
+    misses = {(row["codes"], row["prior"]): row["miss"] for row in rows}
+    assert misses == {
+        ("free, designed", "as learned"): pytest.approx(1.0 - 2.5),
+        ("free, designed for the light", "as learned"): pytest.approx(2.0 - 3.0),
+        ("free, designed for the light", "dimmed"): pytest.approx(2.0 - 3.0),
+    }
+
+
+def test_bars_that_are_missing_say_so():
+    axis = Figure().add_subplot()
+    _draw_bars(axis, {"one": {"σ = 0": 1.0, "σ = 1": 2.0}, "other": {"σ = 1": 3.0}}, ["σ = 0", "σ = 1"])
+    left = [text for text in axis.texts if "not computed" in text.get_text()]
+    assert [text.get_position() for text in left] == [(pytest.approx(0.2), 0)]
 
 
 def test_codes_for_the_light_are_decoded_by_both_priors(found, folder):

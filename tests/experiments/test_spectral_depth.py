@@ -8,9 +8,9 @@ import xarray as xr
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene
 from tmca.errors import DataError, SettingError
+from tmca.experiments.depth_scenes import load_spectral_depth
 from tmca.experiments.figures import save_figure
 from tmca.experiments.spectral_depth import (
-    load_spectral_depth,
     reconstruct_spectral_depth,
     spectral_depth_pictures,
     take_spectral_depth_snapshot,

@@ -27,6 +27,8 @@ _EXTRA = (
     "seed",
     "motion",
     "size",
+    "light",
+    "throughput",
 )
 
 
@@ -34,8 +36,11 @@ def options() -> dict[str, str]:
     """Python's name of an argument → the option that sets it."""
     from tmca.cli.cameras import LightFieldOptions, SpectralOptions
     from tmca.cli.options import LightFieldSceneOptions, SensorOptions, TruthOptions
+    from tmca.cli.sheets import SheetOptions
+    from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions
 
-    kinds = (TruthOptions, LightFieldSceneOptions, SensorOptions, SpectralOptions, LightFieldOptions)
+    kinds: tuple[type, ...] = (TruthOptions, LightFieldSceneOptions, DepthSceneOptions, SensorOptions, SheetOptions)
+    kinds += (SpectralOptions, LightFieldOptions, SpectralDepthOptions)
     names = [field.name for kind in kinds for field in fields(kind)]
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli import spectral_depth
 from tmca.cli.options import OutputOptions, TruthOptions, check_targets, warned
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
@@ -37,7 +38,8 @@ def reconstruct(
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
         decoder: lmmse (default), admm-tv, dagger, or network; of a spectral snapshot also lmmse-adapted (its prior
             refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means; of a light-field snapshot
-            also mixture, dictionary, dictionary-omp.
+            also mixture, dictionary, dictionary-omp. Of a spectral-depth snapshot likelihood: depth and spectrum of the
+            most likely plane under a patch prior.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
             the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
@@ -50,12 +52,16 @@ def reconstruct(
     """
     from tmca.cameras import Snapshot
 
-    decoder = decoder or ("network" if weights else "dictionary" if dictionary else "lmmse")
-    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     taken = Snapshot.load(snapshot)
+    usual = "likelihood" if taken.camera.application == "spectral-depth" else "lmmse"
+    decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual)
+    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     how: dict[str, Any] = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty}
     if taken.camera.application == "light-field":
         found = _light_field(taken, snapshot, target, decoder, truth, reading, output, how | {"dictionary": dictionary})
+    elif taken.camera.application == "spectral-depth":
+        _check_depth(dictionary, weights, tv_weight, reading)
+        found = spectral_depth.reconstruct(taken, snapshot, target, decoder, truth, output, prior)
     elif dictionary is not None:
         raise SettingError(
             "--dictionary", str(dictionary), "none: only light fields are decoded by one", "leave it out"
@@ -64,6 +70,15 @@ def reconstruct(
         found = _spectral(taken, snapshot, target, decoder, truth, reading, output, how)
     result, written = found
     _say(result, target, written, output)
+
+
+def _check_depth(dictionary: Path | None, weights: str | None, tv_weight: float | None, reading: TruthOptions) -> None:
+    """Raises SettingError for options that the spectral-depth camera does not have."""
+    given = {"dictionary": dictionary, "weights": weights, "tv-weight": tv_weight, **vars(reading)}
+    for name, value in given.items():
+        if value not in (None, "error"):
+            known = "none for a spectral-depth snapshot: its truth is read as its scene was"
+            raise SettingError(f"--{name}", str(value), known, "leave it out")
 
 
 def _spectral(
@@ -137,5 +152,5 @@ def _say(result: Any, target: Path, written: list[Path], output: OutputOptions) 
         print(f"  {name:8s} {value:.4g}")
 
 
-for _camera in ("spectral", "light-field"):
+for _camera in ("spectral", "light-field", "spectral-depth"):
     app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")

@@ -21,11 +21,13 @@ from tmca.cli.options import (
     pair,
     size,
 )
+from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions, take
 from tmca.errors import SettingError
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
 _VIEWS, _MASK = LightFieldSceneOptions(), LightFieldOptions()
+_DEPTH, _BENCH = DepthSceneOptions(), SpectralDepthOptions()
 
 
 @app.command
@@ -101,13 +103,50 @@ def light_field(
     _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")
 
 
-def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str, how: str) -> None:
+@app.command
+def spectral_depth(
+    scene: str,
+    /,
+    *,
+    crop: str | None = None,
+    reading: DepthSceneOptions = _DEPTH,
+    camera: SpectralDepthOptions = _BENCH,
+    sensor: SensorOptions = _SENSOR,
+    output: OutputOptions = _OUTPUT,
+) -> None:
+    """Take a snapshot of SCENE with the spectral-depth camera: a phase mask that changes within the exposure.
+
+    The file that is written holds the snapshot and everything needed to reconstruct it: height maps, shutter, filters,
+    bench, depth planes, exposure and noise. Depth is mapped onto the camera's range, evenly in inverse depth.
+
+    Args:
+        scene: a rendered scene such as motorcycle, a file or folder with a cube and its depth, an RGB-D scene with
+            --from-rgb, or a cube with --placed.
+        crop: HEIGHTxWIDTH, the middle of the scene.
+    """
+    from tmca.experiments.spectral_depth import depth_snapshot_pictures
+
+    taken, target = take(scene, crop, reading, camera, sensor, output)
+    about = {"bands": taken.camera.bands, "unknown_depth_pixels": taken.notes["unknown_depth_pixels"]}
+    channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
+    _write(taken, target, output, about, channels, "", depth_snapshot_pictures)
+
+
+def _write(
+    taken: Any,
+    target: Path,
+    output: OutputOptions,
+    about: dict[str, Any],
+    channels: str,
+    how: str,
+    pictures: Any = None,
+) -> None:
     """Write a snapshot with its pictures, and say what it is and how to go on."""
     from tmca.experiments.snapshots import snapshot_pictures
 
     written = [taken.save(target, overwrite=output.overwrite)]
     if output.figures:
-        written += snapshot_pictures(taken, target, overwrite=output.overwrite)
+        written += (pictures or snapshot_pictures)(taken, target, overwrite=output.overwrite)
     report: dict[str, Any] = {
         "snapshot": str(target),
         "size": list(taken.camera.snapshot_shape[1:]),

@@ -38,7 +38,7 @@ class DepthSceneOptions:
 
     def load(self, source: str, camera: SpectralDepthCamera, crop: tuple[int, int] | None) -> xr.Dataset:
         """The scene at bands and depth range of a camera."""
-        from tmca.experiments.spectral_depth import load_spectral_depth
+        from tmca.experiments.depth_scenes import load_spectral_depth
 
         if self.reduce < 1:
             raise SettingError("--reduce", str(self.reduce), "1 or more")
@@ -109,13 +109,12 @@ def take(
     output: OutputOptions,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
-    from tmca.experiments.snapshots import snapshot_files
-    from tmca.experiments.spectral_depth import take_spectral_depth_snapshot
+    from tmca.experiments.spectral_depth import depth_snapshot_files, take_spectral_depth_snapshot
 
     probe = options.camera(sensor, (32, 32))
     loaded = reading.load(scene, probe, size(crop, "--crop"))
     target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, output.figures), output.overwrite, scene)
+    check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)
     camera = options.camera(sensor, (loaded.sizes["y"], loaded.sizes["x"]))
     return take_spectral_depth_snapshot(loaded, camera, seed=options.seed), target
 
@@ -126,11 +125,11 @@ def reconstruct(
     target: Path,
     decoder: str,
     truth: str | None,
-    reading: DepthSceneOptions,
     output: OutputOptions,
     prior: Path | None,
 ) -> tuple[Any, list[Path]]:
     """Cube and depth of a snapshot, and the files that were written."""
+    from tmca.experiments.depth_scenes import true_spectral_depth
     from tmca.experiments.spectral_depth import (
         reconstruct_spectral_depth,
         spectral_depth_files,
@@ -138,7 +137,7 @@ def reconstruct(
     )
 
     check_targets(spectral_depth_files(target, output.figures), output.overwrite, snapshot)
-    scene = None if truth is None else reading.load(truth, taken.camera, taken.camera.size)
+    scene = None if truth is None else true_spectral_depth(truth, taken)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         result = reconstruct_spectral_depth(taken, decoder, prior=prior, truth=scene, progress=progress)
     written = [result.save(target, overwrite=output.overwrite)]

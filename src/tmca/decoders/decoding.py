@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
@@ -69,6 +69,18 @@ def check_arguments(
         raise SettingError("weights", there, wanted, "weights and the decoder network go together")
     if tv_weight is not None and not method.startswith("admm"):
         raise SettingError("tv_weight", f"{tv_weight} for {method}", "none: only admm-tv uses it", "leave it out")
+
+
+def check_bands(prior: Prior | None, wavelengths: Sequence[float]) -> None:
+    """Raises SettingError unless the prior's bands are the camera's, to a nanometre; their number is not looked at."""
+    base = prior.base if isinstance(prior, GaussianMixturePrior) else prior
+    known = None if base is None else base.wavelengths
+    if known is None or len(known) != len(wavelengths):
+        return  # the block model names a wrong number of bands
+    for band, (own, wanted) in enumerate(zip(known, wavelengths, strict=True), start=1):
+        if abs(own - wanted) > 1e-9:
+            found, there = f"band {band} at {own * 1e9:.4g} nm", f"the camera's {wanted * 1e9:.4g} nm"
+            raise SettingError("prior", found, there, "learn a prior at the camera's bands")
 
 
 def finished(found: Decoded, method: str, start: float) -> Decoded:

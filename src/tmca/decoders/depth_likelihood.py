@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.decoding import Decoded, Progress
+from tmca.decoders.decoding import Decoded, Progress, check_bands
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
@@ -65,7 +65,7 @@ class PatchLikelihood:
         gains: variances over the prior's that are tried for every window.
 
     Raises:
-        SettingError: a camera without a period, or a window larger than the sensor.
+        SettingError: a camera without a period, a window larger than the sensor, or a prior of other bands.
         ShapeError: a prior that does not fit.
     """
 
@@ -79,6 +79,7 @@ class PatchLikelihood:
         if window < camera.tile_size or window > min(camera.size):
             known = f"{camera.tile_size} (the tile) to {min(camera.size)} (the sensor) pixels"
             raise SettingError("window", f"{window} pixels", known)
+        check_bands(prior, camera.wavelengths)
         self.prior, self.camera, self.window = prior, camera, window
         self.gains = torch.tensor(list(gains), dtype=torch.float64)
         self._psf, self._bases = camera.psf().detach().double(), dict[tuple[int, int], _Basis]()

@@ -17,6 +17,7 @@ from tmca.decoders.decoding import (
     by_prior,
     by_variation,
     check_arguments,
+    check_bands,
     finished,
     needs_prior,
     same_codes,
@@ -70,7 +71,7 @@ def decode(
     start = time.perf_counter()
     with torch.no_grad():
         if needs_prior(method):
-            _check_bands(prior, snapshot)
+            check_bands(prior, snapshot.camera.wavelengths)
             found = by_prior(snapshot, method, prior, uncertainty, progress)
         elif weights is not None:
             found = _by_network(snapshot, weights, prior, progress)
@@ -81,22 +82,6 @@ def decode(
         else:
             found = by_variation(snapshot, method == "admm-tv-joint", tv_weight, progress)
     return finished(found, method, start)
-
-
-def _check_bands(prior: Prior | None, snapshot: Snapshot[SpectralCamera]) -> None:
-    """The prior's bands must be the camera's, to a nanometre."""
-    base = prior.base if isinstance(prior, GaussianMixturePrior) else prior
-    known, needed = None if base is None else base.wavelengths, snapshot.camera.wavelengths
-    if known is None or len(known) != len(needed):
-        return  # the block model names a wrong number of bands
-    for band, (own, wanted) in enumerate(zip(known, needed, strict=True), start=1):
-        if abs(own - wanted) > 1e-9:
-            raise SettingError(
-                "prior",
-                f"band {band} at {own * 1e9:.4g} nm",
-                f"the camera's {wanted * 1e9:.4g} nm",
-                "learn a prior at the camera's bands",
-            )
 
 
 def _by_network(
@@ -112,7 +97,7 @@ def _by_network(
         raise SettingError("weights", bands, own, "train a network at the camera's bands")
     if isinstance(prior, GaussianMixturePrior):
         raise SettingError("prior", "a mixture", "a Gaussian prior for a network")
-    _check_bands(prior, snapshot)
+    check_bands(prior, snapshot.camera.wavelengths)
     _check_camera(weights, camera)
     decoder = NeuralDecoder(weights.network, weights.load_prior() if prior is None else prior)
     found = decoder(snapshot.values, operator, camera.noise, progress)

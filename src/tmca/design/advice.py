@@ -142,6 +142,8 @@ class Advice:
         chosen: the best of them, searched as long as the static one; None where one slot is all that fits.
         noise: (read noise, shot) in snapshot units.
         sheet: of the sensor.
+        left_out: (kind, K) of codes that cannot let through the share of light that was asked for.
+        throughput: that share; None where the light is free.
     """
 
     static: Candidate
@@ -149,6 +151,8 @@ class Advice:
     chosen: Candidate | None
     noise: tuple[float, float]
     sheet: SensorSheet
+    left_out: tuple[tuple[str, int], ...] = ()
+    throughput: float | None = None
 
     @property
     def multiplex(self) -> bool:
@@ -161,7 +165,21 @@ class Advice:
         return self.chosen if self.chosen is not None and self.multiplex else self.static
 
     def sentence(self) -> str:
-        """The advice in words."""
+        """The advice in words, with the codes that were left out."""
+        return " ".join(part for part in (self._recommended(), self._left_out()) if part)
+
+    def _left_out(self) -> str:
+        """Which codes were not tried, and why; empty where all were."""
+        if not self.left_out:
+            return ""
+        slots = {kind: ", ".join(str(k) for own, k in self.left_out if own == kind) for kind, _ in self.left_out}
+        named = "; ".join(f"{kind}, K = {counts}" for kind, counts in slots.items())
+        return f"Left out, as they cannot let through {100 * (self.throughput or 0):g}% of the light: {named}."
+
+    def _recommended(self) -> str:
+        """Slots and codes to use, and their gain."""
+        if self.chosen is None and self.left_out:
+            return "No codes of several slots could be tried: use the static code."
         if self.chosen is None:
             return "One slot is all that was tried or fits the exposure: use the static code."
         if not self.multiplex:
@@ -212,7 +230,9 @@ def advise(
     """
     task = _Task(examples, _noise(sheet, period, camera), period, throughput, seed, camera)
     kinds = sorted(kinds, key=lambda kind: kind == "free")  # which then starts from the others
-    plan = [(kind, k) for k in sheet.allowed(slots) for kind in kinds if task.reaches(kind, k)]
+    asked = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
+    plan = [(kind, k) for kind, k in asked if task.reaches(kind, k)]
+    out = tuple(sorted(set(asked) - set(plan)))
     told, parts = progress or (lambda share, step: None), len(plan) + 3
     static = task.judged("static", 1, survey, _part(told, 0, parts, "survey: static"))
     surveyed = [static]
@@ -223,11 +243,11 @@ def advise(
     final = task.judged("static", 1, effort, _part(told, parts - 2, parts, "static"), [static])
     best = _best(surveyed[1:])
     if best is None:
-        return Advice(final, surveyed, None, task.noise, sheet)
+        return Advice(final, surveyed, None, task.noise, sheet, out, throughput)
     kind, k = best.design.kind, best.design.slots
     starts = [best, final] if kind == "free" else [best]
     chosen = task.judged(kind, k, effort, _part(told, parts - 1, parts, f"{kind}, K = {k}"), starts, final)
-    return Advice(final, surveyed, chosen, task.noise, sheet)
+    return Advice(final, surveyed, chosen, task.noise, sheet, out, throughput)
 
 
 def _contained(candidates: Sequence[Candidate], slots: int) -> list[Candidate]:

@@ -12,7 +12,7 @@ from torch import Tensor
 from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse, Products, quadratic
 from tmca.design.tile import TileMse, even_places, windows
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.pooling import around, pooled
@@ -153,6 +153,11 @@ class Examples:
         }
 
 
+def example_bytes(model: BlockModel, scenes: int) -> int:
+    """Memory of the quadratic forms that are kept of so many example scenes, and of all together, bytes."""
+    return 8 * (model.measurements * len(model.offsets)) ** 2 * (4 * scenes + 2)
+
+
 def learn_examples(
     cubes: dict[str, Tensor],
     model: BlockModel,
@@ -169,7 +174,9 @@ def learn_examples(
 
     Raises:
         ShapeError: a scene smaller than the blocks, or of other bands.
+        DataError: scenes without light.
     """
+    _refuse_darkness(cubes)
     block, scenes = model.block[1:], {}
     for name, cube in cubes.items():
         if cube.shape[1] < block[0] or cube.shape[2] < block[1]:
@@ -178,3 +185,12 @@ def learn_examples(
         scenes[name] = GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name], views=views)
     areas = {name: cube[0].numel() for name, cube in cubes.items()}
     return Examples(model, scenes, areas, {name: float(cube.max()) for name, cube in cubes.items()})
+
+
+def _refuse_darkness(cubes: dict[str, Tensor]) -> None:
+    """Nothing is learned from black, and no light makes it brighter."""
+    dark = [name for name, cube in cubes.items() if cube.max() <= 0 or cube.mean() <= 0]
+    if dark:
+        found = f"no light, mean irradiance {max(float(cubes[name].mean()) for name in dark):.3g}"
+        remedy = "leave them out, or check how they are read"
+        raise DataError(", ".join(dark), found, "scenes of a mean above 0", remedy)

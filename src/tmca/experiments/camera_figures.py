@@ -12,12 +12,12 @@ from tmca.experiments.figures import add_bar, bare, evenly, grid, image, plain_a
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tmca.cameras import CodedCamera
+    from tmca.cameras import Camera, CodedCamera
 
 _CORNER = 48
 
 
-def snapshot_figure(snapshot: np.ndarray, camera: CodedCamera, title: str) -> Figure:
+def snapshot_figure(snapshot: np.ndarray, camera: Camera, title: str) -> Figure:
     """The recorded image (H, W') and how its values fill the sensor's range."""
     figure, axes = grid(1, 2, width=6.0, aspect=snapshot.shape[0] / snapshot.shape[1])
     shown = axes[0, 0].imshow(snapshot, cmap="gray", vmin=0)

@@ -20,14 +20,10 @@ from tmca.design import (
     Examples,
     SensorSheet,
     advise,
-    design_model,
-    designable,
     measures,
 )
-from tmca.design.flips import tile_bytes
-from tmca.design.kinds import KINDS
-from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import codes_figure
+from tmca.experiments.design_checks import check_search, check_size
 from tmca.experiments.design_figures import gains_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import check_new, repository_commit
@@ -44,7 +40,6 @@ COLUMNS = (
     ("throughput", "light", ".1%"),
     ("seconds", "CPU seconds", ".0f"),
 )
-_MOST_BYTES, _MOST_PIXELS = 4e9, 2**20
 Told = Callable[[float, str], None]
 
 
@@ -66,6 +61,7 @@ def design_codes(
     out: Path,
     learn: Callable[[Told], Learned],
     bare: Mapping[str, Any],
+    scenes: int,
     *,
     slots: Sequence[int] | None = None,
     kinds: Sequence[str] = ("free", "one-hot"),
@@ -85,6 +81,7 @@ def design_codes(
         out: folder of ``design.json``, ``design.html``, ``aperture.tif``, ``shutter.tif`` and ``codes.nc``.
         learn: reads the example scenes, once all else is seen to be possible.
         bare: arguments of ``designable`` as far as they are known before scenes are read.
+        scenes: number of example scenes.
         slots: numbers of slots to try; those that fit without.
         kinds: structures of codes to try.
         period: side of the tile of codes, pixels.
@@ -100,14 +97,15 @@ def design_codes(
         The advice, and what ``design.json`` holds.
 
     Raises:
-        SettingError: impossible sensor, slots, kinds or period.
+        SettingError: impossible sensor, slots, kinds or period, or more than fits the memory.
         DataError, ShapeError: scenes that cannot be used, or that are too small.
         OutputError: files exist, or none can be written.
     """
     from tmca.data import check_folder, make_folder, write_json
 
     check_new((out / name for name in FILES), overwrite)
-    _check(sheet, slots, kinds, period, seed, throughput, light, bare)
+    check_search(sheet, slots, kinds, period, seed, throughput, light)
+    check_size(bare, period, sheet.allowed(slots), scenes)
     check_folder(out)
     told = progress or (lambda share, step: None)
     learned = learn(told)
@@ -124,55 +122,6 @@ def design_codes(
     title = f"Codes for a {advice.best.design.camera.application} camera"
     write_report(out / "design.html", title, sections, overwrite=overwrite)
     return advice, found
-
-
-def named_once(names: Sequence[str]) -> None:
-    """Raises DataError for a scene that is named twice."""
-    for name in names:
-        if list(names).count(name) > 1:
-            raise DataError(name, "the same scene twice", "each scene once", "leave one out")
-
-
-def _check(
-    sheet: SensorSheet,
-    slots: Sequence[int] | None,
-    kinds: Sequence[str],
-    period: int,
-    seed: int,
-    throughput: float | None,
-    light: float | None,
-    camera: Mapping[str, Any],
-) -> None:
-    """Refuse what cannot be searched, before scenes are read."""
-    if period < 1:
-        raise SettingError("--period", str(period), "1 pixel or more")
-    if seed < 0:
-        raise SettingError("--seed", str(seed), "0 or more")
-    for name, share in (("--throughput", throughput), ("--light", light)):
-        if share is not None and not 0 < share < 1:
-            raise SettingError(name, f"{share:g}", "a share above 0 and below 1")
-    needed = tile_bytes(design_model(designable("static", 1, (8, 8), **camera).taps()), (period, period))
-    if needed > _MOST_BYTES:
-        found = f"{period}, {needed / 1e9:.1f} GB for the blocks of one tile"
-        raise SettingError(
-            "--period", found, f"at most {_MOST_BYTES / 1e9:g} GB", "take a smaller period or fewer bands"
-        )
-    for k in sheet.allowed(slots):
-        if k * period**2 > _MOST_PIXELS:
-            found = f"{k} slots of {period}×{period} pixels"
-            raise SettingError(
-                "--slots", found, f"at most {_MOST_PIXELS} code pixels", "take fewer or a smaller period"
-            )
-    _check_kinds(kinds)
-
-
-def _check_kinds(kinds: Sequence[str]) -> None:
-    if "static" in kinds:
-        raise SettingError("--kinds", "static", "codes of several slots", "the static code is always searched")
-    known = [name for name in KINDS if name != "static"]
-    for kind in kinds:
-        if kind not in known:
-            raise SettingError("--kinds", repr(kind), f"some of {', '.join(known)}")
 
 
 def _described(

@@ -8,7 +8,8 @@ from typing import Any
 
 from tmca.cameras import LightFieldCamera
 from tmca.design import Advice, SensorSheet, design_model, designable, learn_examples
-from tmca.experiments.design_codes import Learned, Told, design_codes, named_once
+from tmca.experiments.design_checks import named_once
+from tmca.experiments.design_codes import Learned, Told, design_codes
 from tmca.experiments.light_field import load_light_field
 from tmca.optics import view_grid
 from tmca.priors.light_field import views_of
@@ -37,23 +38,23 @@ def design_light_field(
         camera: further arguments of ``LightFieldCamera``.
         how: further arguments of ``design_codes``.
     """
+    from tmca.data import split_rendered_light_fields
+
     named_once(scenes)
+    names = list(scenes) or sorted(split_rendered_light_fields()["train"])
     own = {"camera_type": LightFieldCamera, "views": view_grid(views), **(camera or {})}
 
     def learn(told: Told) -> Learned:
-        fields = _light_fields(scenes, views, scale, told)
+        fields = _light_fields(names, views, scale, told)
         told(0.2, "learning what the light fields have in common")
         one = designable("static", 1, (8, 8), **own)
         return Learned(learn_examples(fields, design_model(one.taps()), None, views=own["views"]), own)
 
-    return design_codes(sheet, out, learn, own, **how)
+    return design_codes(sheet, out, learn, own, len(names), **how)
 
 
-def _light_fields(scenes: Sequence[str], views: int, scale: int | None, told: Told) -> dict[str, Any]:
+def _light_fields(names: Sequence[str], views: int, scale: int | None, told: Told) -> dict[str, Any]:
     """(V·U, H, W) of every light field in grey, by name."""
-    from tmca.data import split_rendered_light_fields
-
-    names = list(scenes) or sorted(split_rendered_light_fields()["train"])
     found: dict[str, Any] = {}
     for place, name in enumerate(names):
         told(0.2 * place / len(names), f"reading {name}")

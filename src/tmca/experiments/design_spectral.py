@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import torch
 
 from tmca.design import Advice, Examples, SensorSheet, design_model, designable, learn_examples
 from tmca.errors import DataError
-from tmca.experiments.design_codes import Learned, Told, design_codes, named_once
-from tmca.experiments.scenes import load_scene
+from tmca.experiments.design_checks import named_once
+from tmca.experiments.design_codes import Learned, Told, design_codes
+from tmca.experiments.scenes import DarkScene, load_scene
 
 _RENDERED_SIZE = (256, 256)
 
@@ -38,32 +40,34 @@ def design_spectral(
         camera: further arguments of ``SpectralCamera``.
         how: further arguments of ``design_codes``.
     """
+    from tmca.data import split_rendered
+
     named_once(scenes)
-    own = dict(camera or {})
+    own, names = dict(camera or {}), list(scenes) or sorted(split_rendered()["train"])
+    how_read = {"size": None if scenes else _RENDERED_SIZE, **(reading or {})}
 
     def learn(told: Told) -> Learned:
-        examples, wavelengths = _examples(scenes, bands, own, reading or {}, told)
+        examples, wavelengths = _examples(names, bands, own, how_read, told)
         return Learned(examples, {"bands": wavelengths, **own})
 
-    return design_codes(sheet, out, learn, {"bands": bands, **own}, **how)
+    return design_codes(sheet, out, learn, {"bands": bands, **own}, len(names), **how)
 
 
 def _examples(
-    scenes: Sequence[str],
+    names: Sequence[str],
     bands: int,
     camera: Mapping[str, Any],
     reading: Mapping[str, Any],
     told: Told,
 ) -> tuple[Examples, list[float]]:
     """Example scenes as priors of the blocks that designs are judged on."""
-    from tmca.data import split_rendered
-
-    names = list(scenes) or sorted(split_rendered()["train"])
     cubes: dict[str, torch.Tensor] = {}
     wavelengths: list[float] = []
     for place, name in enumerate(names):
-        told(0.3 * place / len(names), f"reading {name}")
-        cube = load_scene(name, bands=bands, size=None if scenes else _RENDERED_SIZE, **reading)
+        told(0.2 * place / len(names), f"reading {name}")
+        with catch_warnings():
+            simplefilter("ignore", DarkScene)  # which are refused by name when all are read
+            cube = load_scene(name, bands=bands, **reading)
         own = cube["wavelength"].values.tolist()
         if wavelengths and (len(own) != len(wavelengths) or max(map(_apart, own, wavelengths)) > 1e-9):
             raise DataError(name, "other wavelengths", f"those of {names[0]}", "choose scenes of the same bands")

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded, PatchLikelihood
-from tmca.errors import DataError, SettingError
+from tmca.errors import SettingError
+from tmca.experiments.camera_figures import snapshot_figure
+from tmca.experiments.depth_scenes import READING, depth_tensor
 from tmca.experiments.figures import save_figure
 from tmca.experiments.snapshots import NOISE_STREAM
-from tmca.experiments.spectral_depth_figures import depth_figure
+from tmca.experiments.spectral_depth_figures import depth_figure, phase_codes_figure, psf_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,105 +65,6 @@ class SpectralDepthReconstruction:
         return write_dataset(xr.Dataset(parts, attrs=attrs), path, overwrite=overwrite)
 
 
-def load_spectral_depth(
-    source: str,
-    wavelengths: Sequence[float],
-    *,
-    near: float,
-    far: float,
-    size: tuple[int, int] | None = None,
-    reduce: int = 1,
-    placed: str | None = None,
-    from_rgb: bool = False,
-    seed: int = 0,
-) -> xr.Dataset:
-    """A spectral scene with depth, brought to bands, size and depth range of a camera.
-
-    Inverse depth of scenes from files and photographs is mapped affinely onto the range (``tmca.data.fitted_depth``).
-
-    Args:
-        source: a rendered scene, a file or folder of ``tmca.data.read_spectral_depth``, an RGB-D scene with
-            ``from_rgb``, or a spectral cube with ``placed``.
-        wavelengths: (L,) of the camera, metres.
-        near, far: its depth range, metres.
-        size: (H, W) centre crop.
-        reduce: pixels per axis that are averaged into one.
-        placed: how a cube without depth is put at drawn depths: a kind of ``tmca.data.place_cube``.
-        from_rgb: make up spectra for an RGB-D scene.
-        seed: of what is drawn.
-
-    Returns:
-        ``radiance`` (wavelength, y, x) and ``depth`` (y, x), metres, NaN where unknown or outside.
-
-    Raises:
-        DataError, SettingError: no such scene, or one that cannot be used so.
-    """
-    from tmca.data import fitted_depth, place_cube, read, read_spectral_depth, rendered_names, rendered_scene
-
-    if not Path(source).exists() and source in rendered_names():
-        scene = rendered_scene(source, wavelengths=wavelengths, seed=seed)[["radiance", "depth"]]
-    elif placed is not None:
-        scene = place_cube(_at_bands(read(source), wavelengths), near, far, seed, placed)  # type: ignore[arg-type]
-    else:
-        how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed} if from_rgb else {}
-        scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
-        reduce = 1
-    scene = _reduced(scene, reduce)
-    scene["radiance"] = _at_bands(scene["radiance"], wavelengths)
-    scene = scene if size is None else _cropped(scene, size, source)
-    if placed is None:
-        scene["depth"], about = fitted_depth(scene["depth"], near, far)
-        scene.attrs.update(about)
-    scene.attrs["name"] = Path(source).stem
-    return scene
-
-
-def _at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
-    """The cube's nearest band for every wavelength.
-
-    Raises:
-        DataError: a wavelength farther from every band than half their spacing.
-    """
-    own = cube["wavelength"].values
-    wanted = np.asarray(wavelengths)
-    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
-        return cube
-    chosen = np.abs(own[:, None] - wanted).argmin(0)
-    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
-    worst = int(np.abs(own[chosen] - wanted).argmax())
-    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
-        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
-        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
-    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))
-
-
-def _reduced(scene: xr.Dataset, by: int) -> xr.Dataset:
-    if by == 1:
-        return scene
-    from tmca.data.rendering.resample import area_average, nearest
-
-    height, width = (scene.sizes[axis] // by for axis in ("y", "x"))
-    kept = scene.isel(y=slice(0, height * by), x=slice(0, width * by))
-    cube = kept["radiance"].isel(y=slice(0, height), x=slice(0, width))
-    cube = cube.copy(data=area_average(kept["radiance"].values, (height, width)))
-    depth = kept["depth"].isel(y=slice(0, height), x=slice(0, width))
-    return scene.isel(y=slice(0, height), x=slice(0, width)).assign(
-        radiance=cube, depth=depth.copy(data=nearest(kept["depth"].values, (height, width)))
-    )
-
-
-def _cropped(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:
-    from tmca.data.light_fields import centre_window
-
-    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), size, None, source)
-    return scene.isel(y=rows, x=columns)
-
-
-def depth_tensor(scene: xr.Dataset) -> Tensor:
-    """(1, 1, H, W) metres."""
-    return torch.from_numpy(np.array(scene["depth"].values, dtype=np.float32))[None, None]
-
-
 def take_spectral_depth_snapshot(
     scene: xr.Dataset, camera: SpectralDepthCamera, seed: int = 0
 ) -> Snapshot[SpectralDepthCamera]:
@@ -178,7 +80,28 @@ def take_spectral_depth_snapshot(
         values = camera(cube, depth, NOISE_STREAM + seed)
     unknown = int((~camera.planes.known(depth)).sum())
     notes = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, "unknown_depth_pixels": unknown}
+    notes |= {READING: scene.attrs[READING]} if READING in scene.attrs else {}
     return Snapshot(values, camera, notes)
+
+
+def depth_snapshot_files(path: Path, figures: bool) -> list[Path]:
+    """What a snapshot and its pictures will be called."""
+    pictures = [path.with_name(f"{path.stem}{what}.png") for what in ("", "_codes", "_psf")]
+    return [path, *(pictures if figures else [])]
+
+
+def depth_snapshot_pictures(
+    snapshot: Snapshot[SpectralDepthCamera], path: Path, *, overwrite: bool = False
+) -> list[Path]:
+    """The snapshot, masks with shutter and filters, and the point spread functions as PNG beside a snapshot file."""
+    camera, title = snapshot.camera, f"{path.stem}: K = {snapshot.camera.slots}"
+    drawings = [
+        snapshot_figure(snapshot.values[0].mean(0).numpy(), camera, title),
+        phase_codes_figure(camera),
+        psf_figure(camera),
+    ]
+    files = depth_snapshot_files(path, figures=True)[1:]
+    return [save_figure(figure, file, overwrite=overwrite) for figure, file in zip(drawings, files, strict=True)]
 
 
 def reconstruct_spectral_depth(

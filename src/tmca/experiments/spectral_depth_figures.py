@@ -10,7 +10,7 @@ import torch
 from tmca.cameras import SpectralDepthCamera
 from tmca.experiments.composite import rgb_composite, white_level
 from tmca.experiments.depth_views import depth_map
-from tmca.experiments.figures import bare, grid, image, mark, spectra, spread_points
+from tmca.experiments.figures import add_bar, bare, grid, image, mark, plain_axes, spectra, spread_points
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,4 +59,27 @@ def psf_figure(camera: SpectralDepthCamera) -> Figure:
             axis.imshow(np.sqrt(value), cmap="inferno", interpolation="nearest")
             bare(axis, "" if line else f"{z:.2f} m")
         row[0].set_ylabel(name, fontsize=8)
+    return figure
+
+
+def phase_codes_figure(camera: SpectralDepthCamera) -> Figure:
+    """Height maps and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""
+    with torch.no_grad():
+        heights, shutter = (part.cpu().numpy() for part in camera.codes())
+        cells, filters = camera.filters.cells().cpu().numpy(), camera.filters.filters.cpu().numpy()
+    figure, axes = grid(2, camera.slots + 1, width=2.2, aspect=1.0)
+    limits, side = (float(heights.min()) * 1e9, float(heights.max()) * 1e9), 3 * cells.shape[0]
+    for slot, (height, shown) in enumerate(zip(heights, shutter, strict=True)):
+        drawn = axes[0, slot].imshow(height * 1e9, cmap="coolwarm", vmin=limits[0], vmax=limits[1])
+        bare(axes[0, slot], f"heights, slot {slot}")
+        image(axes[1, slot], shown[:side, :side], f"shutter, slot {slot}", "gray", 1.0)
+    add_bar(axes[0, camera.slots - 1], drawn, "nm")
+    axes[0, -1].imshow(cells, cmap="tab10", vmin=0, vmax=9)
+    bare(axes[0, -1], f"filters of a tile of {cells.shape[0]} pixels")
+    nanometres = np.asarray(camera.wavelengths) * 1e9
+    for index, values in enumerate(filters):
+        axes[1, -1].plot(nanometres, values, color=f"C{index}")
+    for values in camera.response.cpu().numpy():
+        axes[1, -1].plot(nanometres, values, color="0.4", linestyle=":")
+    plain_axes(axes[1, -1], "filters; dotted: sensor", "wavelength (nm)", "transmittance")
     return figure

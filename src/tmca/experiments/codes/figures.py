@@ -87,6 +87,9 @@ def _draw_bars(axis: Any, bars: dict[str, dict[str, float]], order: Sequence[str
         x = [noises.index(noise) + (place - (len(bars) - 1) / 2) * width for noise in values]
         shown = axis.bar(x, list(values.values()), width, label=name, color=_COLOURS[place])
         axis.bar_label(shown, fmt="{:+z.1f}", fontsize=6.5)
+        for noise in set(noises) - set(values):
+            middle = noises.index(noise) + (place - (len(bars) - 1) / 2) * width
+            axis.text(middle, 0, " not computed", rotation=90, ha="center", va="bottom", fontsize=6.5, color="#777777")
     axis.axhline(0, color="#333333", linewidth=0.8)
     axis.set_xticks(range(len(noises)), [_short(noise) if noise[0] != "σ" else noise for noise in noises])
     axis.margins(y=0.12)

@@ -182,7 +182,9 @@ def _light(scenes: Sequence[str], bands: int) -> float:
 def _grid_cells(common: Settings, slots: Sequence[int]) -> list[Settings]:
     """Every noise at equal exposure time; the corners per slot, where static codes get the time of all slots too.
 
-    The mean of K exposures has the noise of one divided by K, and K times the electrons: the same search at less noise.
+    K exposures accumulated before one readout have K times the electrons, and the read noise of one: in snapshot units
+    that is read noise and shot variance divided by K, the same search at less noise. The mean of K exposures that are
+    read one by one would have the read noise divided by √K.
     """
     equal = [
         {**common, "kind": "grid", "name": name, "noise": name, "sensor": sensor, "slots": list(slots)}

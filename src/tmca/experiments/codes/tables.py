@@ -46,7 +46,7 @@ _SCENE = (
     ("predicted", "foretold (dB)", _GAIN),
     ("there", "foretold, dimmed to the scene (dB)", _GAIN),
     ("gain", "measured (dB)", _GAIN),
-    ("miss", "measured - foretold dimmed (dB)", _GAIN),
+    ("miss", "measured - foretold in the light (dB)", _GAIN),
     ("seeds", "measured, seed by seed (dB)", ""),
 )
 _NETWORK = (
@@ -83,8 +83,9 @@ _CODES = (
 def study_markdown(found: dict[str, Any]) -> str:
     """The study for people."""
     lines = [*_opening(found), "## At equal exposure time", "", markdown_table(grid_rows(found, 1), _GRID)]
-    lines += ["## Per slot", "", "Every slot has the whole exposure time; the static code is given the time of all K "
-              "slots as well, and in one column that of one slot.", ""]  # fmt: skip
+    lines += ["## Per slot", "", "Every slot has the whole exposure time, K times the electrons before one "
+              "readout; the static code is given the time of all K slots as well, and in one column that of one "
+              "slot.", ""]  # fmt: skip
     for times in sorted({row["exposures"] for row in found["grid"]} - {1}):
         lines += [markdown_table(grid_rows(found, times), _PER_SLOT)]
     if found["test"]:
@@ -112,7 +113,8 @@ def _on_test_scenes(found: dict[str, Any]) -> list[str]:
         "says it. Dimmed: the examples' light is lowered until their mean irradiance is that of the scene. Codes "
         f"designed for the light were searched on examples dimmed to {found['mean_irradiance']:.3f}, the mean of the "
         "test scenes, as `tmca design --light` searches them, and are foretold there; all other codes know the "
-        "examples as they are. A dimmed prior is scaled to that mean too, as the forecast assumes."
+        "examples as they are. A dimmed prior is scaled to that mean too, as the forecast assumes. What is measured is "
+        "set against the foretold gain of codes designed for the light, and against that dimmed to the scene of others."
     )
     lines = ["## On test scenes", "", said, ""]
     lines += [markdown_table(test_rows(found["test"], found["light"]), _TEST), "Scene by scene, means over seeds:", ""]
@@ -191,10 +193,15 @@ def scene_rows(cells: Sequence[dict[str, Any]], lit: Sequence[dict[str, Any]]) -
     found = []
     for scene in dict.fromkeys(cell["scene"] for cell in cells):
         own, there = ([cell for cell in part if cell["scene"] == scene] for part in (cells, lit))
-        found += [{**row, "scene": scene, "miss": row["gain"] - row["there"]} for row in test_rows(own, there)]
+        found += [{**row, "scene": scene, "miss": row["gain"] - _foretold(row)} for row in test_rows(own, there)]
     shown = [row for row in found if "designed" in row["codes"] and not row["codes"].startswith("static")]
     places = {noise: place for place, noise in enumerate(dict.fromkeys(cell["noise"] for cell in cells))}
     return sorted(shown, key=lambda row: (places[row["noise"]], row["codes"], row["prior"]))
+
+
+def _foretold(row: dict[str, Any]) -> float:
+    """What `--light` says of codes that were designed for the light; of all others, what dimmed examples say."""
+    return float(row["predicted" if row["codes"].endswith(_FOR_LIGHT) else "there"])
 
 
 def network_rows(cells: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

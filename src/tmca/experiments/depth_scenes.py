@@ -1,0 +1,132 @@
+"""Spectral scenes with depth for experiments: brought to bands, size and depth range of a camera."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.errors import DataError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.cameras import Snapshot, SpectralDepthCamera
+
+READING = "scene_reading"
+"""Attribute of a snapshot, JSON: how its scene was read."""
+
+
+def load_spectral_depth(
+    source: str,
+    wavelengths: Sequence[float],
+    *,
+    near: float,
+    far: float,
+    size: tuple[int, int] | None = None,
+    reduce: int = 1,
+    placed: str | None = None,
+    from_rgb: bool = False,
+    seed: int = 0,
+) -> xr.Dataset:
+    """A spectral scene with depth, brought to bands, size and depth range of a camera.
+
+    Inverse depth of scenes from files and photographs is mapped affinely onto the range (``tmca.data.fitted_depth``).
+
+    Args:
+        source: a rendered scene, a file or folder of ``tmca.data.read_spectral_depth``, an RGB-D scene with
+            ``from_rgb``, or a spectral cube with ``placed``.
+        wavelengths: (L,) of the camera, metres.
+        near, far: its depth range, metres.
+        size: (H, W) centre crop.
+        reduce: pixels per axis that are averaged into one.
+        placed: how a cube without depth is put at drawn depths: a kind of ``tmca.data.place_cube``.
+        from_rgb: make up spectra for an RGB-D scene.
+        seed: of what is drawn.
+
+    Returns:
+        ``radiance`` (wavelength, y, x) and ``depth`` (y, x), metres, NaN where unknown or outside.
+
+    Raises:
+        DataError, SettingError: no such scene, or one that cannot be used so.
+    """
+    from tmca.data import fitted_depth, place_cube, read, read_spectral_depth, rendered_names, rendered_scene
+
+    asked = reduce
+    if not Path(source).exists() and source in rendered_names():
+        scene = rendered_scene(source, wavelengths=wavelengths, seed=seed)[["radiance", "depth"]]
+    elif placed is not None:
+        scene = place_cube(_at_bands(read(source), wavelengths), near, far, seed, placed)  # type: ignore[arg-type]
+    else:
+        how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed} if from_rgb else {}
+        scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
+        reduce = 1
+    scene = _reduced(scene, reduce)
+    scene["radiance"] = _at_bands(scene["radiance"], wavelengths)
+    scene = scene if size is None else _cropped(scene, size, source)
+    if placed is None:
+        scene["depth"], about = fitted_depth(scene["depth"], near, far)
+        scene.attrs.update(about)
+    scene.attrs["name"] = Path(source).stem
+    how = {"source": source, "reduce": asked, "placed": placed, "from_rgb": from_rgb, "seed": seed}
+    scene.attrs[READING] = json.dumps(how)
+    return scene
+
+
+def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.Dataset:
+    """The true scene of a snapshot, read as it was for the snapshot."""
+    camera, kept = taken.camera, json.loads(str(taken.notes.get(READING, "{}")))
+    how = {name: value for name, value in kept.items() if name != "source"}
+    near, far = camera.planes.near, camera.planes.far
+    return load_spectral_depth(truth, camera.wavelengths, near=near, far=far, size=camera.size, **how)
+
+
+def _at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
+    """The cube's nearest band for every wavelength.
+
+    Raises:
+        DataError: a wavelength farther from every band than half their spacing.
+    """
+    own = cube["wavelength"].values
+    wanted = np.asarray(wavelengths)
+    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
+        return cube
+    chosen = np.abs(own[:, None] - wanted).argmin(0)
+    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
+    worst = int(np.abs(own[chosen] - wanted).argmax())
+    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
+        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
+        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
+    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))
+
+
+def _reduced(scene: xr.Dataset, by: int) -> xr.Dataset:
+    if by == 1:
+        return scene
+    from tmca.data.rendering.resample import area_average, nearest
+
+    height, width = (scene.sizes[axis] // by for axis in ("y", "x"))
+    kept = scene.isel(y=slice(0, height * by), x=slice(0, width * by))
+    cube = kept["radiance"].isel(y=slice(0, height), x=slice(0, width))
+    cube = cube.copy(data=area_average(kept["radiance"].values, (height, width)))
+    depth = kept["depth"].isel(y=slice(0, height), x=slice(0, width))
+    return scene.isel(y=slice(0, height), x=slice(0, width)).assign(
+        radiance=cube, depth=depth.copy(data=nearest(kept["depth"].values, (height, width)))
+    )
+
+
+def _cropped(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:
+    from tmca.data.light_fields import centre_window
+
+    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), size, None, source)
+    return scene.isel(y=rows, x=columns)
+
+
+def depth_tensor(scene: xr.Dataset) -> Tensor:
+    """(1, 1, H, W) metres."""
+    return torch.from_numpy(np.array(scene["depth"].values, dtype=np.float32))[None, None]

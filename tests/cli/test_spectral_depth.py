@@ -1,0 +1,105 @@
+"""``tmca simulate|reconstruct spectral-depth`` as a user calls them."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tests.cli.refusals import refused
+from tmca.cameras import SpectralDepthCamera
+from tmca.cli import main
+from tmca.data import rendered_scene, write_dataset
+from tmca.priors import GaussianPrior
+
+
+@pytest.fixture(scope="module")
+def prior(tmp_path_factory):
+    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
+    cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))["radiance"].values
+    learned = GaussianPrior.learn([torch.from_numpy(cube)], (42, 42), wavelengths=waves)
+    return learned.save(tmp_path_factory.mktemp("prior") / "prior.nc")
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def simulate(*more, scene="motorcycle"):
+    main(["simulate", "spectral-depth", scene, "--reduce", "8", "--crop", "48x52", *map(str, more)])
+
+
+def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, prior):
+    simulate("--read-noise", "0.002", "--json")
+    told = json.loads(capsys.readouterr().out)
+    assert told["bands"] == 8
+    assert told["slots"] == 4
+    assert told["unknown_depth_pixels"] > 0
+    assert {file.name for file in tmp_path.glob("*.png")} == {
+        "motorcycle_snapshot.png", "motorcycle_snapshot_codes.png", "motorcycle_snapshot_psf.png"
+    }  # fmt: skip
+    main(["reconstruct", "motorcycle_snapshot.nc", "--prior", str(prior), "--truth", "motorcycle", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["decoder"] == "likelihood"
+    assert found["metrics"]["psnr"] > 15
+    assert 0 < found["metrics"]["depth_mae"] < 1.6
+    with xr.open_dataset("motorcycle_likelihood.nc") as kept:
+        assert kept["depth"].shape == (48, 52)
+        assert float(kept["depth"].min()) >= 0.4 - 1e-6
+        assert float(kept["depth"].max()) <= 2 + 1e-6
+    assert (tmp_path / "motorcycle_likelihood.png").exists()
+
+
+def test_options_describe_the_camera(capsys):
+    simulate("--preset", "quick-diffractive", "--depth", "0.5,1.5", "--planes", "5", "--mask", "lens", "--no-figures")
+    capsys.readouterr()
+    main(["inspect", "motorcycle_snapshot.nc"])
+    with xr.open_dataset("motorcycle_snapshot.nc") as kept:
+        assert json.loads(kept.attrs["depth"]) == {"near": 0.5, "far": 1.5, "count": 5}
+        assert kept["heights"].shape[0] == 1
+
+
+def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
+    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
+    cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]]
+    write_dataset(cube, tmp_path / "cube.nc")
+    said = refused(capsys, "simulate", "spectral-depth", "cube.nc", "--crop", "40x40")
+    assert "depth" in said
+    main(["simulate", "spectral-depth", "cube.nc", "--crop", "40x40", "--placed", "slanted", "--no-figures"])
+    with xr.open_dataset("cube_snapshot.nc") as kept:
+        assert np.isfinite(kept["snapshot"].values).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (("--depth", "2"), "--depth"),
+        (("--depth", "2,0.4"), "near < far"),
+        (("--planes", "0"), "planes"),
+        (("--mask", "wavy"), "zernike"),
+        (("--filters", "pink"), "rgbw"),
+        (("--channels", "cmyk"), "rgb"),
+        (("--shutter", "slow"), "one-hot"),
+        (("--slots", "0"), "slots"),
+        (("--reduce", "0"), "--reduce"),
+        (("--placed", "upside-down"), "slanted"),
+        (("--read-noise", "-1"), "--read-noise"),
+        (("--preset", "huge"), "quick"),
+    ],
+)
+def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, message):
+    scene = "chelsea" if given[0] != "--placed" else str(tmp_path / "cube.nc")
+    if given[0] == "--placed":
+        write_dataset(rendered_scene("chelsea", size=(60, 70))[["radiance"]], scene)
+    said = refused(capsys, "simulate", "spectral-depth", scene, "--reduce", "8", "--crop", "32x32", *given)
+    assert message in said
+    assert not list(tmp_path.glob("*_snapshot*"))
+
+
+def test_options_of_other_cameras_are_refused(capsys, prior):
+    simulate("--no-figures")
+    capsys.readouterr()
+    for given, message in ((("--dictionary", "d.nc"), "--dictionary"), (("-d", "lmmse"), "likelihood")):
+        assert message in refused(capsys, "reconstruct", "motorcycle_snapshot.nc", "--prior", prior, *given)
