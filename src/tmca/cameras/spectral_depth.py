@@ -12,7 +12,7 @@ from torch import Tensor
 from tmca.cameras.camera import Camera
 from tmca.cameras.checks import band_wavelengths, choice
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
-from tmca.codes import CodePlane
+from tmca.codes import CodePlane, balanced_choice, one_hot_planes
 from tmca.errors import SettingError, ShapeError
 from tmca.operators.spectral_depth import (
     LayeredOperator,
@@ -45,7 +45,8 @@ class SpectralDepthCamera(Camera):
         bench: distances, pitches and sizes.
         mask: family of the height maps (``tmca.optics.FAMILIES``), the maps (K, H, W) in metres, or ``HeightMaps``.
         rms: of random heights, metres.
-        shutter: family of the shutter codes (``tmca.codes.FAMILIES``) or patterns (K, H, W), or (K, Q, Q) of a tile.
+        shutter: family of the shutter codes (``tmca.codes.FAMILIES``; ``"one-hot"`` opens as many pixels of a tile in
+            every slot) or patterns (K, H, W), or (K, Q, Q) of a tile.
         filters: family of the feasible filters (``tmca.sensor.FILTERS``) or transmittances (R, L).
         cells: (Q, Q) index of the filter over every pixel; random if None.
         period: tile Q of shutter and filters, pixels.
@@ -102,6 +103,8 @@ class SpectralDepthCamera(Camera):
         self.shutter = CodePlane(
             shutter, slots, self.size, period=tile, seed=2 * seed + 1, learnable="shutter" in learned, name="shutter"
         )
+        if isinstance(shutter, str) and shutter == "one-hot":
+            self.shutter.show(one_hot_planes(balanced_choice(slots, (period, period), 2 * seed + 1), slots))
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):
             raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")

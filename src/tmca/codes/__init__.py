@@ -1,5 +1,6 @@
 """What the aperture and the shutter show in each time slot."""
 
+from tmca.codes.balanced import balanced_choice, one_hot_planes
 from tmca.codes.binary import hard_threshold, one_hot_slots
 from tmca.codes.blue_noise import blue_noise_ranks
 from tmca.codes.files import CodesFile, read_codes, write_codes
@@ -12,8 +13,10 @@ __all__ = [
     "CodePlane",
     "CodesFile",
     "MultiplexedCodes",
+    "balanced_choice",
     "blue_noise_ranks",
     "hard_threshold",
+    "one_hot_planes",
     "one_hot_slots",
     "pattern",
     "read_codes",

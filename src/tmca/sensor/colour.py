@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.codes import CodePlane
+from tmca.codes import CodePlane, balanced_choice, one_hot_planes
 from tmca.errors import SettingError, ShapeError
 
 SENSORS = ("monochrome", "rgb")
@@ -26,7 +26,7 @@ class ColourCodedAperture(nn.Module):
         filters: (R, L) transmittance.
         size: (H, W) of the sensor, pixels.
         period: side of the tile Q, or (height, width), pixels; that of ``cells`` if given.
-        cells: (Q, Q) index of the filter over every pixel of the tile; random if None.
+        cells: (Q, Q) index of the filter over every pixel of the tile; random, each filter as often, if None.
         seed: of random cells.
         learnable: whether the choice of filters is learned.
         slope: of the softmax over filters.
@@ -57,13 +57,14 @@ class ColourCodedAperture(nn.Module):
         if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 + 1e-6:
             raise SettingError("filters", "values outside [0, 1]", "transmittance of every filter and band")
         self.register_buffer("filters", values)
-        tile = period if cells is None else (len(cells), len(cells[0]))
+        if cells is None:
+            cells = balanced_choice(len(values), (period, period) if isinstance(period, int) else period, seed)
+        tile = (len(cells), len(cells[0]))
         self.plane = CodePlane(
             "one-hot", len(values), size, period=tile, seed=seed, learnable=learnable, slope=slope, spread=spread,
             name="colour-coded aperture",
         )  # fmt: skip
-        if cells is not None:
-            self.plane.show(_one_hot(cells, len(values)), spread=spread, seed=seed)
+        self.plane.show(_one_hot(cells, len(values)), spread=spread, seed=seed)
 
     @property
     def learnable(self) -> bool:
@@ -87,7 +88,7 @@ def _one_hot(cells: Tensor, count: int) -> Tensor:
     chosen = torch.as_tensor(cells)
     if chosen.ndim != 2 or chosen.is_floating_point() or not bool(((chosen >= 0) & (chosen < count)).all()):
         raise SettingError("cells", str(chosen.tolist())[:60], f"(Q, Q) whole numbers from 0 to {count - 1}")
-    return torch.nn.functional.one_hot(chosen.long(), count).movedim(-1, 0).float()
+    return one_hot_planes(chosen, count)
 
 
 def feasible_filters(family: str, wavelengths: Sequence[float], count: int = 4) -> Tensor:
