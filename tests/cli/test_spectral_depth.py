@@ -103,3 +103,17 @@ def test_options_of_other_cameras_are_refused(capsys, prior):
     capsys.readouterr()
     for given, message in ((("--dictionary", "d.nc"), "--dictionary"), (("-d", "lmmse"), "likelihood")):
         assert message in refused(capsys, "reconstruct", "motorcycle_snapshot.nc", "--prior", prior, *given)
+
+
+def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
+    simulate("--no-figures")
+    main(["simulate", "spectral", "coffee", "--crop", "32x32", "--no-figures"])
+    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
+    write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
+    learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like")
+    main([*learn, "motorcycle_snapshot.nc"])
+    assert "8 × 42 × 42" in capsys.readouterr().out
+    main(["reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures"])
+    capsys.readouterr()
+    assert "--mixture" in refused(capsys, *learn, "motorcycle_snapshot.nc", "--mixture", "--overwrite")
+    assert "spectral-depth" in refused(capsys, *learn, "coffee_snapshot.nc", "--overwrite")

@@ -27,6 +27,7 @@ def learn(
     bands: Whole = 12,
     all_bands: Annotated[bool, Parameter(negative="")] = False,
     spread: MaybeWhole = None,
+    like: Path | None = None,
     reading: SceneOptions = _SCENE,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -42,6 +43,7 @@ def learn(
         bands: nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the files instead.
         spread: pixels between the first and the last band on the sensor; one per band without it.
+        like: snapshot of the spectral-depth camera, for whose bands and point spread functions the prior is.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
         seed: of the random blocks.
@@ -58,6 +60,7 @@ def learn(
             split=split,
             bands=None if all_bands else bands,
             spread=spread,
+            like=like,
             reading=reading.reading(),
             seed=seed,
             figure=figure,

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.errors import DataError
+from tmca.experiments.scenes import at_bands
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,13 +61,13 @@ def load_spectral_depth(
     if not Path(source).exists() and source in rendered_names():
         scene = rendered_scene(source, wavelengths=wavelengths, seed=seed)[["radiance", "depth"]]
     elif placed is not None:
-        scene = place_cube(_at_bands(read(source), wavelengths), near, far, seed, placed)  # type: ignore[arg-type]
+        scene = place_cube(at_bands(read(source), wavelengths), near, far, seed, placed)  # type: ignore[arg-type]
     else:
         how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed} if from_rgb else {}
         scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
         reduce = 1
     scene = _reduced(scene, reduce)
-    scene["radiance"] = _at_bands(scene["radiance"], wavelengths)
+    scene["radiance"] = at_bands(scene["radiance"], wavelengths)
     scene = scene if size is None else _cropped(scene, size, source)
     if placed is None:
         scene["depth"], about = fitted_depth(scene["depth"], near, far)
@@ -84,25 +84,6 @@ def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.
     how = {name: value for name, value in kept.items() if name != "source"}
     near, far = camera.planes.near, camera.planes.far
     return load_spectral_depth(truth, camera.wavelengths, near=near, far=far, size=camera.size, **how)
-
-
-def _at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
-    """The cube's nearest band for every wavelength.
-
-    Raises:
-        DataError: a wavelength farther from every band than half their spacing.
-    """
-    own = cube["wavelength"].values
-    wanted = np.asarray(wavelengths)
-    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
-        return cube
-    chosen = np.abs(own[:, None] - wanted).argmin(0)
-    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
-    worst = int(np.abs(own[chosen] - wanted).argmax())
-    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
-        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
-        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
-    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))
 
 
 def _reduced(scene: xr.Dataset, by: int) -> xr.Dataset:

@@ -6,11 +6,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.decoders.depth_likelihood import WINDOW
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.figures import save_figure
-from tmca.experiments.scenes import load_scene
+from tmca.experiments.scenes import at_bands, load_scene
 from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior, load_prior
+from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 
 _FRAME = 128
@@ -24,6 +26,7 @@ def learn_to_file(
     split: Path | None = None,
     bands: int | None = 12,
     spread: int | None = None,
+    like: Path | None = None,
     reading: dict[str, Any] | None = None,
     figure: Path | None = None,
     overwrite: bool = False,
@@ -32,8 +35,10 @@ def learn_to_file(
 ) -> Prior:
     """Learn a prior from files, rendered scenes or a split, and write it with its picture.
 
+    ``like`` is a snapshot of the spectral-depth camera, whose bands and block the prior gets.
+
     Raises:
-        SettingError: no scenes.
+        SettingError: no scenes, or ``like`` beside what it decides.
         OutputError: a file exists.
     """
     from tmca.data import read_split
@@ -46,18 +51,30 @@ def learn_to_file(
         raise SettingError("prior learn", "no scenes", "cube files, rendered scenes or --split")
     if spread is not None and spread < 0:
         raise SettingError("--spread", str(spread), "0 pixels or more")
+    wavelengths, block = (None, None) if like is None else _needed(like, mixture, spread)
     cubes, told = [], progress or (lambda share, step: None)
     for index, source in enumerate(sources):
         told(0.5 * index / len(sources), f"reading {source}")
-        cubes.append(load_scene(source, bands=bands, **(reading or {})))
+        cube = load_scene(source, bands=None if wavelengths else bands, **(reading or {}))
+        cubes.append(at_bands(cube, wavelengths) if wavelengths else cube)
     told(0.5, f"learning the {'mixture ' if mixture else ''}prior")
-    prior = learn_prior(
-        cubes, spread=cubes[0].sizes["wavelength"] - 1 if spread is None else spread, mixture=mixture, seed=seed
-    )
+    wide = cubes[0].sizes["wavelength"] - 1 if spread is None else spread
+    prior = learn_prior(cubes, spread=wide, mixture=mixture, block=block, seed=seed)
     prior.save(out, overwrite=overwrite)
     if figure is not None:
         save_figure(prior.figure(), figure, overwrite=overwrite)
     return prior
+
+
+def _needed(like: Path, mixture: bool, spread: int | None) -> tuple[tuple[float, ...], tuple[int, int]]:
+    """Wavelengths and block (rows, columns) of the prior that a snapshot's camera needs."""
+    for name, given in (("--mixture", mixture), ("--spread", spread is not None)):
+        if given:
+            raise SettingError(name, "given beside --like", "one of them", "leave it out")
+    camera = Snapshot.load(like).camera
+    if not isinstance(camera, SpectralDepthCamera):
+        raise SettingError("--like", f"a {camera.application} snapshot", "one of the spectral-depth camera")
+    return camera.wavelengths, needed_block(WINDOW, camera.bench.window)
 
 
 def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: dict[str, Any]) -> dict[str, float]:

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from warnings import warn
 
+import numpy as np
+
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -67,6 +69,25 @@ def load_scene(
     if not cube.values.any():
         warn(f"{name}: every pixel is zero", DarkScene, stacklevel=2)
     return cube
+
+
+def at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
+    """The cube's nearest band for every wavelength.
+
+    Raises:
+        DataError: a wavelength farther from every band than half their spacing.
+    """
+    own = cube["wavelength"].values
+    wanted = np.asarray(wavelengths)
+    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
+        return cube
+    chosen = np.abs(own[:, None] - wanted).argmin(0)
+    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
+    worst = int(np.abs(own[chosen] - wanted).argmax())
+    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
+        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
+        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
+    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))
 
 
 def identity_of(source: str) -> str | None:
