@@ -11,7 +11,7 @@ from tmca.design.kinds import KINDS
 from tmca.design.transfer import example_bytes
 from tmca.errors import DataError, SettingError
 
-_MOST_TILE, _MOST_EXAMPLES = 4e9, 12e9
+_MOST_TILE, _MOST_EXAMPLES = 4e9, 10e9
 """Memory for the blocks of one tile, and for what all example scenes say of blocks, bytes."""
 _MOST_PIXELS = 2**20
 
