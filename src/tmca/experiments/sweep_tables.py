@@ -69,6 +69,8 @@ def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str], names: Map
         )
         if numeric and min(places) > 0 and max(places) >= 8 * min(places):
             axis.set_xscale("log")
+            axis.set_xticks(places, [f"{place:g}" for place in places])
+            axis.minorticks_off()
     if len(groups) > 1:
         axis.legend(fontsize=8)
     decoders = {names[row["decoder"]] for row in rows}
