@@ -47,18 +47,18 @@ class Camera(nn.Module):
     @property
     def full_scale(self) -> float:
         """Level of a white scene with everything open, snapshot units: ``white``, K times that per slot."""
-        return self.white * self._exposures
+        return self.white * self.exposures
 
     @property
     def noise(self) -> Noise:
         """Read and shot noise in snapshot units."""
-        return self.sensor.noise(self.white, self._exposures)
+        return self.sensor.noise(self.white, self.exposures)
 
     def record(self, irradiance: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
         """What the sensor makes of exact irradiance of any shape: noise, saturation, converter."""
-        return self.sensor(irradiance, self.white, generator, self._exposures)
+        return self.sensor(irradiance, self.white, generator, self.exposures)
 
     @property
-    def _exposures(self) -> int:
+    def exposures(self) -> int:
         """Exposure times that are accumulated: K per slot."""
         return self.slots if self.exposure == "per-slot" else 1

@@ -84,7 +84,7 @@ def read_spectral_depth(
         about = {}
         cube, depth = read(parts[0], variable=variable, **options), read_depth_map(parts[1], scale=depth_scale)
     about |= {"name": path.stem, "source": str(path), "metric": bool(about.get("metric", True))}
-    return _reduced(label_spectral_depth(cube, depth, about), reduce)
+    return reduced_scene(label_spectral_depth(cube, depth, about), reduce, path)
 
 
 def label_spectral_depth(cube: xr.DataArray, depth: xr.DataArray, attrs: dict[str, Any] | None = None) -> xr.Dataset:
@@ -149,15 +149,20 @@ def _beside(path: Path) -> tuple[str | None, dict[str, Any]]:
         return "radiance" if "radiance" in contents.arrays else None, dict(contents.attrs)
 
 
-def _reduced(scene: xr.Dataset, by: int | None) -> xr.Dataset:
+def reduced_scene(scene: xr.Dataset, by: int | None, where: str | Path) -> xr.Dataset:
+    """``radiance`` and ``depth`` with ``by`` pixels per axis in one: light averaged, depth sampled at the middle.
+
+    Raises:
+        SettingError: not a whole number above 0, or more than the scene has.
+    """
     if by is None:
         return scene
-    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), None, by, scene.attrs["source"])
+    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), None, by, where)
     window = scene.isel(y=rows, x=columns).drop_vars(["y", "x"], errors="ignore")
     size = window.sizes["y"] // by, window.sizes["x"] // by
     small = area_average(window["radiance"].values, size)
     cube = window["radiance"].isel(y=slice(size[0]), x=slice(size[1])).copy(data=small)
-    depth = label_depth(nearest(window["depth"].values, size), scene.attrs["source"])
+    depth = label_depth(nearest(window["depth"].values, size), where)
     return label_spectral_depth(cube, depth, scene.attrs)
 
 

@@ -56,6 +56,7 @@ def load_spectral_depth(
         DataError, SettingError: no such scene, or one that cannot be used so.
     """
     from tmca.data import fitted_depth, place_cube, read, read_spectral_depth, rendered_names, rendered_scene
+    from tmca.data.spectral_depth import reduced_scene
 
     asked = reduce
     if not Path(source).exists() and source in rendered_names():
@@ -66,7 +67,7 @@ def load_spectral_depth(
         how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed} if from_rgb else {}
         scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
         reduce = 1
-    scene = _reduced(scene, reduce)
+    scene = reduced_scene(scene, None if reduce == 1 else reduce, source)
     scene["radiance"] = at_bands(scene["radiance"], wavelengths)
     scene = scene if size is None else _cropped(scene, size, source)
     if placed is None:
@@ -84,21 +85,6 @@ def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.
     how = {name: value for name, value in kept.items() if name != "source"}
     near, far = camera.planes.near, camera.planes.far
     return load_spectral_depth(truth, camera.wavelengths, near=near, far=far, size=camera.size, **how)
-
-
-def _reduced(scene: xr.Dataset, by: int) -> xr.Dataset:
-    if by == 1:
-        return scene
-    from tmca.data.rendering.resample import area_average, nearest
-
-    height, width = (scene.sizes[axis] // by for axis in ("y", "x"))
-    kept = scene.isel(y=slice(0, height * by), x=slice(0, width * by))
-    cube = kept["radiance"].isel(y=slice(0, height), x=slice(0, width))
-    cube = cube.copy(data=area_average(kept["radiance"].values, (height, width)))
-    depth = kept["depth"].isel(y=slice(0, height), x=slice(0, width))
-    return scene.isel(y=slice(0, height), x=slice(0, width)).assign(
-        radiance=cube, depth=depth.copy(data=nearest(kept["depth"].values, (height, width)))
-    )
 
 
 def _cropped(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:

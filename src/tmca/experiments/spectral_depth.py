@@ -16,6 +16,7 @@ from tmca.errors import SettingError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.experiments.depth_scenes import READING, depth_tensor
 from tmca.experiments.figures import save_figure
+from tmca.experiments.reconstructions import write_parts
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth_figures import depth_figure, phase_codes_figure, psf_figure
 
@@ -55,14 +56,8 @@ class SpectralDepthReconstruction:
         Raises:
             OutputError: the file exists, or cannot be written.
         """
-        import xarray as xr
-
-        from tmca.data import write_dataset
-
-        measured = {f"metric_{name}": value for name, value in self.metrics.items()}
         parts = {"radiance": self.cube, "depth": self.depth, "confidence": self.confidence}
-        attrs = {**self.notes, "decoder": self.decoder, "seconds": self.seconds, **measured}
-        return write_dataset(xr.Dataset(parts, attrs=attrs), path, overwrite=overwrite)
+        return write_parts(self, parts, path, overwrite)
 
 
 def take_spectral_depth_snapshot(
@@ -177,7 +172,7 @@ def spectral_depth_pictures(
     overwrite: bool = False,
 ) -> list[Path]:
     """Colour composites, depth maps, confidence and spectra beside a reconstruction file."""
-    figure = depth_figure(result, snapshot.camera, None if truth is None else truth)
+    figure = depth_figure(result, snapshot.camera, truth)
     return [save_figure(figure, spectral_depth_files(path, figures=True)[1], overwrite=overwrite)]
 
 

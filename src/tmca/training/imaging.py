@@ -185,7 +185,7 @@ class ImagingSystem(nn.Module):
         return torch.cat(rows)
 
     def _light(self) -> tuple[float, int]:
-        return self.camera.white, self.camera.slots if self.camera.exposure == "per-slot" else 1
+        return self.camera.white, self.camera.exposures
 
     def _noise(self, sensor: Sensor) -> Noise:
         return sensor.noise(*self._light())
