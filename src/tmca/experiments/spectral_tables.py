@@ -102,7 +102,8 @@ def markdown(found: dict[str, Any]) -> str:
     if trained:
         lines += [
             "Networks learned from patches of the same scenes and, less often, of the rendered training scenes, one "
-            "for all three noises, in the CPU minutes of the last column (one core), half precision (bfloat16). "
+            "for all three noises, in the CPU minutes of the last column (one core), half precision (bfloat16) "
+            "where the processor computes it. "
             f"{MULTIPLEXED} starts at the codes and the decoder of {STATIC}, whose minutes come on top; "
             f"{FREE}, at random codes. Rows of learned codes without a network reconstruct from the codes that were "
             "learned with the unrolled network, in its minutes. The U-Net from Φᵀy is not told the codes; it learned "

@@ -25,6 +25,7 @@ from tmca.training.folder import held, open_run
 from tmca.training.imaging import ImagingSystem
 from tmca.training.loop import Progress, Run
 from tmca.training.patches import CubeStore, Load, Patch, PatchSource
+from tmca.training.precision import Precision, choose_precision
 from tmca.training.scenes import RENDERED, SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
 from tmca.training.starts import KeptStarts, Pool
@@ -104,12 +105,14 @@ def train(
         TrainingError: a loss that is not finite.
     """
     lists = scene_lists(settings.data, settings.seed)
-    fabric = _engine(settings, accelerator, processes, nodes)
+    precision = choose_precision(settings.precision, accelerator)
+    fabric = _engine(settings, precision, accelerator, processes, nodes)
+    used = settings.model_copy(update={"precision": precision})
     with held(folder) if fabric.is_global_zero else nullcontext():
         if fabric.is_global_zero:
             open_run(folder, settings, lists)
         fabric.barrier()
-        return _train(application, settings, folder, load, lists, fabric, progress if fabric.is_global_zero else None)
+        return _train(application, used, folder, load, lists, fabric, progress if fabric.is_global_zero else None)
 
 
 def _train(
@@ -216,7 +219,7 @@ def _short(name: str) -> str:
     return Path(name).name
 
 
-def _engine(settings: TrainSettings, accelerator: str, processes: int, nodes: int) -> Fabric:
+def _engine(settings: TrainSettings, precision: Precision, accelerator: str, processes: int, nodes: int) -> Fabric:
     import logging
     import warnings
 
@@ -228,7 +231,7 @@ def _engine(settings: TrainSettings, accelerator: str, processes: int, nodes: in
         warnings.simplefilter("ignore")
         try:
             fabric = Fabric(
-                accelerator=accelerator, devices=processes, num_nodes=nodes, precision=settings.precision,
+                accelerator=accelerator, devices=processes, num_nodes=nodes, precision=precision,
                 strategy="ddp" if processes * nodes > 1 else "auto",
             )  # fmt: skip
         except (ValueError, RuntimeError) as error:  # Fabric has no error of its own for a device that is not there
