@@ -39,7 +39,7 @@ def reconstruct(
         decoder: lmmse (default), admm-tv, dagger, or network; of a spectral snapshot also lmmse-adapted (its prior
             refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means; of a light-field snapshot
             also mixture, dictionary, dictionary-omp. Of a spectral-depth snapshot likelihood: depth and spectrum of the
-            most likely plane under a patch prior.
+            most likely plane under a patch prior; or network.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
             the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
@@ -60,8 +60,8 @@ def reconstruct(
     if taken.camera.application == "light-field":
         found = _light_field(taken, snapshot, target, decoder, truth, reading, output, how | {"dictionary": dictionary})
     elif taken.camera.application == "spectral-depth":
-        _check_depth(dictionary, weights, tv_weight, reading)
-        found = spectral_depth.reconstruct(taken, snapshot, target, decoder, truth, output, prior)
+        _check_depth(dictionary, tv_weight, reading)
+        found = spectral_depth.reconstruct(taken, snapshot, target, decoder, truth, output, prior, weights)
     elif dictionary is not None:
         raise SettingError(
             "--dictionary", str(dictionary), "none: only light fields are decoded by one", "leave it out"
@@ -72,9 +72,9 @@ def reconstruct(
     _say(result, target, written, output)
 
 
-def _check_depth(dictionary: Path | None, weights: str | None, tv_weight: float | None, reading: TruthOptions) -> None:
+def _check_depth(dictionary: Path | None, tv_weight: float | None, reading: TruthOptions) -> None:
     """Raises SettingError for options that the spectral-depth camera does not have."""
-    given = {"dictionary": dictionary, "weights": weights, "tv-weight": tv_weight, **vars(reading)}
+    given = {"dictionary": dictionary, "tv-weight": tv_weight, **vars(reading)}
     for name, value in given.items():
         if value not in (None, "error"):
             known = "none for a spectral-depth snapshot: its truth is read as its scene was"

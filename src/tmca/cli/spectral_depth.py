@@ -127,6 +127,7 @@ def reconstruct(
     truth: str | None,
     output: OutputOptions,
     prior: Path | None,
+    weights: str | None = None,
 ) -> tuple[Any, list[Path]]:
     """Cube and depth of a snapshot, and the files that were written."""
     from tmca.experiments.depth_scenes import true_spectral_depth
@@ -139,7 +140,9 @@ def reconstruct(
     check_targets(spectral_depth_files(target, output.figures), output.overwrite, snapshot)
     scene = None if truth is None else true_spectral_depth(truth, taken)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        result = reconstruct_spectral_depth(taken, decoder, prior=prior, truth=scene, progress=progress)
+        result = reconstruct_spectral_depth(
+            taken, decoder, prior=prior, weights=weights, truth=scene, progress=progress
+        )
     written = [result.save(target, overwrite=output.overwrite)]
     if output.figures:
         written += spectral_depth_pictures(result, target, snapshot=taken, truth=scene, overwrite=output.overwrite)

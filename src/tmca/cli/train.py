@@ -94,6 +94,55 @@ def light_field(
     _run(train_light_field, settings, out, load, accelerator, json)
 
 
+@app.command
+def spectral_depth(
+    *,
+    out: Path,
+    preset: str | None = None,
+    config: Path | None = None,
+    train: list[str] | None = None,
+    validation: list[str] | None = None,
+    from_rgb: Annotated[bool, Parameter(negative="")] = False,
+    placed: str | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    steps: MaybeWhole = None,
+    accelerator: str = "auto",
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Train the spectral-depth camera. The same command goes on with a run that was stopped.
+
+    Writes into --out: weights.safetensors (masks, shutter, filters and decoder with the best validation), log.csv,
+    pictures, checkpoints.
+
+    Args:
+        out: folder of the run.
+        preset: quick (minutes on two cores), or thesis (25 bands, 256², K = 4, eight planes, everything learned).
+        config: YAML description; options replace its values.
+        train: rendered scenes, RGB-D scenes, cubes, spectral scenes with depth, or split files of them.
+        validation: the same, for choosing the best checkpoint; else shares of --train are set aside.
+        from_rgb: make up spectra of measured reflectances for RGB-D scenes.
+        placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
+        set_: any setting, as camera.slots=4 or noise='[{read_noise: 0.002}]'; may be given several times.
+        steps: optimiser steps.
+        accelerator: auto, cpu or cuda.
+        json: print the result as JSON.
+    """
+    from tmca.experiments.depth_scenes import load_any_depth_scene
+    from tmca.training import spectral_depth_settings, train_spectral_depth
+    from tmca.training.spectral_depth import training_camera
+
+    changes = _changes(set_, train, validation, steps)
+    changes |= {"data.from_rgb": True} if from_rgb else {}
+    changes |= {"data.placed": placed} if placed else {}
+    settings = spectral_depth_settings(preset, config, changes)
+    camera, data = training_camera(settings), settings.data
+
+    def load(name: str) -> Any:
+        return load_any_depth_scene(name, camera, side=data.side, placed=data.placed, from_rgb=data.from_rgb)
+
+    _run(train_spectral_depth, settings, out, load, accelerator, json)
+
+
 def _changes(
     set_: list[str] | None, train: list[str] | None, validation: list[str] | None, steps: int | None
 ) -> dict[str, Any]:

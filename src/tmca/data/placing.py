@@ -56,14 +56,25 @@ def place_cube(cube: xr.DataArray, near: float, far: float, seed: int = 0, kind:
     # Two cubes under one seed shall not get the same depths, and a moved file the same ones as before.
     name = str(cube.attrs.get("name", Path(str(cube.attrs.get("source", ""))).stem))
     rng = generator(crc32(f"placed {name}".encode()), seed)
-    drawn: Placing = ("smooth", "pieces")[rng.integers(2)] if kind == "random" else kind
-    if drawn == "staged":
+    if kind == "staged":
         picture = false_colours(cube)
         depth = staged_depth(picture, regions_of(picture, *COARSE), near, far, rng)
     else:
-        nearness = _NEARNESS[drawn]((cube.sizes["y"], cube.sizes["x"]), rng)
+        nearness = drawn_nearness((cube.sizes["y"], cube.sizes["x"]), rng, kind)
         depth = (1 / (1 / far + nearness * (1 / near - 1 / far))).astype(np.float32)
     return _dataset(cube, depth, {"placed": kind, "placed_seed": seed, "near": float(near), "far": float(far)})
+
+
+def drawn_nearness(shape: tuple[int, int], rng: np.random.Generator, kind: Placing = "random") -> Map:
+    """(H, W) inverse depth as a share of the range, 0 = far, 1 = near; kinds of `place_cube` that need no picture.
+
+    Raises:
+        SettingError: another kind.
+    """
+    drawn: Placing = ("smooth", "pieces")[rng.integers(2)] if kind == "random" else kind
+    if drawn not in _NEARNESS:
+        raise SettingError("kind", repr(kind), f"one of {', '.join(_NEARNESS)}")
+    return _NEARNESS[drawn](shape, rng)
 
 
 def _dataset(cube: xr.DataArray, depth: NDArray[np.float32], about: dict[str, object]) -> xr.Dataset:

@@ -68,18 +68,48 @@ class ConvolutionalBody(nn.Module):
             nn.init.zeros_(self.leave.bias)  # type: ignore[arg-type]
 
     def forward(self, x: Tensor) -> Tensor:
-        height, width = x.shape[2:]
-        extra = (-height % self.multiple, -width % self.multiple)
+        return self.ascend(*self.descend(x), size=(x.shape[2], x.shape[3]))
+
+    def descend(self, x: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """The coarsest level, and what every finer one keeps for the way up."""
+        extra = (-x.shape[2] % self.multiple, -x.shape[3] % self.multiple)
         x = pad(x, (0, extra[1], 0, extra[0]), mode="replicate") if any(extra) else x
         x = self.enter(pixel_unshuffle(x, self.gather).contiguous(memory_format=torch.channels_last))
         kept = []
         for level, down in zip(self.descent, self.down, strict=False):
             kept.append(level(x))
             x = down(kept[-1])
-        x = self.descent[-1](x)
-        for level, up in zip(reversed(self.ascent), reversed(self.up), strict=True):
-            x = level(up(x) + kept.pop())
-        return pixel_shuffle(self.leave(x), self.gather)[..., :height, :width]
+        return self.descent[-1](x), kept
+
+    def ascend(self, x: Tensor, kept: list[Tensor], size: tuple[int, int]) -> Tensor:
+        """(B, outputs, H, W) of what ``descend`` found."""
+        for level, up, finer in zip(reversed(self.ascent), reversed(self.up), reversed(kept), strict=True):
+            x = level(up(x) + finer)
+        return pixel_shuffle(self.leave(x), self.gather)[..., : size[0], : size[1]]
+
+
+class TwoHeadedBody(nn.Module):
+    """A `ConvolutionalBody` with a second way up: (B, inputs, H, W) → two pictures from one encoder.
+
+    Args:
+        inputs: channels.
+        outputs: channels of the first and the second picture.
+        widths, blocks, gather: see `ConvolutionalBody`.
+    """
+
+    def __init__(
+        self, inputs: int, outputs: tuple[int, int], widths: tuple[int, ...], blocks: int = 2, gather: int = 2
+    ) -> None:
+        super().__init__()
+        self.first = ConvolutionalBody(inputs, outputs[0], widths, blocks, gather)
+        self.second = ConvolutionalBody(inputs, outputs[1], widths, blocks, gather)
+        del self.second.enter, self.second.descent, self.second.down
+        self.reach, self.multiple = self.first.reach, self.first.multiple
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        coarse, kept = self.first.descend(x)
+        size = (int(x.shape[2]), int(x.shape[3]))
+        return self.first.ascend(coarse, kept, size), self.second.ascend(coarse, kept, size)
 
 
 def _reach(levels: int, blocks: int, gather: int) -> int:

@@ -82,6 +82,15 @@ def noise_maps(noise: Noise, level: Tensor) -> Tensor:
     return _NOISE_UNIT * torch.cat((noise.read / level, shot), dim=1)
 
 
+def seen_by_tile(network: Any, begin: int, end: int, length: int) -> tuple[int, int]:
+    """First and last (exclusive) row or column that a tile from ``begin`` to ``end`` needs of ``length`` ones.
+
+    ``network`` says its ``reach`` and ``multiple``.
+    """
+    margin = -(-network.reach // network.multiple) * network.multiple
+    return max(0, (begin - margin) // network.multiple * network.multiple), min(length, end + margin)
+
+
 def build_network(kind: str, **settings: Any) -> Network:
     """A network by name: ``"unet"``, ``"unrolled"`` or ``"spatial-angular"``.
 

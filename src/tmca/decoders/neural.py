@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
@@ -10,19 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
 from torch import Tensor
 
 from tmca.cameras import CodedCamera, LightFieldCamera, SpectralCamera
-from tmca.decoders.network import Network, build_network
+from tmca.decoders.network import Network, build_network, seen_by_tile
 from tmca.decoders.start import first_estimate
+from tmca.decoders.weights_file import fill_network, read_weights, write_weights
 from tmca.errors import DataError, SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior, load_prior, rendered_light_field_prior, rendered_prior
 from tmca.sensor import Noise
 
-FORMAT = "tmca weights 1"
 _FIRST = 0.9  # share of the time that the first estimate takes, as a rule
 
 
@@ -115,18 +112,12 @@ class Weights:
         Raises:
             OutputError: the file exists, or cannot be written.
         """
-        from tmca.data import atomic_path, plain
-
-        tensors = {f"network.{k}": v.detach().cpu().half().contiguous() for k, v in self.network.state_dict().items()}
-        codes = {"aperture": self.aperture, "shutter": self.shutter}
-        tensors |= {name: value.detach().cpu().to(torch.uint8).contiguous() for name, value in codes.items()}
+        codes = {name: getattr(self, name).to(torch.uint8) for name in ("aperture", "shutter")}
         about = {
             "kind": self.network.kind, "settings": self.network.settings, "wavelengths": list(self.wavelengths),
             "camera": self.camera, "prior": self.prior, "card": self.card, "application": self.application,
         }  # fmt: skip
-        with atomic_path(path, overwrite=overwrite) as temporary:
-            temporary.write_bytes(save(tensors, {"format": FORMAT, "tmca": json.dumps(plain(about))}))
-        return Path(path)
+        return write_weights(path, self.network, codes, about, overwrite=overwrite)
 
     @classmethod
     def load(cls, path: str | Path) -> Weights:
@@ -135,27 +126,15 @@ class Weights:
         Raises:
             DataError: no such file, no weights of a camera in it, or tensors that do not fit the network.
         """
-        path = Path(path) / "weights.safetensors" if Path(path).is_dir() else Path(path)
-        if not path.is_file():
-            raise DataError(path, "no such file", "weights from `tmca train`", "train a network and name its file")
-        try:
-            with safe_open(path, "pt") as file:
-                head = file.metadata() or {}
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except (SafetensorError, OSError) as error:
-            raise DataError(path, f"no readable weights ({error})", "a safetensors file", "copy it again") from error
-        if head.get("format") != FORMAT:
-            raise DataError(path, "a safetensors file of something else", "weights from `tmca train`")
-        about = json.loads(head["tmca"])
+        path, about, tensors = read_weights(path)
+        application = about.get("application", "spectral")
+        if application not in (SpectralCamera.application, LightFieldCamera.application):
+            found = f"weights of a {application} camera"
+            raise DataError(path, found, "those of a spectral or light-field camera", "name other weights")
         network = build_network(about["kind"], **about["settings"])
-        own = {k.removeprefix("network."): v.float() for k, v in tensors.items() if k.startswith("network.")}
-        try:
-            network.load_state_dict(own)
-        except RuntimeError as error:
-            raise DataError(path, f"tensors that do not fit its network ({error})", "whole weights") from error
+        fill_network(network, tensors, path)
         planes = (tensors["aperture"].float(), tensors["shutter"].float())
         camera = {**about["camera"], "size": tuple(about["camera"]["size"])}
-        application = about.get("application", "spectral")
         return cls(
             network.eval(), tuple(about["wavelengths"]), *planes, camera, about["prior"], about["card"], path,
             application,
@@ -219,17 +198,12 @@ class NeuralDecoder:
         self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor, place: tuple[int, int, int, int]
     ) -> Tensor:
         """One tile (top, bottom, left, right) of the estimate, with a margin as wide as the network sees."""
-        (first, last), (near, far) = self._seen(*place[:2], start.shape[2]), self._seen(*place[2:], start.shape[3])
+        first, last = seen_by_tile(self.network, *place[:2], start.shape[2])
+        near, far = seen_by_tile(self.network, *place[2:], start.shape[3])
         part = TapOperator(operator.taps.window(first, near, last - first, far - near))
         light = snapshot[:, :, first:last, near : near + part.snapshot_shape[2]]
         found = self.network(light, part, noise, start[:, :, first:last, near:far])
         return found[:, :, place[0] - first : place[1] - first, place[2] - near : place[3] - near]
-
-    def _seen(self, begin: int, end: int, length: int) -> tuple[int, int]:
-        """First and last (exclusive) row or column that a tile needs."""
-        step = self.network.multiple
-        margin = -(-self.network.reach // step) * step
-        return max(0, (begin - margin) // step * step), min(length, end + margin)
 
 
 def _keeps_columns(operator: TapOperator) -> bool:

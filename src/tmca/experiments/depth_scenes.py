@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tmca.errors import DataError
 from tmca.experiments.scenes import at_bands
 
 if TYPE_CHECKING:
@@ -77,6 +78,43 @@ def load_spectral_depth(
     how = {"source": source, "reduce": asked, "placed": placed, "from_rgb": from_rgb, "seed": seed}
     scene.attrs[READING] = json.dumps(how)
     return scene
+
+
+def load_any_depth_scene(
+    source: str, camera: SpectralDepthCamera, *, side: int, placed: str | None, from_rgb: bool
+) -> xr.Dataset:
+    """A scene of any kind at a camera's bands and depth range, as training and comparisons read their lists.
+
+    Args:
+        source: as for `load_spectral_depth`.
+        camera: whose bands and range.
+        side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
+        placed: how cubes without depth are put at drawn depths.
+        from_rgb: make up spectra for RGB-D scenes.
+
+    Raises:
+        DataError: no such scene, or one whose kind asks for ``placed`` or ``from_rgb``.
+    """
+    from tmca.data import rendered_names
+
+    how: dict[str, Any] = {"near": camera.planes.near, "far": camera.planes.far}
+    if Path(source).exists() or source not in rendered_names():
+        kind, least = _kind_and_side(source)
+        how |= {"reduce": max(1, least // side)}
+        how |= {"placed": placed} if kind == "cube" else {"from_rgb": from_rgb and kind != "spectral-depth scene"}
+    return load_spectral_depth(source, camera.wavelengths, **how)
+
+
+def _kind_and_side(source: str) -> tuple[str, int]:
+    """Kind of a scene, as `tmca.data.describe` says it, and its shorter side in pixels."""
+    from tmca.data import describe
+
+    about = describe(source)
+    shape = about.get("shape") or about["variables"].get("rgb", {}).get("shape")
+    if not shape:
+        raise DataError(source, f"a {about['kind']}", "an RGB-D scene, a cube, or a cube with depth")
+    kind = "spectral-depth scene" if about["kind"] == "cube" and about.get("depth") else about["kind"]
+    return kind, sorted(shape)[-2]
 
 
 def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.Dataset:

@@ -11,7 +11,10 @@ import numpy as np
 import torch
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder
+from tmca.decoders.neural import same_bands
 from tmca.errors import SettingError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.experiments.depth_scenes import READING, depth_tensor
@@ -25,7 +28,7 @@ if TYPE_CHECKING:
 
     from tmca.priors import GaussianPrior
 
-DEPTH_DECODERS = ("likelihood",)
+DEPTH_DECODERS = ("likelihood", "network")
 
 
 @dataclass
@@ -104,6 +107,7 @@ def reconstruct_spectral_depth(
     decoder: str = "likelihood",
     *,
     prior: str | Path | GaussianPrior | None = None,
+    weights: str | Path | DepthWeights | None = None,
     window: int = WINDOW,
     truth: xr.Dataset | None = None,
     progress: Callable[..., None] | None = None,
@@ -113,23 +117,51 @@ def reconstruct_spectral_depth(
     Args:
         snapshot: with its camera.
         decoder: one of ``DEPTH_DECODERS``.
-        prior: a stationary Gaussian prior of the camera's bands, its file, or None for the rendered scenes' one.
+        prior: a stationary Gaussian prior of the camera's bands, its file, or None for the rendered scenes' one; a
+            network brings its own.
+        weights: of a network: a run or file of `tmca train spectral-depth`.
         window: of the patch likelihood, pixels.
         truth: the scene, for metrics.
         progress: told the share that is done.
 
     Raises:
-        SettingError: another decoder, or a prior that does not fit.
+        SettingError: another decoder, or a prior or network that does not fit.
+
+    Warns:
+        OtherCodes: a network that was trained for other codes.
     """
     from time import perf_counter
 
     if decoder not in DEPTH_DECODERS:
         raise SettingError("decoder", repr(decoder), f"one of {', '.join(DEPTH_DECODERS)}")
-    known = find_depth_prior(prior, snapshot.camera, window)
+    if (decoder == "network") != (weights is not None):
+        given = "none" if weights is None else f"given for {decoder}"
+        raise SettingError("weights", given, "those of a network, for the network alone", "pass --weights RUN")
     start = perf_counter()
-    found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress)
+    decode: PatchLikelihood | TwoHeadedDecoder
+    if weights is not None:
+        decode = _network(weights, prior, snapshot.camera)
+    else:
+        decode = PatchLikelihood(find_depth_prior(prior, snapshot.camera, window), snapshot.camera, window)
+    found = decode(snapshot.values, progress)
     found.seconds = perf_counter() - start
     return _labelled(found, decoder, snapshot, truth)
+
+
+def _network(weights: str | Path | DepthWeights, prior: Any, camera: SpectralDepthCamera) -> TwoHeadedDecoder:
+    """The decoder of some weights for a camera."""
+    from warnings import warn
+
+    own = weights if isinstance(weights, DepthWeights) else DepthWeights.load(weights)
+    if prior is not None:
+        raise SettingError("prior", str(prior), "none beside weights, which bring their own", "leave it out")
+    if not same_bands(own.camera.wavelengths, camera.wavelengths):
+        found = f"a network of {own.camera.bands} bands"
+        raise SettingError("weights", found, f"the snapshot's {camera.bands}", "train one at the camera's bands")
+    if not own.same_codes(camera):
+        known = "the network was trained for other masks, shutter or filters than the snapshot's"
+        warn(known, OtherCodes, stacklevel=3)
+    return own.decoder(camera)
 
 
 def find_depth_prior(prior: str | Path | GaussianPrior | None, camera: SpectralDepthCamera, window: int) -> Any:

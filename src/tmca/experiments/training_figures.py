@@ -5,9 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.depth_weights import DepthWeights
 from tmca.decoders.neural import Weights
+from tmca.decoders.weights_file import read_weights
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.figures import plain_axes, save_figure
+from tmca.experiments.spectral_depth_figures import phase_codes_figure, psf_figure
 from tmca.training.log import TrainingLog
 
 if TYPE_CHECKING:
@@ -24,27 +28,35 @@ _LOSSES = {
 
 def training_pictures(folder: Path) -> list[Path]:
     """Write ``curve.png`` and ``codes.png`` into a run's folder, in the place of earlier ones."""
-    weights = Weights.load(folder / "weights.safetensors")
+    file = folder / "weights.safetensors"
+    depth = read_weights(file)[1].get("application") == SpectralDepthCamera.application
+    weights = DepthWeights.load(file) if depth else Weights.load(file)
     loss = _LOSSES.get(weights.card.get("training", {}).get("optimiser", {}).get("loss", ""), "mean loss")
-    return [
-        save_figure(curve_figure(TrainingLog(folder / "log.csv").rows(), loss), folder / "curve.png", overwrite=True),
-        save_figure(codes_figure(weights.coded_camera()), folder / "codes.png", overwrite=True),
-    ]
+    drawings = {
+        "curve": curve_figure(TrainingLog(folder / "log.csv").rows(), loss + (" and of depth" if depth else ""))
+    }
+    if isinstance(weights, DepthWeights):
+        drawings |= {"codes": phase_codes_figure(weights.camera), "psf": psf_figure(weights.camera)}
+    else:
+        drawings["codes"] = codes_figure(weights.coded_camera())
+    return [save_figure(figure, folder / f"{name}.png", overwrite=True) for name, figure in drawings.items()]
 
 
 def curve_figure(rows: list[dict[str, str]], loss: str = "mean loss") -> Figure:
     """Validation PSNR (each sensor), loss in words, and light throughput over the steps."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 3.2), layout="constrained")
-    axes = figure.subplots(1, 3)
     steps = [int(row["step"]) for row in rows]
     sensors = [name for name in (rows[0] if rows else {}) if name.startswith("psnr_")]
-    for axis, names, title, unit in (
-        (axes[0], ["psnr", *sensors], "validation", "PSNR (dB)"),
-        (axes[1], ["loss"], "training", loss),
-        (axes[2], ["throughput", "transmittance", "duty"], "codes", "share"),
-    ):
+    shown = [
+        (["psnr", *sensors], "validation", "PSNR (dB)"),
+        (["loss"], "training", loss),
+        (["throughput", "transmittance", "duty"], "codes", "share"),
+    ]
+    if any(row.get("depth_mae") for row in rows):
+        shown.insert(1, (["depth_mae"], "validation", "depth, mean absolute error (m)"))
+    figure = Figure(figsize=(3.7 * len(shown), 3.2), layout="constrained")
+    for axis, (names, title, unit) in zip(figure.subplots(1, len(shown)), shown, strict=True):
         for name in names:
             known = [(step, float(row[name])) for step, row in zip(steps, rows, strict=True) if row.get(name)]
             if known:

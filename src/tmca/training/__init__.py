@@ -10,16 +10,26 @@ from tmca.training.losses import LOSSES
 from tmca.training.run import Trained
 from tmca.training.settings import PRESETS, TrainSettings, settings_from
 from tmca.training.spectral import train_spectral
+from tmca.training.spectral_depth import (
+    SPECTRAL_DEPTH_TRAININGS,
+    SpectralDepthTrainSettings,
+    spectral_depth_settings,
+    train_spectral_depth,
+)
 
 __all__ = [
     "LIGHT_FIELD_PRESETS",
     "LOSSES",
     "PRESETS",
+    "SPECTRAL_DEPTH_TRAININGS",
     "LightFieldTrainSettings",
+    "SpectralDepthTrainSettings",
     "TrainSettings",
     "Trained",
     "light_field_settings",
     "settings_from",
+    "spectral_depth_settings",
     "train_light_field",
     "train_spectral",
+    "train_spectral_depth",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -13,6 +14,7 @@ from pydantic import Field, model_validator
 from tmca.cameras import CodedCamera, LightFieldCamera
 from tmca.errors import SettingError
 from tmca.priors import Prior, learn_light_field_prior, rendered_light_field_prior
+from tmca.training.imaging_run import prepare_imaging
 from tmca.training.patches import Load
 from tmca.training.run import Trained, train
 from tmca.training.settings import DataSettings, Pixels, Strict, TrainSettings, settings_of
@@ -153,4 +155,4 @@ def light_field_settings(
 
 def train_light_field(settings: LightFieldTrainSettings, folder: Path, load: Load, **how: Any) -> Trained:
     """Train a light-field camera's codes and decoder; ``train`` says what ``load`` and the other arguments are."""
-    return train(LightFieldApplication(), settings, folder, load, **how)
+    return train(partial(prepare_imaging, LightFieldApplication()), settings, folder, load, **how)

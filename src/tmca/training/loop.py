@@ -67,7 +67,7 @@ class Run:
     keep: Callable[[dict[str, Any]], None] | None = None
     progress: Progress | None = None
     pool: tuple[Pool, KeptStarts] | None = None
-    best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "step": 0})
+    best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "score": -math.inf, "step": 0})
     losses: list[float] = field(default_factory=list)
     said: str = ""
     cpu_seconds: float = 0.0
@@ -89,7 +89,7 @@ class Run:
         if state is None:
             return 0
         self.cpu_seconds = float(state.get("cpu_seconds", 0.0))
-        self.best = state["best"] if state["best"]["psnr"] is not None else self.best  # JSON has no infinity
+        self.best = state["best"] if state["best"]["score"] is not None else self.best  # JSON has no infinity
         self.losses = list(state["losses"])
         return int(state["step"])
 
@@ -184,9 +184,9 @@ class Run:
         loss = math.fsum(self.losses) / max(len(self.losses), 1)
         figures = {"loss": loss, **self.system.figures(), **found}
         self.said = "".join(f", validation {value:.2f} dB" for name, value in found.items() if name == "psnr")
-        value = found.get("psnr", -math.inf)
-        if value > self.best["psnr"] or (done == self.steps and not found):
-            self.best = {**found, "psnr": value, "step": done}
+        value = found.get("score", found.get("psnr", -math.inf))
+        if value > self.best["score"] or (done == self.steps and not found):
+            self.best = {"psnr": value, **found, "score": value, "step": done}
             if self.keep and self.fabric.is_global_zero:
                 self.keep(self.best)
         self.losses.clear()

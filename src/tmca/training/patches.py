@@ -147,21 +147,27 @@ def _varied(
     tint: float,
     views: tuple[int, int] | None = None,
 ) -> NDArray[np.float32]:
-    turned = _turned(patch, int(rng.integers(4)), bool(rng.integers(2)), views)
+    return in_other_light(turned(patch, int(rng.integers(4)), bool(rng.integers(2)), views), rng, stops, tint)
+
+
+def in_other_light(
+    patch: NDArray[np.float32], rng: np.random.Generator, stops: float, tint: float
+) -> NDArray[np.float32]:
+    """A patch (L, h, w) of another brightness and colour, never above 1; arguments as in `PatchSource`."""
     if tint:
-        turned = turned * _spectral_gain(len(patch), rng, tint)[:, None, None]
+        patch = patch * _spectral_gain(len(patch), rng, tint)[:, None, None]
     gain = 2.0 ** rng.uniform(-stops, min(stops, 1.0))
-    top = float(turned.max())
-    return np.ascontiguousarray(turned * np.float32(min(gain, 1 / top) if top > 0 else 1.0))
+    top = float(patch.max())
+    return np.ascontiguousarray(patch * np.float32(min(gain, 1 / top) if top > 0 else 1.0))
 
 
-def _turned(
-    patch: NDArray[np.float32], quarters: int, mirror: bool, views: tuple[int, int] | None
+def turned(
+    patch: NDArray[np.float32], quarters: int, mirror: bool, views: tuple[int, int] | None = None
 ) -> NDArray[np.float32]:
     """A patch (L, h, w) after quarter turns and a mirror image; half turns only where the grid of views is oblong."""
     if views is None:
-        turned = np.rot90(patch, quarters, axes=(1, 2))
-        return turned[:, :, ::-1] if mirror else turned
+        around = np.rot90(patch, quarters, axes=(1, 2))
+        return around[:, :, ::-1] if mirror else around
     quarters = quarters if views[0] == views[1] else quarters // 2 * 2
     grid = np.rot90(np.rot90(patch.reshape(*views, *patch.shape[1:]), quarters, axes=(0, 1)), quarters, axes=(2, 3))
     grid = grid[:, ::-1, :, ::-1] if mirror else grid

@@ -1,4 +1,4 @@
-"""A whole training run in a folder: set up, trained or resumed, written as weights; the same for every camera."""
+"""A whole training run in a folder: set up, trained or resumed; the same for every camera."""
 
 from __future__ import annotations
 
@@ -6,57 +6,43 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
-from torch import Tensor
 
-from tmca.cameras import CodedCamera
-from tmca.data import make_folder
-from tmca.decoders.network import Network, build_network
-from tmca.decoders.neural import Weights
-from tmca.decoders.start import NEED_PRIOR
-from tmca.errors import DataError, SettingError
-from tmca.priors import Prior, load_prior
-from tmca.sensor import Sensor
+from tmca.errors import SettingError
 from tmca.training.folder import held, open_run
-from tmca.training.imaging import ImagingSystem
 from tmca.training.loop import Progress, Run
-from tmca.training.patches import CubeStore, Load, Patch, PatchSource
+from tmca.training.patches import Load, Patch
 from tmca.training.precision import Precision, choose_precision
-from tmca.training.scenes import RENDERED, SceneLists, scene_lists
+from tmca.training.scenes import SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
 from tmca.training.starts import KeptStarts, Pool
+from tmca.training.system import System
 
 if TYPE_CHECKING:
-    import xarray as xr
     from lightning_fabric import Fabric
 
 
-class Application(Protocol):
-    """What a run asks of the camera that it trains."""
+@dataclass
+class Prepared:
+    """What a run needs of the camera that it trains.
 
-    name: str
+    Args:
+        system: camera and decoder.
+        patch: (step, index) → patch.
+        keep: writes the weights, told the best validation figures.
+        pool: patches whose first estimates are worth keeping.
+    """
 
-    def camera(self, settings: Any, first: xr.DataArray) -> CodedCamera:
-        """The camera with the codes that the run starts from, for scenes like the first."""
+    system: System
+    patch: Callable[[int, int], Patch]
+    keep: Callable[[dict[str, Any]], None]
+    pool: tuple[Pool, KeptStarts] | None = None
 
-    def array(self, scene: xr.DataArray) -> NDArray[np.float32]:
-        """(L, H, W) channels of a scene."""
 
-    def views(self, camera: CodedCamera) -> tuple[int, int] | None:
-        """(V, U) where the channels are views, which turn with the pixels."""
-
-    def rendered_prior(self, camera: CodedCamera, mixture: bool) -> Prior:
-        """The prior of the rendered scenes."""
-
-    def learn_prior(self, scenes: list[xr.DataArray], camera: CodedCamera, mixture: bool) -> Prior:
-        """The prior of some scenes."""
-
-    def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
-        """Wavelengths, and settings of the camera that weights keep."""
+Prepare = Callable[[Any, Path, Load, SceneLists, "Fabric"], Prepared]
+"""From settings, folder, reader, scenes and engine to what is trained."""
 
 
 @dataclass
@@ -77,7 +63,7 @@ class Trained:
 
 
 def train(
-    application: Application,
+    prepare: Prepare,
     settings: TrainSettings,
     folder: Path,
     load: Load,
@@ -90,7 +76,7 @@ def train(
     """Train a camera's codes and decoder, or go on with a run that was stopped.
 
     Args:
-        application: which camera.
+        prepare: sets up camera, decoder and patches.
         settings: of the run.
         folder: of the run: ``run.json``, ``log.csv``, ``prior.nc``, ``checkpoints/``, ``weights.safetensors``.
         load: from a scene's name to the scene at the camera's bands or views.
@@ -112,111 +98,28 @@ def train(
         if fabric.is_global_zero:
             open_run(folder, settings, lists)
         fabric.barrier()
-        return _train(application, used, folder, load, lists, fabric, progress if fabric.is_global_zero else None)
+        torch.manual_seed(settings.seed)
+        ready, steps = prepare(used, folder, load, lists, fabric), steps_of(settings, len(lists.train))
+        told = progress if fabric.is_global_zero else None
+        run = Run(ready.system, ready.patch, used, steps, folder, fabric, ready.keep, told, ready.pool)
+        best = run.train()
+        if ready.pool:
+            ready.pool[1].forget()
+        return Trained(folder / "weights.safetensors", best, steps, run.cpu_seconds)
 
 
-def _train(
-    application: Application,
-    settings: TrainSettings,
-    folder: Path,
-    load: Load,
-    lists: SceneLists,
-    fabric: Fabric,
-    progress: Progress | None,
-) -> Trained:
-    torch.manual_seed(settings.seed)
-    camera = application.camera(settings, load(lists.train[0]))
-    network = _network(settings, camera.channels)
-    prior = None
-    if network.start in NEED_PRIOR:
-        prior = _prior(application, fabric, folder, lists, load, camera, network.start)
-
-    def channels(name: str) -> NDArray[np.float32]:
-        return application.array(load(name))
-
-    validation = [_middle(channels(name), settings.camera.size) for name in lists.validation]
-    sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]
-    system = ImagingSystem(
-        camera, network, sensors, prior, validation, loss=settings.optimiser.loss, codes=settings.codes,
-        through_start=settings.codes.through_start, seed=settings.seed,
-    )  # fmt: skip
-    store = CubeStore(lists.train, channels, make_folder(folder / "cubes"))
-    patches = _patches(settings, store, application.views(camera))
-    steps = settings.optimiser.steps or _steps_of_epochs(settings, len(lists.train))
-
-    def keep(best: dict[str, Any]) -> None:
-        found = weights_of(application, system, settings, lists, best, bool(prior))
-        found.save(folder / "weights.safetensors", overwrite=True)
-
-    pool = _pool(settings, system, patches, steps, folder)
-    run = Run(system, patches, settings, steps, folder, fabric, keep, progress, pool)
-    best = run.train()
-    if pool:
-        pool[1].forget()
-    return Trained(folder / "weights.safetensors", best, steps, run.cpu_seconds)
+def steps_of(settings: TrainSettings, scenes: int) -> int:
+    """Optimiser steps of a run: as given, or those of its epochs."""
+    data = settings.data
+    epoch = max(1, -(-scenes * data.patches_per_scene // data.batch))
+    return settings.optimiser.steps or settings.optimiser.epochs * epoch
 
 
-def _network(settings: TrainSettings, channels: int) -> Network:
-    decoder = dict(settings.decoder)
-    if "bands" in decoder:
-        raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: the data say it", "leave it out")
-    network = build_network(decoder.pop("kind", "unrolled"), bands=channels, **decoder)
-    _take_decoder(settings, network)
-    return network
-
-
-def _pool(
-    settings: TrainSettings, system: ImagingSystem, patches: Callable[[int, int], Patch], steps: int, folder: Path
-) -> tuple[Pool, KeptStarts] | None:
-    """Patches whose first estimates are worth keeping."""
-    if not settings.data.pool or system.network.start not in NEED_PRIOR:
-        return None
-    pool = Pool.of(settings.data.pool, settings.data.batch, len(settings.noise), settings.seed, steps)
-
-    def compute(step: int) -> Tensor:
-        every = range(pool.size)
-        return system.start([patches(step, index) for index in every], step, every)
-
-    return pool, KeptStarts(folder / "starts", compute)
-
-
-def _take_decoder(settings: TrainSettings, network: torch.nn.Module) -> None:
-    """Start from the decoder of an earlier run."""
-    if settings.codes.decoder is None:
-        return
-    found = Weights.load(settings.codes.decoder)
-    try:
-        network.load_state_dict(found.network.state_dict())
-    except RuntimeError:
-        raise DataError(
-            settings.codes.decoder, "a decoder of other sizes", "the same kind and settings as in this run"
-        ) from None
-
-
-def weights_of(
-    application: Application,
-    system: ImagingSystem,
-    settings: TrainSettings,
-    lists: SceneLists,
-    best: dict[str, Any],
-    with_prior: bool,
-) -> Weights:
-    """The present state as a decoder with its codes."""
-    camera, codes = system.camera, system.camera.multiplexed
-    with torch.no_grad():
-        planes = [(plane.tile() if plane.period else plane()).clone() for plane in (codes.aperture, codes.shutter)]
-    wavelengths, optics = application.stored(camera)
-    kept = {"size": list(camera.size), "period": settings.camera.period, "exposure": camera.exposure, **optics}
-    card = {
-        "training": settings.model_dump(), "scenes": list(map(_short, lists.train)),
-        "validation": list(map(_short, lists.validation)), "best": best, **system.figures(),
-    }  # fmt: skip
-    prior = ("rendered" if lists.prior == RENDERED else "prior.nc") if with_prior else ""
-    return Weights(system.network, wavelengths, planes[0], planes[1], kept, prior, card, application=application.name)
-
-
-def _short(name: str) -> str:
-    return Path(name).name
+def card_of(settings: TrainSettings, lists: SceneLists, best: dict[str, Any], system: System) -> dict[str, Any]:
+    """How weights were trained and how good they are, JSON values."""
+    train, validation = ([Path(name).name for name in names] for names in (lists.train, lists.validation))
+    trained = {"training": settings.model_dump(), "scenes": train, "validation": validation}
+    return {**trained, "best": best, **system.figures()}
 
 
 def _engine(settings: TrainSettings, precision: Precision, accelerator: str, processes: int, nodes: int) -> Fabric:
@@ -240,43 +143,3 @@ def _engine(settings: TrainSettings, precision: Precision, accelerator: str, pro
     if settings.data.batch % fabric.world_size:
         raise SettingError("data.batch", str(settings.data.batch), f"a multiple of the {fabric.world_size} processes")
     return fabric
-
-
-def _prior(
-    application: Application,
-    fabric: Fabric,
-    folder: Path,
-    lists: SceneLists,
-    load: Load,
-    camera: CodedCamera,
-    start: str,
-) -> Prior:
-    """The run's own prior, learned once, or that of the rendered scenes."""
-    if lists.prior == RENDERED:
-        return application.rendered_prior(camera, start == "mixture")
-    file = folder / "prior.nc"
-    if fabric.is_global_zero and not file.exists():
-        scenes = [load(name) for name in lists.prior or lists.train]
-        application.learn_prior(scenes, camera, start == "mixture").save(file)
-    fabric.barrier()
-    return load_prior(file)
-
-
-def _patches(settings: TrainSettings, store: CubeStore, views: tuple[int, int] | None) -> Callable[[int, int], Any]:
-    data = settings.data
-    return PatchSource(
-        store, data.patch, settings.seed, brightness=data.brightness, tint=data.tint, motion=data.motion,
-        slots=settings.camera.slots, views=views,
-    )  # fmt: skip
-
-
-def _steps_of_epochs(settings: TrainSettings, scenes: int) -> int:
-    data = settings.data
-    return settings.optimiser.epochs * max(1, -(-scenes * data.patches_per_scene // data.batch))
-
-
-def _middle(cube: NDArray[np.float32], size: tuple[int, int]) -> Tensor:
-    """(L, H, W) the middle of a validation scene, no larger than the camera."""
-    height, width = min(cube.shape[1], size[0]), min(cube.shape[2], size[1])
-    top, left = (cube.shape[1] - height) // 2, (cube.shape[2] - width) // 2
-    return torch.from_numpy(np.array(cube[:, top : top + height, left : left + width], dtype=np.float32))

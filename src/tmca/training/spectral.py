@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from tmca.cameras import CodedCamera, SpectralCamera
 from tmca.priors import Prior, learn_prior, rendered_prior
+from tmca.training.imaging_run import prepare_imaging
 from tmca.training.patches import Load
 from tmca.training.run import Trained, train
 from tmca.training.settings import TrainSettings
@@ -62,4 +64,4 @@ def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> Spectr
 
 def train_spectral(settings: TrainSettings, folder: Path, load: Load, **how: Any) -> Trained:
     """Train a spectral camera's codes and decoder; ``train`` says what ``load`` and the other arguments are."""
-    return train(SpectralApplication(), settings, folder, load, **how)
+    return train(partial(prepare_imaging, SpectralApplication()), settings, folder, load, **how)

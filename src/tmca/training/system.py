@@ -46,5 +46,5 @@ class System(Protocol):
         ...
 
     def validate(self) -> dict[str, float]:
-        """Figures of merit on the validation scenes; ``"psnr"`` chooses the best checkpoint."""
+        """Figures of merit on the validation scenes; ``"score"``, else ``"psnr"``, chooses the best checkpoint."""
         ...

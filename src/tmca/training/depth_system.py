@@ -1,0 +1,176 @@
+"""A spectral-depth camera and a two-headed network that learn together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.depth_likelihood import PatchLikelihood
+from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, first_stage
+from tmca.errors import SettingError
+from tmca.priors import GaussianPrior
+from tmca.sensor import Sensor
+from tmca.training.imaging import torch_seed
+from tmca.training.losses import LOSSES, psnr_of
+from tmca.training.patches import Patch
+
+_NOISE, _CHECK = 2, 3
+"""Streams of random numbers: the sensor's noise in training, in validation."""
+
+
+class DepthSystem(nn.Module):
+    """A camera whose mask, shutter and filters may learn, and the network behind it (thesis 5.2).
+
+    The loss is that of the cube plus ``depth_weight`` times the mean absolute error of inverse depth, as a share of the
+    range, where it is known. The codes' gradient passes through the snapshot; a physics-based first stage is taken as
+    it is.
+
+    Args:
+        camera: of the patches' size.
+        network: decoder.
+        sensors: one of them, in turn, in each step.
+        prior: of the first stage.
+        validation: scenes (L + 1, H, W) of the camera's size.
+        loss: of the cube, name in ``LOSSES``.
+        depth_weight: of the depth error.
+        seed: of the noise.
+
+    Raises:
+        SettingError: no prior for a network that wants a first stage.
+    """
+
+    def __init__(
+        self,
+        camera: SpectralDepthCamera,
+        network: TwoHeadedUNet,
+        sensors: Sequence[Sensor],
+        prior: GaussianPrior | None,
+        validation: Sequence[Tensor],
+        *,
+        loss: str = "l1",
+        depth_weight: float = 0.1,
+        seed: int = 0,
+    ) -> None:
+        super().__init__()
+        if network.start == "likelihood" and prior is None:
+            raise SettingError("prior", "none", "one for a network that starts from the likelihood")
+        self.camera, self.network = camera, network
+        self.sensors, self.prior, self.validation = tuple(sensors), prior, tuple(validation)
+        self.loss, self.depth_weight, self.seed = LOSSES[loss], depth_weight, seed
+        self.frozen = not camera.learnable
+        self._likelihood: PatchLikelihood | None = None
+        self._checked: dict[tuple[int, int], Tensor] = {}
+
+    def forward(
+        self, patches: Sequence[Patch], step: int, indexes: Sequence[int], start: Tensor | None = None
+    ) -> Tensor:
+        """Mean loss of a batch; ``start`` holds its first stage where it is known."""
+        scenes = torch.stack([patch.scene for patch in patches]).to(self.camera.response.device)
+        found = self._decode(self._recorded(scenes, step, indexes), self._sensor(step), start)
+        return self._loss(found, scenes)
+
+    @torch.no_grad()
+    def start(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
+        """(B, L + D, H, W) first stage of a batch."""
+        scenes = torch.stack([patch.scene for patch in patches]).to(self.camera.response.device)
+        return self._first(self._recorded(scenes, step, indexes), self._sensor(step))
+
+    def groups(self) -> dict[str, list[nn.Parameter]]:
+        """Parameters of the decoder and of the codes."""
+        parts = {"decoder": self.network, "codes": self.camera}
+        return {name: [p for p in part.parameters() if p.requires_grad] for name, part in parts.items()}
+
+    def anneal(self, slope: float) -> None:
+        """Set the slope of the codes' surrogate derivative; filters are mixtures while they learn."""
+        self.camera.shutter.slope = self.camera.filters.plane.slope = slope
+        self.camera.filters.relax(self.camera.filters.learnable and not self.frozen)
+
+    def hold(self) -> None:
+        """Nothing is held."""
+
+    def figures(self) -> dict[str, float]:
+        """Light throughput."""
+        return {"throughput": self.camera.throughput()}
+
+    @torch.no_grad()
+    def validate(self) -> dict[str, float]:
+        """Mean PSNR of cubes, mean absolute error of depth in metres; the negative loss is the score."""
+        self.eval()
+        relaxed = self.camera.filters.plane.relaxed
+        self.camera.filters.relax(False)
+        rows = [
+            self._check(place, index) for place in range(len(self.sensors)) for index in range(len(self.validation))
+        ]
+        self.camera.filters.relax(relaxed)
+        self.train()
+        return {name: float(np.nanmean([row[name] for row in rows])) for name in (rows[0] if rows else {})}
+
+    def _check(self, place: int, index: int) -> dict[str, float]:
+        scene, sensor = self.validation[index][None].to(self.camera.response.device), self.sensors[place]
+        snapshot = self._exposed(scene, sensor, [(self.seed, _CHECK, place, index)])
+        found = self._decode(snapshot, sensor, self._first_of((place, index), snapshot, sensor))
+        planes, cube = self.camera.planes, found.cube.float().clamp_min(0)
+        error = (found.decoded(planes).depth - self._metres(scene[:, -1:])).abs()
+        return {
+            "psnr": psnr_of(float((cube - scene[:, :-1]).square().mean())),
+            "depth_mae": float(error.nanmean()),
+            "score": -float(self._loss(found, scene)),
+        }
+
+    def _loss(self, found: DepthEstimate, scenes: Tensor) -> Tensor:
+        known = torch.isfinite(scenes[:, -1:])
+        away = (found.place() - scenes[:, -1:].nan_to_num()).abs() * known
+        depth = away.sum() / known.sum().clamp_min(1)
+        return self.loss(found.cube.float(), scenes[:, :-1]) + self.depth_weight * depth
+
+    def _decode(self, snapshot: Tensor, sensor: Sensor, start: Tensor | None) -> DepthEstimate:
+        if start is None and self.network.start == "likelihood":
+            start = self._first(snapshot, sensor)
+        noise = sensor.noise(self.camera.white, self.camera.exposures)
+        found: DepthEstimate = self.network(snapshot, self.camera, noise, start)
+        return found
+
+    def _first(self, snapshot: Tensor, sensor: Sensor) -> Tensor:
+        """What the exact model makes of snapshots; its covariances are kept while the codes stay as they are."""
+        assert self.prior is not None
+        self.camera.sensor = sensor
+        likelihood = self._likelihood or PatchLikelihood(self.prior, self.camera, self.network.window)
+        self._likelihood = likelihood if self.frozen else None
+        with torch.autocast(snapshot.device.type, enabled=False):
+            return first_stage(likelihood, snapshot)
+
+    def _first_of(self, check: tuple[int, int], snapshot: Tensor, sensor: Sensor) -> Tensor | None:
+        """First stage of a validation scene, computed once where the codes stay as they are."""
+        if self.network.start != "likelihood":
+            return None
+        if check in self._checked:
+            return self._checked[check]
+        found = self._first(snapshot, sensor)
+        if self.frozen:
+            self._checked[check] = found
+        return found
+
+    def _recorded(self, scenes: Tensor, step: int, indexes: Sequence[int]) -> Tensor:
+        return self._exposed(scenes, self._sensor(step), [(self.seed, _NOISE, step, index) for index in indexes])
+
+    def _exposed(self, scenes: Tensor, sensor: Sensor, seeds: Sequence[tuple[int, ...]]) -> Tensor:
+        """Snapshots whose noise depends on each patch's own seed, not on who else is in the batch."""
+        with torch.autocast(scenes.device.type, enabled=False):
+            exact = self.camera.exact(scenes[:, :-1], self._metres(scenes[:, -1:]))
+            white, exposures = self.camera.white, self.camera.exposures
+            rows = [
+                sensor(exact[i : i + 1], white, torch_seed(seed, exact.device), exposures)
+                for i, seed in enumerate(seeds)
+            ]
+        return torch.cat(rows)
+
+    def _sensor(self, step: int) -> Sensor:
+        return self.sensors[step % len(self.sensors)]
+
+    def _metres(self, place: Tensor) -> Tensor:
+        planes = self.camera.planes
+        return 1 / (1 / planes.far + place * (1 / planes.near - 1 / planes.far))

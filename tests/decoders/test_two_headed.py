@@ -1,0 +1,124 @@
+"""Two-headed networks: what they start from, tiles, depth in metres, weights as files."""
+
+import pytest
+import torch
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.depth_likelihood import PatchLikelihood
+from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder
+from tmca.decoders.two_headed import DepthEstimate, build_depth_network, first_stage, white_level
+from tmca.errors import DataError, SettingError
+from tmca.optics import PhaseMaskBench
+from tmca.priors import GaussianPrior
+from tmca.priors.spectral_depth import needed_block
+from tmca.sensor import Sensor
+
+BENCH = PhaseMaskBench(window=(9, 9), mask_pixels=32)
+SMALL = {"widths": [6, 8], "blocks": 1, "window": 4}
+
+
+def camera(size=(30, 37), **changes):
+    given = {"planes": 3, "bench": BENCH, "period": 2, "shutter": "one-hot", "filters": "rgbw", "channels": "rgb"}
+    given |= {"sensor": Sensor(read_noise=0.01)}
+    return SpectralDepthCamera((450e-9, 550e-9, 650e-9), size, 2, **{**given, **changes})
+
+
+@pytest.fixture(scope="module")
+def prior():
+    source = torch.Generator().manual_seed(0)
+    return GaussianPrior.learn([torch.rand(3, 40, 40, generator=source)], needed_block(4, BENCH.window))
+
+
+def snapshot_of(made, count=2):
+    source = torch.Generator().manual_seed(1)
+    depth = torch.full((count, 1, *made.size), 0.7)
+    return made(torch.rand(count, *made.scene_shape, generator=source), depth, 2)
+
+
+def trained(made, start, seed=0):
+    """A network whose last layers are not zero."""
+    network = build_depth_network({**SMALL, "start": start}, made)
+    source = torch.Generator().manual_seed(seed)
+    for parameter in network.parameters():
+        parameter.data += 0.05 * torch.randn(parameter.shape, generator=source)
+    return network
+
+
+@pytest.mark.parametrize("size", [(30, 37), (24, 32)])
+def test_an_untrained_network_gives_what_its_first_stage_gives(prior, size):
+    made = camera(size)
+    network, snapshot = build_depth_network({**SMALL, "start": "likelihood"}, made), snapshot_of(camera(size))
+    likelihood = PatchLikelihood(prior, made, 4)
+    known, found = likelihood(snapshot), network(snapshot, made, made.noise, first_stage(likelihood, snapshot))
+    torch.testing.assert_close(found.cube, known.estimate)
+    assert torch.equal(found.logits.argmax(1), known.planes.argmax(1))
+    assert found.logits.shape == (2, 3, *size)
+
+
+@pytest.mark.parametrize("start", ["snapshot", "likelihood"])
+@pytest.mark.parametrize("size", [(150, 61), (149, 64)])
+def test_tiles_change_nothing(prior, start, size):
+    made = camera(size)
+    network, snapshot = trained(made, start), snapshot_of(made, 1)
+    whole, tiled = (TwoHeadedDecoder(network, made, prior, tile)(snapshot) for tile in (1000, 37))
+    assert network.reach < 60 < whole.estimate.std() * 1e4  # tiles see less than the frame, and there is a picture
+    for one, other in ((whole.estimate, tiled.estimate), (whole.depth, tiled.depth), (whole.planes, tiled.planes)):
+        torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
+
+
+def test_certain_planes_are_their_depths_in_metres_and_doubt_lies_between():
+    planes = camera().planes
+    logits = 50 * torch.eye(3)[None, :, None]
+    found = DepthEstimate(torch.zeros(1, 3, 1, 3), logits).decoded(planes)
+    torch.testing.assert_close(found.depth[0, 0, 0].double(), planes.metres)
+    assert bool((found.confidence > 0.999).all())
+    between = DepthEstimate(torch.zeros(1, 3, 1, 1), torch.zeros(1, 3, 1, 1)).decoded(planes)
+    torch.testing.assert_close(1 / between.depth.squeeze().double(), planes.inverse[1])
+    two = torch.tensor([0.0, -50, 0]).reshape(1, 3, 1, 1)  # either end: the middle is wrong, and it says so
+    assert float(DepthEstimate(torch.zeros(1, 3, 1, 1), two).decoded(planes).confidence) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_white_is_the_level_of_a_white_scene_away_from_the_dark_rim():
+    made = camera((40, 44), shutter="random", exposure="per-slot")
+    seen = made.exact(torch.ones(1, *made.scene_shape), torch.full((1, 1, 40, 44), 0.7))
+    assert float(white_level(made)) == pytest.approx(float(seen[..., 10:30, 10:30].mean()), rel=1e-5)
+
+
+def test_brightness_changes_the_level_alone():
+    made = camera(sensor=Sensor())
+    network, snapshot = trained(made, "snapshot"), 0.2 + snapshot_of(made)
+    one, other = (network(gain * snapshot, made, made.noise) for gain in (1.0, 3.0))
+    torch.testing.assert_close(3 * one.cube, other.cube, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(one.logits, other.logits, rtol=1e-4, atol=1e-5)
+
+
+def test_weights_bring_camera_and_network_back(tmp_path, prior):
+    made = camera(mask="free-form", rms=0.2e-6)
+    network, snapshot = trained(made, "snapshot"), snapshot_of(made)
+    file = DepthWeights(network, made, "", {"best": {"psnr": 1.0}}).save(tmp_path / "weights.safetensors")
+    again = DepthWeights.load(tmp_path)
+    assert (again.card, again.camera.planes, again.camera.bench) == ({"best": {"psnr": 1.0}}, made.planes, BENCH)
+    torch.testing.assert_close(again.camera.psf(), made.psf())
+    assert torch.equal(again.camera.colour(), made.colour())
+    assert torch.equal(again.camera.shutter(), made.shutter())
+    assert again.same_codes(made)
+    assert not again.same_codes(camera(mask="free-form", rms=0.2e-6, seed=1))
+    own = again.sized_camera(made.size, sensor=made.sensor)
+    one, other = TwoHeadedDecoder(network, made)(snapshot), again.decoder(own)(snapshot)
+    torch.testing.assert_close(one.estimate, other.estimate, atol=5e-3, rtol=0)  # half precision
+    assert again.path == file
+
+
+def test_networks_of_other_cameras_are_refused(tmp_path, prior):
+    made = camera()
+    network = build_depth_network({**SMALL, "start": "likelihood"}, made)
+    with pytest.raises(SettingError, match=r"3 planes.* 4"):
+        TwoHeadedDecoder(network, camera(planes=4), prior)
+    with pytest.raises(SettingError, match="prior"):
+        TwoHeadedDecoder(network, made)
+    for settings, name in (({"start": "guess"}, "start"), ({"depth": 3}, "depth"), ({"kind": "unet"}, "unet")):
+        with pytest.raises(SettingError, match=name):
+            build_depth_network({**SMALL, **settings}, made)
+    (tmp_path / "weights.safetensors").write_bytes(b"none")
+    with pytest.raises(DataError, match="no readable weights"):
+        DepthWeights.load(tmp_path)

@@ -1,0 +1,167 @@
+"""The spectral-depth camera in training: patches, losses, codes that move, exact resume."""
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.data import label
+from tmca.decoders.depth_weights import DepthWeights
+from tmca.decoders.two_headed import DepthEstimate
+from tmca.errors import SettingError
+from tmca.training import spectral_depth_settings, train_spectral_depth
+from tmca.training.depth_patches import DepthPatchSource
+from tmca.training.loop import Stopped
+from tmca.training.patches import CubeStore
+from tmca.training.spectral_depth import channels_of, training_camera
+
+TINY = {
+    "camera.size": [24, 24], "camera.slots": 2, "camera.planes": 3, "camera.period": 2, "camera.preset": "quick",
+    "camera.channels": "monochrome", "camera.filters": "clear", "camera.shutter": "one-hot",
+    "noise": [{"read_noise": 0.01}],
+    "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [6, 8], "blocks": 1, "window": 4},
+    "data.train": ["first", "second"], "data.validation": ["third"], "data.patch": 24, "data.batch": 2,
+    "optimiser.steps": 6, "validate_every": 3, "checkpoint_every": 2, "precision": "32-true",
+}  # fmt: skip
+
+
+def settings(**changes):
+    return spectral_depth_settings(None, None, TINY | changes)
+
+
+def load(name):
+    """A smooth random cube (8, 60, 64) before a slope, some of whose depth is unknown."""
+    rng = np.random.default_rng(zlib.crc32(name.encode()))
+    coarse = torch.from_numpy(rng.random((1, 8, 12, 13), dtype=np.float32))
+    fine = torch.nn.functional.interpolate(coarse, size=(60, 64), mode="bicubic").clamp(0, 1)[0]
+    waves = np.array(SpectralDepthCamera.from_preset("quick", size=(24, 24)).wavelengths)
+    depth = 1 / np.linspace(0.5, 2.5, 64)[None].repeat(60, 0)
+    depth[:5] = np.nan
+    return xr.Dataset({"radiance": label(fine.numpy(), waves), "depth": (("y", "x"), depth)})
+
+
+def train(folder, progress=None, **changes):
+    how = {"accelerator": "cpu", "progress": progress}
+    return train_spectral_depth(settings(**changes), Path(folder), load, **how)
+
+
+def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
+    found = train(tmp_path, **{"optimiser.steps": 60, "optimiser.decoder_rate": 0.01, "validate_every": 10})
+    rows = [line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines()]
+    score = [float(row[rows[0].index("score")]) for row in rows[1:]]
+    assert max(score) > score[0] + 0.01
+    assert found.best["score"] == pytest.approx(max(score), rel=1e-4)
+    weights = DepthWeights.load(found.weights)
+    camera = weights.sized_camera((30, 27))
+    decoded = weights.decoder(camera)(camera(torch.rand(1, 8, 30, 27), torch.full((1, 1, 30, 27), 0.8)))
+    assert decoded.estimate.shape == (1, 8, 30, 27)
+    assert bool(camera.planes.known(decoded.depth).all())
+
+
+@pytest.mark.parametrize("learn", [("mask",), ("shutter",), ("mask", "shutter", "filters")])
+def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
+    changes = {"camera.learn": list(learn), "camera.filters": "gaussian", "optimiser.code_rate": 0.5}
+    found = train(tmp_path, **changes, **{"codes.frozen": 0.0, "codes.slope": [1.0, 2.0]})
+    before, after = training_camera(settings(**changes)), DepthWeights.load(found.weights).camera
+    moved = {
+        "mask": not torch.allclose(before.spread.heights(), after.spread.heights()),
+        "shutter": not torch.equal(before.tile()[1], after.tile()[1]),
+        "filters": not torch.equal(before.filters.cells(), after.filters.cells()),
+    }
+    assert {name for name, is_moved in moved.items() if is_moved} <= set(learn)
+    assert moved["mask"] == ("mask" in learn)
+    assert set(after.tile()[1].unique().tolist()) <= {0.0, 1.0}
+
+
+def test_the_first_stage_follows_codes_that_learn(tmp_path):
+    decoder = {**TINY["decoder"], "start": "likelihood"}
+    changes = {"decoder": decoder, "camera.learn": ["mask"], "optimiser.code_rate": 0.1, "codes.frozen": 0.5}
+    found = train(tmp_path, **changes, **{"data.pool": 8, "optimiser.steps": 4, "validate_every": 2})
+    weights = DepthWeights.load(found.weights)
+    assert weights.prior == "prior.nc"
+    assert weights.load_prior() is not None
+    assert not (tmp_path / "starts").exists()
+
+
+@pytest.mark.parametrize("start", ["snapshot", "likelihood"])
+def test_a_run_that_is_stopped_ends_as_one_that_is_not(tmp_path, start):
+    changes = {"decoder": {**TINY["decoder"], "start": start}, "camera.learn": ["mask"], "codes.frozen": 0.5}
+    changes |= {"data.pool": 8}
+    train(tmp_path / "whole", **changes)
+
+    def stop(done, *_):
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises((KeyboardInterrupt, Stopped)):
+        train(tmp_path / "parts", progress=stop, **changes)
+    train(tmp_path / "parts", **changes)
+    one, other = (DepthWeights.load(tmp_path / name) for name in ("whole", "parts"))
+    for name, value in one.network.state_dict().items():
+        assert torch.equal(value, other.network.state_dict()[name]), name
+    assert one.card == other.card
+    assert one.same_codes(other.camera)
+
+
+def source(tmp_path, **changes):
+    camera = training_camera(settings())
+    store = CubeStore(["first"], lambda name: channels_of(load(name), camera), tmp_path)
+    return DepthPatchSource(store, 24, 0, **changes)
+
+
+@pytest.mark.parametrize("redrawn", [0.0, 1.0])
+def test_depth_stays_in_the_range_and_light_does_not_change_it(tmp_path, redrawn):
+    dull, bright = source(tmp_path, redrawn=redrawn), source(tmp_path, redrawn=redrawn, brightness=2.0, tint=0.3)
+    seen = []
+    for index in range(30):
+        one, other = dull(3, index).scene, bright(3, index).scene
+        known = torch.isfinite(one[-1])
+        assert one.shape == (9, 24, 24)
+        assert 0 <= one[-1][known].min() <= one[-1][known].max() <= 1
+        assert not torch.equal(one[:-1], other[:-1])
+        seen.append(float(known.float().mean()))
+    assert (min(seen) < 1) == (redrawn == 0)  # depth that is drawn is known everywhere
+    assert torch.equal(dull(3, 4).scene.nan_to_num(9), dull(3, 4).scene.nan_to_num(9))
+
+
+def test_channels_are_the_cube_and_the_share_of_the_range():
+    camera, scene = training_camera(settings()), load("first")
+    channels = channels_of(scene, camera)
+    inverse = 1 / scene["depth"].values[10]
+    assert np.isnan(channels[-1, :5]).all()
+    np.testing.assert_allclose(channels[-1, 10], (inverse - 0.5) / 2.0, atol=1e-6)
+    np.testing.assert_array_equal(channels[:-1], scene["radiance"].values)
+
+
+def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
+    from tmca.decoders.two_headed import build_depth_network
+    from tmca.training.depth_system import DepthSystem
+
+    camera = training_camera(settings())
+    network = build_depth_network(TINY["decoder"], camera)
+    system = DepthSystem(camera, network, [camera.sensor], None, [], depth_weight=1.0)
+    scenes = torch.rand(1, 9, 24, 24)
+    scenes[:, -1, :12] = torch.nan
+    logits = 40 * torch.eye(3)[2][None, :, None, None].expand(1, 3, 24, 24)
+    loss = system._loss(DepthEstimate(scenes[:, :-1], logits), scenes)
+    assert float(loss) == pytest.approx(float((1 - scenes[:, -1, 12:]).mean()), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"camera.size": [32, 24]}, "patches"),
+        ({"codes.throughput": 0.5}, "throughput"),
+        ({"camera.learn": ["lens"]}, "learn"),
+        ({"camera.preset": "huge"}, "preset"),
+        ({"decoder": {"kind": "two-headed", "levels": 3}}, "levels"),
+        ({"camera.mask": "spiral"}, "mask"),
+    ],
+)
+def test_impossible_settings_are_named(tmp_path, changes, said):
+    with pytest.raises(SettingError, match=said):
+        train(tmp_path, **changes)
