@@ -9,12 +9,14 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.mask_search import MaskBenchOptions, MaskSearchOptions
 from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.cli.options import SceneOptions
 from tmca.cli.sheets import SearchOptions, SheetOptions, whole_numbers
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
 _SCENE, _SHEET, _SEARCH = SceneOptions(), SheetOptions(), SearchOptions()
+_BENCH, _MASKS = MaskBenchOptions(), MaskSearchOptions()
 
 
 @app.command
@@ -96,6 +98,41 @@ def light_field(
             camera={} if shear is None else {"shear": shear_argument(shear)}, **search.search(),
         )  # fmt: skip
     _say(advice, found, out, json)
+
+
+@app.command
+def spectral_depth(
+    *scenes: str,
+    out: Path = Path("tmca-design"),
+    sensor: SheetOptions = _SHEET,
+    bench: MaskBenchOptions = _BENCH,
+    search: MaskSearchOptions = _MASKS,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Recommend the number of slots and the phase masks that tell depths apart best, for a sensor and a bench.
+
+    Writes into --out: design.html (start there), design.json, the recommended masks with shutter and filters as
+    codes.nc, those of every number of slots as codes_kK.nc, and pictures.
+
+    Args:
+        scenes: cubes or rendered scenes whose patches the scenes to come are like; the rendered ones without any.
+        out: folder of the results.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.progress import progress_bar
+    from tmca.experiments.design_depth_page import COLUMNS
+    from tmca.experiments.design_spectral_depth import design_spectral_depth
+    from tmca.experiments.results import markdown_table
+
+    with progress_bar(f"design {out.name}") as progress:
+        advice, found = design_spectral_depth(
+            sensor.sheet(), out, scenes=scenes, progress=progress, **bench.described(), **search.search()
+        )
+    if json:
+        print(json_module.dumps(found, indent=1))
+        return
+    print(markdown_table(found["designs"], COLUMNS))
+    print(f"{advice.sentence()}\nopen {out / 'design.html'}")
 
 
 def _say(advice: Any, found: dict[str, Any], out: Path, json: bool) -> None:

@@ -77,6 +77,8 @@ class SpectralDepthOptions:
     "equal: the slots share one exposure time; per-slot: each has its own."
     image_formation: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "linear, or occlusion: near layers hide far ones."
+    codes: Annotated[Path | None, Parameter(group=_CAMERA)] = None
+    "Masks, shutter, filters and their bench from a file of `tmca design` (codes.nc); the bands are the preset's."
     seed: Annotated[int, Parameter(group=_CAMERA, converter=whole)] = 0
     "Of the codes and the noise."
 
@@ -85,15 +87,31 @@ class SpectralDepthOptions:
         from tmca.cameras import SpectralDepthCamera
         from tmca.sensor import Sensor
 
-        given = {name: value for name, value in vars(self).items() if value is not None and name != "preset"}
+        own = ("preset", "codes")
+        given = {name: value for name, value in vars(self).items() if value is not None and name not in own}
         if self.depth is not None:
-            given["depth"] = _range(self.depth)
+            given["depth"] = depth_range(self.depth)
         if self.rms is not None:
             given["rms"] = self.rms * 1e-9
+        if self.codes is not None:
+            given |= self._designed(given)
         return SpectralDepthCamera.from_preset(self.preset, size=crop, sensor=Sensor(**vars(sensor)), **given)
 
+    def _designed(self, given: dict[str, Any]) -> dict[str, Any]:
+        """Camera arguments of a file of codes, which nothing else may set."""
+        from tmca.cameras.phase_codes import read_phase_codes
 
-def _range(text: str) -> tuple[float, float]:
+        found = read_phase_codes(self.codes or "")
+        beside = [name for name in given if name in (*found, "rms") and name != "slots"]
+        if beside:
+            raise SettingError("--codes", f"--{beside[0]} beside it", "one of them")
+        if given.get("slots", found["slots"]) != found["slots"]:
+            raise SettingError("--slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
+        return found
+
+
+def depth_range(text: str) -> tuple[float, float]:
+    """``NEAR,FAR`` in metres."""
     values = numbers(text, "--depth")
     if not isinstance(values, list) or len(values) != 2:
         raise SettingError("--depth", repr(text), "NEAR,FAR in metres, such as 0.4,2")

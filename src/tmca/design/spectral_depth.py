@@ -79,6 +79,24 @@ def confusion(covariance: Tensor) -> Tensor:
     return (0.5 * bins * torch.exp(-bhattacharyya(covariance))).sum(1).mean()
 
 
+def drawn_error(covariance: Tensor, draws: int = 500, seed: int = 0) -> float:
+    """Mean error in bins of the most likely plane of windows that are drawn from the prior, all planes as often.
+
+    Args:
+        covariance: (D, n, n) of planes in order.
+        draws: windows at every plane.
+        seed: of the windows.
+    """
+    source = torch.Generator(covariance.device).manual_seed(seed)
+    own = torch.randn(covariance.shape[-1], draws, generator=source, dtype=covariance.dtype, device=covariance.device)
+    factors, total = torch.linalg.cholesky(covariance.detach()), 0.0
+    level = factors.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+    for plane, factor in enumerate(factors):
+        misfit = torch.linalg.solve_triangular(factors, factor @ own, upper=False).square().sum(-2) / 2
+        total += float(((misfit + level[:, None]).argmin(0) - plane).abs().double().mean())
+    return total / len(factors)
+
+
 def fisher_information(covariance: Tensor, step: float) -> Tensor:
     """(D,) information of a window about inverse depth, squares of metres: ``½ tr(C⁻¹ C′ C⁻¹ C′)``.
 

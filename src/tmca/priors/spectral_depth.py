@@ -66,12 +66,13 @@ def snapshot_moments(
         SettingError: a prior that is not stationary.
     """
     _check(prior, psf, window)
+    colour, shutter, tile = _kinds(colour, shutter)
     seen = sensed_psf(psf, colour, shutter, exposure)
     needed = needed_block(window, (psf.shape[-2], psf.shape[-1]))
     frame = framed(needed, (psf.shape[-2] + window, psf.shape[-1] + window))
     power = _power(prior, needed, frame).to(torch.promote_types(seen.dtype, torch.complex64))
     mean = prior.mean[:, 0, 0].to(seen)
-    pairs, own = _pairs(len(colour), colour.shape[-1], window, seen.device)
+    pairs, own = _pairs(len(colour), tile, window)
     covariances, crosses = [], []
     for sensed in seen.unbind(1):
         spectrum = periodic_transfer_functions(sensed, frame).flatten(2).permute(2, 0, 1)
@@ -93,6 +94,19 @@ def sensed_psf(psf: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "eq
     """
     kinds = torch.einsum("clij,kij->cijkl", colour, shutter).flatten(0, 2)
     return torch.einsum("jkl,kdlhw->jdlhw", kinds, psf) / (len(psf) if exposure == "equal" else 1)
+
+
+def _kinds(colour: Tensor, shutter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Filters (C, L, P, 1) and shutter (K, P, 1) of the P kinds of pixels, and the kind of every pixel (Q, Q).
+
+    Pixels of the same filter and shutter are one kind, unless gradients tell them apart.
+    """
+    flat = torch.cat((colour.flatten(0, 1), shutter)).flatten(1)
+    kind = torch.arange(flat.shape[1], device=flat.device)
+    if not flat.requires_grad:
+        flat, kind = torch.unique(flat, dim=1, return_inverse=True)
+    found = flat[: -len(shutter), :, None].unflatten(0, colour.shape[:2]), flat[-len(shutter) :, :, None]
+    return *found, kind.reshape(shutter.shape[1:])
 
 
 def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
@@ -117,10 +131,11 @@ def _lags(spectrum: Tensor, frame: tuple[int, int], window: int) -> Tensor:
     return torch.fft.irfft2(half, s=frame)[..., around[:, None], around]
 
 
-def _pairs(channels: int, tile: int, window: int, device: torch.device) -> tuple[tuple[Tensor, Tensor], Tensor]:
-    """Displacement of every pair of pixels (rows, columns; each (m², m²)), and the kind of every pixel (n,)."""
-    y, x = (axis.flatten() for axis in torch.meshgrid(2 * [torch.arange(window, device=device)], indexing="ij"))
-    kind = (torch.arange(channels, device=device)[:, None] * tile + y % tile) * tile + x % tile
+def _pairs(channels: int, tile: Tensor, window: int) -> tuple[tuple[Tensor, Tensor], Tensor]:
+    """Displacement of every pair of pixels (rows, columns; each (m², m²)), and the kind of every sample (n,)."""
+    y, x = (axis.flatten() for axis in torch.meshgrid(2 * [torch.arange(window, device=tile.device)], indexing="ij"))
+    own = tile[y % tile.shape[0], x % tile.shape[1]]
+    kind = torch.arange(channels, device=tile.device)[:, None] * (int(tile.max()) + 1) + own
     return (y[:, None] - y + window - 1, x[:, None] - x + window - 1), kind.flatten()
 
 

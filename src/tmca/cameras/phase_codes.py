@@ -1,0 +1,90 @@
+"""Codes of the spectral-depth camera as a file: height maps, shutter and filters of one exposure, and their bench.
+
+Nothing in it depends on bands: filters and channels are kept by name, so that a camera of any bands may show them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.errors import DataError
+from tmca.optics import PhaseMaskBench
+
+_PARTS = ("heights", "shutter", "cells")
+_SAID = ("bench", "depth", "filters", "channels", "exposure", "energy")
+
+
+def write_phase_codes(
+    camera: SpectralDepthCamera,
+    path: str | Path,
+    filters: str,
+    channels: str,
+    notes: Mapping[str, Any] | None = None,
+    *,
+    overwrite: bool = False,
+) -> Path:
+    """Write a camera's codes as NetCDF.
+
+    ``heights`` (slot, y_mask, x_mask) in metres, ``shutter`` (slot, y_tile, x_tile), and ``cells`` (y_tile, x_tile),
+    the index of the filter over every pixel.
+
+    Args:
+        camera: whose shutter repeats.
+        path: of the file.
+        filters: family of its filters.
+        channels: of its sensor.
+        notes: further attributes.
+
+    Raises:
+        OutputError: the file exists, or cannot be written.
+    """
+    import xarray as xr
+
+    from tmca.data import write_dataset
+
+    heights, shutter = camera.codes()[0].detach(), camera.tile()[1].detach()
+    parts = {
+        "heights": (("slot", "y_mask", "x_mask"), heights.cpu().numpy(), {"units": "m"}),
+        "shutter": (("slot", "y_tile", "x_tile"), shutter.cpu().numpy().astype(np.uint8), {"meaning": "1 = open"}),
+        "cells": (("y_tile", "x_tile"), camera.filters.cells().cpu().numpy(), {"long_name": "index of the filter"}),
+    }
+    about = {
+        "bench": json.dumps(asdict(camera.bench)), "depth": json.dumps(asdict(camera.planes)), "filters": filters,
+        "channels": channels, "exposure": camera.exposure, "energy": camera.spread.energy,
+    }  # fmt: skip
+    return write_dataset(xr.Dataset(parts, attrs={**(notes or {}), **about}), path, overwrite=overwrite)
+
+
+def read_phase_codes(path: str | Path) -> dict[str, Any]:
+    """Arguments of ``SpectralDepthCamera`` that show the codes of a file of ``write_phase_codes``.
+
+    Raises:
+        DataError: no such file, or a part of it is missing or does not fit the others.
+    """
+    from tmca.data import read_dataset
+
+    stored, remedy = read_dataset(path, _PARTS), "write codes with `tmca design spectral-depth`"
+    if unsaid := [name for name in _SAID if name not in stored.attrs]:
+        raise DataError(path, f"no attribute {', '.join(unsaid)}", f"attributes {', '.join(_SAID)}", remedy)
+    heights, shutter = (torch.from_numpy(stored[n].values.astype(np.float32)) for n in ("heights", "shutter"))
+    cells = torch.from_numpy(stored["cells"].values.astype(np.int64))
+    if (heights.ndim, shutter.ndim) != (3, 3) or shutter.shape != (len(heights), *cells.shape):
+        found = f"heights {tuple(heights.shape)}, shutter {tuple(shutter.shape)}, cells {tuple(cells.shape)}"
+        raise DataError(path, found, "(K, rows, columns) of maps, (K, Q, Q) and (Q, Q) of a tile", remedy)
+    try:
+        bench, depth = json.loads(stored.attrs["bench"]), json.loads(stored.attrs["depth"])
+        known = {"bench": PhaseMaskBench(**{**bench, "window": tuple(bench["window"])}), "planes": int(depth["count"])}
+        known["depth"] = (float(depth["near"]), float(depth["far"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(path, f"bench or depth that are none ({error})", "those of a camera", remedy) from error
+    named = {name: str(stored.attrs[name]) for name in ("filters", "channels", "exposure", "energy")}
+    return {**known, **named, "mask": heights, "shutter": shutter, "cells": cells, "slots": len(heights),
+            "period": len(cells)}  # fmt: skip

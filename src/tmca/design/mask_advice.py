@@ -1,0 +1,107 @@
+"""What masks were found for every number of slots, and which of them to take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from torch import Tensor
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.design.spectral_depth import confusion, drawn_error, fisher_information
+
+WORTH = 0.1
+"""Share of the static mask's confusion that more slots have to save."""
+
+
+@dataclass(frozen=True)
+class MaskCandidate:
+    """Masks that were found.
+
+    Args:
+        camera: that shows them.
+        covariance: (D, n, n) of windows at every plane.
+        random: camera with the first random masks.
+        random_covariance: the same of it.
+        start: which descent found them.
+        seconds: CPU time of the search.
+        history: confusion after every step of that descent.
+    """
+
+    camera: SpectralDepthCamera
+    covariance: Tensor = field(repr=False)
+    random: SpectralDepthCamera
+    random_covariance: Tensor = field(repr=False)
+    start: str
+    seconds: float
+    history: tuple[float, ...] = field(repr=False)
+
+    @property
+    def slots(self) -> int:
+        """K."""
+        return self.camera.slots
+
+    @property
+    def confusion(self) -> float:
+        """Bound on the mean error, bins."""
+        return float(confusion(self.covariance))
+
+    def row(self) -> dict[str, Any]:
+        """For tables and files."""
+        step = self.camera.planes.step
+        return {
+            "slots": self.slots, "confusion": self.confusion,
+            "random_confusion": float(confusion(self.random_covariance)),
+            "error": drawn_error(self.covariance), "random_error": drawn_error(self.random_covariance),
+            "throughput": self.camera.throughput(), "start": self.start, "seconds": self.seconds,
+            "fisher": fisher_information(self.covariance, step).tolist(),
+            "random_fisher": fisher_information(self.random_covariance, step).tolist(),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MaskAdvice:
+    """What was found.
+
+    Args:
+        candidates: one for each number of slots, the static one first.
+    """
+
+    candidates: tuple[MaskCandidate, ...]
+
+    @property
+    def static(self) -> MaskCandidate:
+        """The best static mask."""
+        return self.candidates[0]
+
+    def saved(self, candidate: MaskCandidate) -> float:
+        """Share of the static mask's confusion that is saved."""
+        return 1 - candidate.confusion / max(self.static.confusion, 1e-30)
+
+    @property
+    def best(self) -> MaskCandidate:
+        """The fewest slots that save as much of the static mask's confusion as any, but for ``WORTH`` of it."""
+        most = max(map(self.saved, self.candidates))
+        return next(c for c in self.candidates if self.saved(c) > most - WORTH or self.saved(c) == most)
+
+    @property
+    def multiplex(self) -> bool:
+        """Whether more than one slot is worth it."""
+        return self.best is not self.static
+
+    def sentence(self) -> str:
+        """The advice in words."""
+        static = f"the best static mask's ({self.static.confusion:.3g} bins)"
+        if len(self.candidates) == 1:
+            return "One slot is all that was tried or fits the exposure: take the static mask."
+        if not self.multiplex:
+            top = max(self.candidates[1:], key=self.saved)
+            return (
+                f"A static mask is enough: the foretold depth confusion of K = {top.slots}, the best with more slots, "
+                f"is {self._compared(top)} {static}; {WORTH:.0%} less would be worth it."
+            )
+        return f"Use {self.best.slots} slots: the foretold depth confusion is {self._compared(self.best)} {static}."
+
+    def _compared(self, candidate: MaskCandidate) -> str:
+        change = self.saved(candidate)
+        return f"{abs(change):.0%} {'below' if change >= 0 else 'above'}"

@@ -1,0 +1,209 @@
+"""Phase masks for every number of slots, searched with the same effort, and which of them to take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.design.mask_advice import MaskAdvice, MaskCandidate
+from tmca.design.spectral_depth import confusion, design_masks, window_covariance
+from tmca.errors import SettingError
+from tmca.optics import HeightMaps, PhaseMaskBench, Stroke, mask_heights
+from tmca.priors import GaussianPrior
+
+SEARCHED = ("zernike", "free-form", "rotational")
+"""Families of masks with random starts."""
+_SIZE, _OWN, _RMS = (64, 64), 0.05, 0.1e-6
+"""Pixels of the cameras, share of variance that slots have of their own when they start from one mask, metres."""
+Told = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class MaskEffort:
+    """How hard is searched; the same for every number of slots.
+
+    Args:
+        starts: descents. The last begins from what is contained: the best so far of one slot, for more slots the best
+            static mask in all of them; the others are random.
+        steps: of each descent.
+        rate: see ``design_masks``.
+
+    Raises:
+        SettingError: none of them, or a rate that is not above 0.
+    """
+
+    starts: int = 3
+    steps: int = 40
+    rate: float = 0.003
+
+    def __post_init__(self) -> None:
+        if self.starts < 1 or self.steps < 1 or not self.rate > 0:
+            found = f"{self.starts} starts of {self.steps} steps at rate {self.rate:g}"
+            raise SettingError("search", found, "a start and a step or more, and a rate above 0")
+
+
+@dataclass(frozen=True)
+class MaskTask:
+    """What all searches share.
+
+    Args:
+        bench: that the masks stand on.
+        camera: further arguments of ``SpectralDepthCamera`` but size, slots, mask and shutter.
+        shutter: family of the shutter where there are several slots; a static mask has it open.
+        family: of the masks, one of ``SEARCHED``.
+        rms: of random heights, metres; if None 100 nm, or less where the stroke is small.
+        stroke: of the device.
+        learn: some of ``"mask"``, ``"shutter"``, ``"filters"``.
+        window: side of the windows of a snapshot that are judged, pixels.
+        seed: of what is random.
+
+    Raises:
+        SettingError: a family without random starts, nothing to learn, no window, or fewer than three depth planes.
+    """
+
+    bench: PhaseMaskBench
+    camera: Mapping[str, Any]
+    shutter: str = "one-hot"
+    family: str = "zernike"
+    rms: float | None = None
+    stroke: Stroke | None = None
+    learn: Collection[str] = ("mask",)
+    window: int = 8
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.family not in SEARCHED:
+            raise SettingError("mask", repr(self.family), f"one of {', '.join(SEARCHED)}, which have random starts")
+        if not self.learn:
+            raise SettingError("learn", "nothing", "some of mask, shutter, filters")
+        if self.window < 1:
+            raise SettingError("window", str(self.window), "1 pixel or more")
+        if int(self.camera.get("planes", 8)) < 3:
+            raise SettingError("planes", str(self.camera["planes"]), "3 or more depth planes")
+
+    def made(self, slots: int, number: int) -> SpectralDepthCamera:
+        """A camera with random masks, drawn with ``seed + number``.
+
+        Raises:
+            SettingError: heights of this rms are beyond the stroke, or nothing is learnable with so many slots.
+        """
+        reach = float("inf") if self.stroke is None else (self.stroke.high - self.stroke.low) / 12
+        heights = mask_heights(
+            self.family, slots, self.bench, rms=min(_RMS, reach) if self.rms is None else self.rms, stroke=self.stroke,
+            seed=self.seed + number, learnable="mask" in self.learn,
+        )  # fmt: skip
+        if self.stroke is not None and self.rms is not None:
+            self.stroke.check(heights.profile(), "heights of random masks")
+        shutter = "open" if slots == 1 else self.shutter
+        learned = [part for part in self.learn if part != "shutter" or shutter != "open"]
+        return SpectralDepthCamera(
+            **{**self.camera, "size": _SIZE, "slots": slots, "bench": self.bench, "mask": heights, "shutter": shutter},
+            seed=self.seed, learnable=learned,
+        )  # fmt: skip
+
+    def covariance(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
+        """(D, n, n) of ``window_covariance``, without gradients."""
+        with torch.no_grad():
+            return window_covariance(camera, prior, self.window)
+
+
+def search_masks(
+    task: MaskTask,
+    prior: GaussianPrior,
+    slots: Sequence[int],
+    effort: MaskEffort | None = None,
+    progress: Told | None = None,
+) -> MaskAdvice:
+    """Search masks for one slot and for every number of slots, with the same effort.
+
+    Args:
+        task: the bench and what is searched.
+        prior: of scenes, see ``design_masks``.
+        slots: numbers of slots K; 1 is always among them.
+        effort: starts and steps.
+        progress: told the share that is done and what is done.
+
+    Raises:
+        SettingError: no slots, or what ``MaskTask`` and ``design_masks`` refuse.
+        ShapeError: a prior that does not fit.
+    """
+    counts = sorted({1, *slots})
+    if counts[0] < 1:
+        raise SettingError("slots", str(counts[0]), "1 or more")
+    found: list[MaskCandidate] = []
+    for place, count in enumerate(counts):
+        told = _part(progress, place / len(counts), 1 / len(counts), f"masks, K = {count}")
+        found.append(_searched(task, prior, count, effort or MaskEffort(), found[0] if found else None, told))
+    return MaskAdvice(tuple(found))
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A camera that was found, from which start, and its confusion after every step."""
+
+    camera: SpectralDepthCamera
+    start: str
+    history: tuple[float, ...]
+
+    @property
+    def value(self) -> float:
+        """The least confusion, which is the camera's."""
+        return min(self.history)
+
+
+def _searched(
+    task: MaskTask,
+    prior: GaussianPrior,
+    slots: int,
+    effort: MaskEffort,
+    static: MaskCandidate | None,
+    told: Callable[[float], None],
+) -> MaskCandidate:
+    """The best of all descents, and of the static mask in all slots."""
+    begun, random, runs = time.process_time(), task.made(slots, 0), list[_Run]()
+    for number in range(effort.starts):
+        camera, start, last = task.made(slots, number), f"random {number + 1}", number == effort.starts - 1
+        if last and static is not None:
+            alike = task.made(slots, number)
+            _contain(alike, static.camera)
+            runs.append(_Run(alike, "static mask in all slots", (float(confusion(task.covariance(alike, prior))),)))
+            _contain(camera, static.camera, _OWN)
+            start = "near the static mask in all slots"
+        elif last and runs:
+            _contain(camera, min(runs, key=lambda run: run.value).camera)
+            start = "best so far"
+        found = design_masks(
+            camera, prior, window=task.window, steps=effort.steps, rate=effort.rate,
+            progress=lambda step, steps, _, done=number: told((done + step / steps) / effort.starts),  # type: ignore[misc]
+        )  # fmt: skip
+        runs.append(_Run(camera, start, found.confusion))
+    best, seconds = min(runs, key=lambda run: run.value), time.process_time() - begun
+    seen = task.covariance(best.camera, prior), task.covariance(random, prior)
+    return MaskCandidate(best.camera, seen[0], random, seen[1], best.start, seconds, best.history)
+
+
+def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, own: float = 0.0) -> None:
+    """Show the masks and filters of another camera of one slot, or as many, but for a share of the maps' variance."""
+    maps, given = camera.spread.heights, source.spread.heights
+    name = next(name for name in ("coefficients", "heights", "radii") if hasattr(maps, name))
+    values, start = getattr(maps, name), getattr(given, name)
+    with torch.no_grad():
+        values.mul_(own**0.5).add_((1 - own) ** 0.5 * start * (_unit(given) / _unit(maps)))
+    camera.filters.load_state_dict(source.filters.state_dict())
+    if camera.slots == source.slots:
+        camera.shutter.load_state_dict(source.shutter.state_dict())
+
+
+def _unit(maps: HeightMaps) -> float:
+    """Metres of a map's parameters."""
+    return float(maps.unit)  # type: ignore[arg-type]
+
+
+def _part(progress: Told | None, done: float, share: float, what: str) -> Callable[[float], None]:
+    return lambda within: None if progress is None else progress(done + share * within, what)

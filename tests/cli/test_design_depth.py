@@ -1,0 +1,114 @@
+"""``tmca design spectral-depth`` as a user meets it, and its codes in ``tmca simulate``."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tests.cli.refusals import refused
+from tmca.cli import main
+from tmca.data import rendered_scene, write_dataset
+from tmca.priors import GaussianPrior
+
+WAVES = (560e-9,)
+SMALL = ["--bands", "1", "--planes", "3", "--window", "3", "--starts", "2", "--steps", "1", "--read-noise", "0.002"]
+
+
+@pytest.fixture(scope="module")
+def prior(tmp_path_factory):
+    cube = rendered_scene("chelsea", wavelengths=WAVES, size=(60, 70))["radiance"].values
+    learned = GaussianPrior.learn([torch.from_numpy(cube)], (34, 34), wavelengths=WAVES)
+    return learned.save(tmp_path_factory.mktemp("prior") / "prior.nc")
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
+    own = ["--slots", "2", "--stroke", "4e-7", "--aperture", "1.5e-3", "--filters", "gaussian", "--channels", "rgb"]
+    main(["design", "spectral-depth", "--prior", str(prior), *SMALL, *own, "--out", "d", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert json.loads((tmp_path / "d" / "design.json").read_text())["advice"] == found["advice"]
+    assert [row["slots"] for row in found["designs"]] == [1, 2]
+    assert all(row["confusion"] <= row["random_confusion"] and row["seconds"] > 0 for row in found["designs"])
+    pictures = {"fisher.png", "distances.png", "masks_k1.png", "masks_k2.png", "psf_k1.png", "psf_k2.png"}
+    codes = {"codes.nc", "codes_k1.nc", "codes_k2.nc"}
+    assert {file.name for file in (tmp_path / "d").iterdir()} == {"design.json", "design.html", *pictures, *codes}
+    page = (tmp_path / "d" / "design.html").read_text()
+    assert page.count("data:image/png") == 6
+    assert "far too optimistic" in page
+    with xr.open_dataset("d/codes.nc") as best, xr.open_dataset(f"d/codes_k{found['slots']}.nc") as same:
+        np.testing.assert_array_equal(best["heights"], same["heights"])
+    take = ["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44", "--no-figures"]
+    main([*take, "--codes", "d/codes_k2.nc", "--out", "s.nc"])
+    with xr.open_dataset("d/codes_k2.nc") as codes, xr.open_dataset("s.nc") as taken:
+        for name in ("heights", "shutter", "cells"):
+            np.testing.assert_array_equal(codes[name], taken[name])
+        assert float(np.ptp(codes["heights"])) <= 4e-7 * (1 + 1e-5)
+        assert json.loads(taken.attrs["bench"])["diameter"] == 1.5e-3
+        assert json.loads(taken.attrs["depth"])["count"] == 3
+        assert taken.sizes["wavelength"] == 8
+        assert taken.sizes["channel"] == 3
+        assert taken.sizes["filter"] == 4
+    capsys.readouterr()
+    for given, message in ((("--planes", "4"), "--planes"), (("--slots", "4"), "2, as the codes have")):
+        assert message in refused(capsys, *take, "--codes", "d/codes_k2.nc", "--out", "t.nc", *given)
+    assert "earlier results" in refused(capsys, "design", "spectral-depth", "--prior", prior, *SMALL, "--out", "d")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--learn", "none"], "nothing"),
+        (["--learn", "lens"], "some of mask, shutter, filters"),
+        (["--slots", "0"], "slots: found 0"),
+        (["--slots", "two"], "whole numbers"),
+        (["--steps", "0"], "a step or more"),
+        (["--stroke", "1e-7", "--rms", "200"], "the device's stroke"),
+        (["--stroke", "-1"], "metres above 0"),
+        (["--levels", "4"], "--stroke"),
+        (["--stroke", "1e-6", "--levels", "1"], "2 or more"),
+        (["--material", "NOA61", "--bands", "2"], "its data"),
+        (["--material", "glue"], "fused-silica"),
+        (["--window", "9"], "larger blocks"),
+        (["--bands", "2"], "bands at 560 nm"),
+        (["--bands", "0"], "1 or more"),
+        (["--planes", "2"], "3 or more"),
+        (["--mask", "lens"], "random starts"),
+        (["--preset", "huge"], "quick"),
+        (["--aperture", "0"], "above 0"),
+        (["--exposure", "0.01", "--pattern-rate", "300", "--slots", "8"], "at most 3"),
+        (["coffee"], "one of them"),
+    ],
+)
+def test_what_cannot_be_designed_is_one_line(capsys, tmp_path, prior, options, words):
+    said = refused(capsys, "design", "spectral-depth", "--prior", prior, *SMALL, "--out", "d", *options)
+    assert words in said
+    assert not (tmp_path / "d").exists()
+
+
+def test_scenes_of_other_bands_or_too_small_are_refused(capsys, tmp_path):
+    blue = rendered_scene("chelsea", wavelengths=(420e-9, 440e-9), size=(60, 70))[["radiance"]]
+    write_dataset(blue, tmp_path / "blue.nc")
+    write_dataset(rendered_scene("chelsea", wavelengths=WAVES, size=(20, 70))[["radiance"]], tmp_path / "small.nc")
+    common = ("design", "spectral-depth", *SMALL, "--out", "d")
+    assert "one near 560 nm" in refused(capsys, *common, "blue.nc")
+    assert "20" in refused(capsys, *common, "small.nc")
+    assert "twice" in refused(capsys, *common, "blue.nc", "blue.nc")
+    assert not (tmp_path / "d").exists()
+
+
+def test_codes_that_are_none_are_refused(capsys, tmp_path):
+    take = ("simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44", "--codes", "c.nc")
+    assert "no such file" in refused(capsys, *take)
+    parts = {"heights": (("slot", "a", "b"), np.zeros((2, 4, 4))), "cells": (("y", "x"), np.zeros((2, 2)))}
+    parts["shutter"] = (("slot_", "y", "x"), np.ones((3, 2, 2)))
+    write_dataset(xr.Dataset(parts), "c.nc")
+    assert "no attribute bench" in refused(capsys, *take)
+    about = dict.fromkeys(("bench", "depth", "filters", "channels", "exposure", "energy"), "{}")
+    write_dataset(xr.Dataset(parts, attrs=about), "c.nc", overwrite=True)
+    assert "(3, 2, 2)" in refused(capsys, *take)

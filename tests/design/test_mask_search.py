@@ -1,0 +1,105 @@
+"""Masks that are searched with equal effort, and the advice that follows from them."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from tests.priors.test_spectral_depth import BENCH, prior_of
+from tmca.design.mask_advice import MaskAdvice
+from tmca.design.mask_search import MaskEffort, MaskTask, search_masks
+from tmca.design.spectral_depth import confusion, drawn_error
+from tmca.errors import SettingError, ShapeError
+from tmca.optics import Stroke
+from tmca.priors.spectral_depth import needed_block
+from tmca.sensor import Sensor
+
+CAMERA = {"bands": (450e-9, 600e-9), "planes": 3, "period": 2, "sensor": Sensor(read_noise=0.01)}
+TASK = MaskTask(BENCH, CAMERA, window=4)
+PRIOR = prior_of(needed_block(4, BENCH.window))
+
+
+@pytest.fixture(scope="module")
+def advice():
+    return search_masks(TASK, PRIOR, [2], MaskEffort(2, 3))
+
+
+def test_every_design_is_at_least_as_good_as_its_start(advice):
+    for own in advice.candidates:
+        assert own.confusion <= float(confusion(own.random_covariance))
+        assert own.confusion == pytest.approx(min(own.history), rel=1e-4)
+    assert [own.slots for own in advice.candidates] == [1, 2]
+
+
+def test_slots_are_never_worse_than_the_static_mask_in_all_of_them(advice):
+    repeated = TASK.made(2, 0)
+    heights = advice.static.camera.codes()[0].detach()
+    with torch.no_grad():
+        repeated.spread.heights.coefficients.copy_(advice.static.camera.spread.heights.coefficients.expand(2, -1))
+    torch.testing.assert_close(repeated.codes()[0], heights.expand(2, -1, -1))
+    alike = float(confusion(TASK.covariance(repeated, PRIOR)))
+    assert advice.candidates[1].confusion <= alike * (1 + 1e-6)
+
+
+def test_with_an_open_shutter_the_same_mask_in_all_slots_is_the_static_one(advice):
+    static = advice.static
+    found = search_masks(replace(TASK, shutter="open"), PRIOR, [2], MaskEffort(1, 1))
+    assert found.candidates[1].confusion <= found.static.confusion * (1 + 1e-6)
+    assert static.camera.throughput() == pytest.approx(1.0)
+
+
+def test_the_answer_may_be_a_static_mask(advice):
+    static, more = advice.candidates
+    assert MaskAdvice((static, static)).sentence().startswith("A static mask is enough")
+    assert not MaskAdvice((static,)).multiplex
+    clear = replace(more, covariance=more.covariance * torch.tensor([1.0, 1e3, 1e6]).double()[:, None, None])
+    told = MaskAdvice((static, clear))
+    assert told.multiplex
+    assert told.best is clear
+    assert told.sentence().startswith("Use 2 slots")
+
+
+def test_a_device_shows_only_its_stroke_and_levels():
+    stroke = Stroke(-0.1e-6, 0.1e-6, levels=5)
+    found = search_masks(replace(TASK, stroke=stroke), PRIOR, [1], MaskEffort(1, 2))
+    steps = found.best.camera.codes()[0].detach() / 0.05e-6
+    torch.testing.assert_close(steps, steps.round(), atol=1e-3, rtol=0)
+    assert float(steps.abs().max()) <= 2 + 1e-3
+    with pytest.raises(SettingError, match="stroke"):
+        replace(TASK, stroke=stroke, rms=1e-6).made(1, 0)
+
+
+def test_shutter_and_filters_are_searched_too():
+    task = replace(TASK, camera={**CAMERA, "filters": "gaussian"}, learn=("mask", "shutter", "filters"))
+    found = search_masks(task, PRIOR, [2], MaskEffort(2, 1))
+    shutter = found.candidates[1].camera.tile()[1]
+    assert set(shutter.unique().tolist()) <= {0.0, 1.0}
+
+
+def test_the_drawn_error_is_that_of_windows_that_are_told_apart():
+    same = torch.eye(4, dtype=torch.float64).expand(3, -1, -1)
+    far = torch.stack([10.0**d * torch.eye(40, dtype=torch.float64) for d in (0, 3, 6)])
+    assert drawn_error(same) == pytest.approx(1.0)  # all ties: the first of three planes
+    assert drawn_error(far) == 0
+
+
+@pytest.mark.parametrize(
+    ("made", "word"),
+    [
+        (lambda: replace(TASK, learn=()), "nothing"),
+        (lambda: replace(TASK, family="lens"), "random starts"),
+        (lambda: replace(TASK, window=0), "window"),
+        (lambda: replace(TASK, camera={**CAMERA, "planes": 2}), "3 or more"),
+        (lambda: MaskEffort(0, 1), "start"),
+        (lambda: search_masks(TASK, PRIOR, [0]), "slots"),
+        (lambda: search_masks(replace(TASK, learn=("shutter",)), PRIOR, [1], MaskEffort(1, 1)), "learnable"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused(made, word):
+    with pytest.raises(SettingError, match=word):
+        made()
+
+
+def test_a_prior_of_small_blocks_is_refused():
+    with pytest.raises(ShapeError, match="larger blocks"):
+        search_masks(TASK, prior_of((6, 6)), [1], MaskEffort(1, 1))
