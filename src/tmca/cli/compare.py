@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.cli.options import GridOptions
@@ -111,6 +112,57 @@ def light_field(
         atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
     )  # fmt: skip
     print(json.dumps(results, indent=1) if grid.json else (out / "light-field.md").read_text())
+
+
+@app.command
+def spectral_depth(
+    *,
+    train: list[str],
+    test: list[str],
+    out: Path = Path("docs/results"),
+    work: Path = Path("runs/compare-spectral-depth"),
+    decoders: str = "likelihood",
+    from_rgb: Annotated[bool, Parameter(negative="")] = False,
+    placed: str | None = None,
+    preset: str = "quick",
+    crop: str = "96x128",
+    side: Whole = 256,
+    seed: Whole = 0,
+    seeds: Whole = 1,
+    steps: Whole = 400,
+    grid: GridOptions = _GRID,
+) -> None:
+    """A phase mask alone against masks, filters and shutters that change within the exposure: depth and spectrum.
+
+    Writes spectral-depth.md, spectral-depth.json and pictures. Finished cells are kept in --work: a run that was
+    stopped goes on.
+
+    Args:
+        train: scenes or split files that prior, masks and networks learn from; may be given several times.
+        test: scenes or split files that are measured; they choose nothing.
+        out: folder of the results.
+        work: folder of prior, codes, trainings and finished cells.
+        decoders: which of likelihood, and of the trained two-headed (from the snapshot) and physics (from the
+            likelihood); separated by commas.
+        from_rgb: make up spectra of measured reflectances for RGB-D scenes.
+        placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
+        preset: of the camera: quick or thesis.
+        crop: HxW middle of every scene that is measured, pixels.
+        side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
+        seed: of codes, noise and trainings.
+        seeds: how many of them, from --seed on.
+        steps: optimiser steps of a training.
+    """
+    from tmca.cli.options import size
+    from tmca.experiments.compare_spectral_depth import compare_spectral_depth
+    from tmca.experiments.spectral_depth_rows import Sizes
+
+    sizes = Sizes(preset=preset, side=side, crop=size(crop, "--crop") or Sizes.crop)
+    found = compare_spectral_depth(
+        train, test, out, work, decoders=decoders.split(","), placed=placed, from_rgb=from_rgb, sizes=sizes,
+        seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
+    )  # fmt: skip
+    print(json.dumps(found, indent=1) if grid.json else (out / "spectral-depth.md").read_text())
 
 
 def _told(done: int, total: int, name: str, left: float) -> None:

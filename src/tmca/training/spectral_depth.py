@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import read_phase_codes
 from tmca.data import make_folder
 from tmca.decoders.depth_weights import DepthWeights, rendered_depth_prior
 from tmca.decoders.two_headed import TwoHeadedUNet, build_depth_network
@@ -144,9 +145,9 @@ def spectral_depth_settings(
 
 
 def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera:
-    """The camera with the codes that a run starts from: the preset's, or those of earlier weights.
+    """The camera with the codes that a run starts from: the preset's, those of earlier weights, or of `tmca design`.
 
-    Weights of one slot show their mask in every slot.
+    Codes of one slot show their mask in every slot.
 
     Raises:
         SettingError, DataError: an impossible camera, or codes that do not fit it.
@@ -158,14 +159,25 @@ def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera
     if start in ("random", "one-hot"):
         given |= {"shutter": "one-hot"} if start == "one-hot" else {}
         return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
-    before, slots = DepthWeights.load(start).camera, settings.camera.slots
-    if before.slots not in (1, slots):
-        raise DataError(start, f"{before.slots} slots", f"1 or {slots}", "set camera.slots")
-    given["mask"] = before.spread.heights().detach().expand(slots, -1, -1).clone()
-    if before.slots == slots:
-        given |= {"shutter": before.tile()[1].detach(), "filters": before.filters.filters}
-        given |= {"cells": before.filters.cells(), "period": before.period}
-    return SpectralDepthCamera.from_preset(given.pop("preset"), **{**given, "bench": before.bench})
+    given |= _started(Path(start), given)
+    return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
+
+
+def _started(start: Path, given: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of the camera that show the codes of weights, or of a file of `tmca design`."""
+    if start.suffix == ".nc":
+        found = read_phase_codes(start)
+    else:
+        before = DepthWeights.load(start).camera
+        found = {"mask": before.spread.heights().detach(), "shutter": before.tile()[1].detach(), "bench": before.bench}
+        found |= {"filters": before.filters.filters, "cells": before.filters.cells(), "period": before.period}
+    slots = len(found["mask"])
+    if slots not in (1, given["slots"]):
+        raise DataError(start, f"{slots} slots", f"1 or {given['slots']}", "set camera.slots")
+    mask = {"mask": found["mask"].expand(given["slots"], -1, -1).clone(), "bench": found["bench"]}
+    if slots != given["slots"]:
+        return mask
+    return mask | {name: found[name] for name in ("shutter", "filters", "cells", "period")}
 
 
 def channels_of(scene: xr.Dataset, camera: SpectralDepthCamera) -> NDArray[np.float32]:

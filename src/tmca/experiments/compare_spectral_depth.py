@@ -1,0 +1,206 @@
+"""The table of the spectral-depth camera: codes × noises × decoders over test scenes, each cell computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.errors import SettingError
+from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
+from tmca.experiments.depth_scenes import load_any_depth_scene
+from tmca.experiments.results import check_new
+from tmca.experiments.scenes import identity_of, short_names
+from tmca.experiments.spectral_depth_cells import measure
+from tmca.experiments.spectral_depth_comparison_figures import comparison_pictures, picture_files
+from tmca.experiments.spectral_depth_rows import (
+    CODES,
+    CONSTANT,
+    DECODER_NAMES,
+    DESIGNED,
+    NETWORKS,
+    NOISES,
+    TRAINED,
+    Sizes,
+    training_of,
+)
+from tmca.experiments.spectral_depth_tables import markdown, results
+
+EFFORT = {"starts": 3, "steps": 40, "rate": 0.003}
+"""Of every search of masks, static or not."""
+
+
+def compare_spectral_depth(
+    train: Sequence[str],
+    test: Sequence[str],
+    out: Path,
+    work: Path,
+    *,
+    decoders: Sequence[str] = ("likelihood",),
+    placed: str | None = None,
+    from_rgb: bool = False,
+    sizes: Sizes | None = None,
+    effort: dict[str, Any] | None = None,
+    seed: int = 0,
+    seeds: int = 1,
+    steps: int = 400,
+    jobs: int = 1,
+    cluster: Settings | None = None,
+    overwrite: bool = False,
+    progress: Timed | None = None,
+    command: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Measure every code, noise and decoder on the scenes of ``test``.
+
+    Args:
+        train: scenes or split files that the prior, the masks and the networks learn from.
+        test: scenes or split files that are measured; they choose nothing.
+        out: folder of ``spectral-depth.md``, ``spectral-depth.json`` and pictures.
+        work: folder of prior, codes and finished cells; a stopped run goes on there.
+        decoders: names of ``DECODER_NAMES``.
+        placed: how cubes without depth are put at drawn depths, a kind of ``tmca.data.place_cube``.
+        from_rgb: make up spectra for RGB-D scenes.
+        sizes: of scenes, windows and patches.
+        effort: arguments of `MaskEffort`, of every search, static or not.
+        seed: of codes, noise and trainings.
+        seeds: how many of them, from ``seed`` on.
+        steps: of a training.
+        jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
+        overwrite: replace results.
+        progress: told (done, all, name, seconds left) after each cell.
+        command: how the run was called, kept in the results.
+
+    Raises:
+        SettingError: unknown decoder, no scenes, or a scene in both lists.
+        OutputError: the results exist.
+        DataError: a scene that cannot be used.
+        CellsFailed: some cells failed; the others are kept.
+    """
+    from tmca.data import make_folder, write_json, write_text
+    from tmca.training.scenes import named_scenes
+
+    for name, value in (("--seeds", seeds), ("--steps", steps), ("--jobs", jobs)):
+        if value < 1:
+            raise SettingError(name, str(value), "at least 1")
+    unknown = [name for name in decoders if name not in DECODER_NAMES]
+    if unknown or not decoders:
+        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(DECODER_NAMES)}")
+    learned, measured_scenes = named_scenes(train), named_scenes(test)
+    _check_apart(learned, measured_scenes)
+    own, names = sizes or Sizes(), short_names(list(measured_scenes))
+    files = [out / "spectral-depth.json", out / "spectral-depth.md"]
+    check_new([*files, *picture_files(list(names.values()), out)], overwrite)
+    how: Settings = {"side": own.side, "placed": placed, "from_rgb": from_rgb}
+    prior = _prior(learned, make_folder(work), own, how)
+    make_folder(out)
+    common: Settings = {"source": source_digest(), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
+    common |= {**how, "scenes": names, "checksums": [identity_of(n) or n for n in (*learned, *names)]}
+    failures, every = Failures(work), range(seed, seed + seeds)
+
+    def run(part: list[Settings]) -> list[Measured]:
+        compute, told = partial(measure, folder=str(work)), timed(progress)
+        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
+
+    constant = {**common, "kind": "constant", "name": CONSTANT, "seed": seed, "decoder": CONSTANT, "noise": ""}
+    found = run(_searches(common, own, effort or EFFORT, every)) + run([constant])
+    codes = {(cell["code"], cell["seed"]): cell["codes"] for cell in found if "codes" in cell}
+    found += run(_untrained(common, own, codes, every) if "likelihood" in decoders else [])
+    trained = run(_trainings(common, own, learned, codes, decoders, every, steps, work))
+    found += trained + run(_behind_networks(common, own, trained))
+    if not any("metrics" in cell for cell in found):
+        failures.check()
+    split = {"train": list(short_names(list(learned)).values()), "test": list(names.values()), **how}
+    told = results(found, split, {**vars(own), "effort": dict(effort or EFFORT), "steps": steps}, command)
+    write_json(told, files[0], overwrite=overwrite)
+    write_text(markdown(told), files[1], overwrite=overwrite)
+    probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
+    scenes = {n: load_any_depth_scene(path, probe, **how) for path, n in names.items()}
+    comparison_pictures([c for c in found if c["seed"] == seed], scenes, probe, out, overwrite=overwrite)
+    failures.check()
+    return told
+
+
+def _check_apart(train: Sequence[str], test: Sequence[str]) -> None:
+    for name, scenes in (("--train", train), ("--test", test)):
+        if not scenes:
+            raise SettingError(name, "no scenes", "scenes or split files")
+    both = sorted(set(train) & set(test))
+    if both:
+        raise SettingError("--test", f"{both[0]}, a training scene", "other scenes")
+
+
+def _prior(train: Sequence[str], work: Path, sizes: Sizes, how: Settings) -> str:
+    """File of the prior of the training scenes, learned once."""
+    from tmca.priors import learn_prior
+    from tmca.priors.spectral_depth import needed_block
+
+    probe = SpectralDepthCamera.from_preset(sizes.preset, size=(64, 64))
+    about = {**how, "preset": sizes.preset, "window": sizes.window, "scenes": [identity_of(n) or n for n in train]}
+    file = work / f"prior-{cell_key({**about, 'source': source_digest()})}.nc"
+    if not file.exists():
+        cubes = [load_any_depth_scene(name, probe, **how)["radiance"] for name in train]
+        learn_prior(cubes, spread=0, block=needed_block(sizes.window, probe.bench.window)).save(file)
+    return str(file)
+
+
+def _searches(common: Settings, sizes: Sizes, effort: dict[str, Any], seeds: Sequence[int]) -> list[Settings]:
+    noise, sensor = next(iter(NOISES.items()))
+    kept = {name: common[name] for name in ("source", "preset", "prior")}
+    return [
+        {**kept, "kind": "search", "name": f"search · {code} · seed {seed}", "code": code, "noise": noise,
+         "sensor": sensor, "seed": seed, "effort": effort, "window": sizes.searched}
+        for code in DESIGNED for seed in seeds
+    ]  # fmt: skip
+
+
+def _untrained(
+    common: Settings, sizes: Sizes, codes: dict[tuple[str, int], str], seeds: Sequence[int]
+) -> list[Settings]:
+    return [
+        {**common, "kind": "rows", "name": f"{code} · {noise} · likelihood · seed {seed}", "code": code, "noise": noise,
+         "sensor": sensor, "seed": seed, "decoder": "likelihood", "window": sizes.window,
+         "codes": codes.get((code, seed)), "keep": seed == seeds[0] and noise == next(iter(NOISES))}
+        for code in CODES for noise, sensor in NOISES.items() for seed in seeds
+        if (code, seed) in codes or code not in DESIGNED
+    ]  # fmt: skip
+
+
+def _trainings(
+    common: Settings,
+    sizes: Sizes,
+    train: Sequence[str],
+    codes: dict[tuple[str, int], str],
+    decoders: Sequence[str],
+    seeds: Sequence[int],
+    steps: int,
+    work: Path,
+) -> list[Settings]:
+    from tmca.data import split_rendered
+
+    kept = {name: common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
+    rendered, found = sorted(split_rendered()["train"]), []
+    for decoder in (name for name in decoders if name in NETWORKS):
+        for code in TRAINED:
+            for seed in seeds:
+                training = training_of(code, decoder, seed, steps, sizes, list(NOISES), codes.get((code, seed)))
+                training["data"] |= {"train": [*train, *rendered[1:]], "validation": rendered[:1], "prior": list(train)}
+                cell = {**kept, "kind": "training", "name": f"training · {code} · {decoder} · seed {seed}"}
+                cell |= {"code": code, "decoder": decoder, "seed": seed, "training": training}
+                found.append({**cell, "folder": str(work / f"run-{cell_key(cell)}")})
+    return found
+
+
+def _behind_networks(common: Settings, sizes: Sizes, trained: Sequence[Measured]) -> list[Settings]:
+    first = min((cell["seed"] for cell in trained), default=0)
+    return [
+        {**common, "kind": "rows", "name": f"{cell['code']} · {noise} · {cell['decoder']} · seed {cell['seed']}",
+         "code": cell["code"], "noise": noise, "sensor": sensor, "seed": cell["seed"], "decoder": cell["decoder"],
+         "weights": cell["weights"], "window": sizes.window, "training_seconds": float(np.round(cell["seconds"], 3)),
+         "keep": cell["seed"] == first and noise == next(iter(NOISES))}
+        for cell in trained for noise, sensor in NOISES.items()
+    ]  # fmt: skip

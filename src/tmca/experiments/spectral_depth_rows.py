@@ -1,0 +1,85 @@
+"""What the spectral-depth table compares: codes, noises, decoders, and how the trained ones are trained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+_STATIC: dict[str, Any] = {"slots": 1, "shutter": "open"}
+_CLEAR, _COLOURED = {"filters": "clear"}, {"filters": "gaussian"}
+_MULTIPLEXED: dict[str, Any] = {"slots": 4, "shutter": "one-hot"}
+
+CODES: dict[str, dict[str, Any]] = {
+    "diffractive element only, random": {**_STATIC, **_CLEAR},
+    "diffractive element only, optimised": {**_STATIC, **_CLEAR},
+    "static mask + CCA, optimised": {**_STATIC, **_COLOURED},
+    "TMCA random K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
+    "TMCA optimised K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
+    "TMCA random K = 4": {**_MULTIPLEXED, **_CLEAR},
+    "TMCA optimised K = 4": {**_MULTIPLEXED, **_CLEAR},
+}
+"""Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes, equal exposure time."""
+DESIGNED = tuple(name for name in CODES if name.endswith("optimised") or "optimised" in name)
+"""Codes whose masks are searched for least confusion of depths, with the same effort."""
+STATIC_CODES = tuple(name for name, settings in CODES.items() if settings["slots"] == 1)
+DIFFRACTIVE = tuple(name for name in CODES if name.startswith("diffractive"))
+NOISES: dict[str, dict[str, Any]] = {
+    "σ = 0.002": {"read_noise": 0.002},
+    "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 10_000, "read_noise_electrons": 3},
+}
+DECODER_NAMES = {
+    "likelihood": "patch likelihood",
+    "two-headed": "two-headed U-Net",
+    "physics": "two-headed U-Net from the likelihood",
+}
+NETWORKS: dict[str, dict[str, Any]] = {
+    "two-headed": {"kind": "two-headed", "start": "snapshot"},
+    "physics": {"kind": "two-headed", "start": "likelihood"},
+}
+TRAINED = tuple(name for name in CODES if name != "TMCA random K = 4")
+"""Codes that networks are trained behind: one network for all noises."""
+CONSTANT = "constant guess"
+"""Row of a depth map that is the middle of the range, in inverse metres, everywhere."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large everything is.
+
+    Args:
+        preset: of the camera.
+        side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
+        crop: (H, W) middle of every scene that is measured.
+        window: of the patch likelihood, pixels.
+        patch: side of the patches that networks learn from.
+        searched: side of the windows that masks are searched for.
+    """
+
+    preset: str = "quick"
+    side: int = 256
+    crop: tuple[int, int] = (96, 128)
+    window: int = 12
+    patch: int = 64
+    searched: int = 8
+
+
+def training_of(
+    code: str, decoder: str, seed: int, steps: int, sizes: Sizes, noises: Sequence[str], codes: str | None
+) -> dict[str, Any]:
+    """Settings of a trained row, without its scenes.
+
+    Args:
+        codes: file of designed codes.
+    """
+    camera = {**CODES[code], "preset": sizes.preset, "size": [sizes.patch, sizes.patch], "seed": seed}
+    return {
+        "camera": camera,
+        "noise": [NOISES[name] for name in noises],
+        "decoder": NETWORKS[decoder],
+        "codes": {"start": codes} if codes else {},
+        "data": {"patch": sizes.patch, "batch": 4, "pool": 512, "side": sizes.side, "brightness": 1.0},
+        "optimiser": {"steps": steps, "decoder_rate": 2e-3},
+        "validate_every": max(1, steps // 4),
+        "seed": seed,
+    }
