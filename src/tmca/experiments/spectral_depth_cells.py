@@ -96,9 +96,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     method = "network" if cell.get("weights") else "likelihood"
     for name, scene in scenes_of(cell, camera).items():
         snapshot = take_spectral_depth_snapshot(scene, camera, seed=cell["seed"])
-        found = reconstruct_spectral_depth(
-            snapshot, "network" if cell.get("weights") else "likelihood", truth=scene, **given
-        )
+        found = reconstruct_spectral_depth(snapshot, method, truth=scene, **given)
         metrics[name], seconds[name] = found.metrics, found.seconds
         if cell["keep"]:
             kept[name] = str(found.save(folder / f"estimate-{cell_key(cell)}-{len(kept)}.nc", overwrite=True))
