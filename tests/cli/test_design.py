@@ -168,6 +168,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--kinds", "pretty"], "--kinds: found 'pretty', expected some of free, one-hot"),
         (["--kinds", "static"], "always searched"),
         (["--period", "5000"], "GB"),
+        (["--period", "1000000"], "1000000×1000000 pixels"),
         (
             ["tissue", "rocket", "retina", "chelsea", "astronaut", "motorcycle", "--bands", "31"],
             "found 7 of 31 bands, 11.6 GB for what they say of blocks, expected at most 10 GB; name fewer scenes",
@@ -198,6 +199,12 @@ def test_what_cannot_be_designed_is_one_line(tmp_path, capsys, options, words):
 def test_a_sheet_that_cannot_be_read_is_one_line(tmp_path, capsys, text, words):
     (tmp_path / "s.yaml").write_text(text)
     assert words in refused(capsys, "coffee", "--out", tmp_path / "d", "--sensor", tmp_path / "s.yaml")
+
+
+def test_kinds_that_are_named_twice_are_searched_once(tmp_path, capsys):
+    main(["design", "spectral", *SMALL, "--kinds", "one-hot, one-hot", "--out", str(tmp_path / "d"), "--json"])
+    surveyed = json.loads(capsys.readouterr().out)["surveyed"]
+    assert [row["codes"] for row in surveyed] == ["static", "one-hot"]
 
 
 def test_scenes_too_small_for_the_blocks_are_named(tmp_path, capsys):

@@ -170,6 +170,15 @@ def test_impossible_studies_are_refused(tmp_path):
             study_codes(SCENES, [], tmp_path, tmp_path / "work", **{**SMALL, **changes})
     with pytest.raises(SettingError, match="design study"):
         study_codes(SCENES[:1], [], tmp_path, tmp_path / "work", **SMALL)
+    large = (
+        ({"period": (0, 6)}, "0×6 pixels"),
+        ({"period": (10**6, 6)}, "GB for the blocks"),
+        ({"slots": [2**20]}, "code"),
+    )
+    for changes, words in large:
+        with pytest.raises(SettingError, match=words):
+            study_codes(SCENES, [], tmp_path, tmp_path / "work", **{**SMALL, **changes})
+    assert not list(tmp_path.iterdir())
 
 
 def test_ingredients_are_compared_with_the_static_design(found):

@@ -83,7 +83,7 @@ class SearchOptions:
         return {
             **own,
             "slots": whole_numbers(self.slots),
-            "kinds": self.kinds.split(","),
+            "kinds": [kind.strip() for kind in self.kinds.split(",")],
             "command": ["tmca", *sys.argv[1:]],
         }
 

@@ -229,7 +229,7 @@ def advise(
         SettingError: impossible sensor, slots that do not fit, unknown kind.
     """
     task = _Task(examples, _noise(sheet, period, camera), period, throughput, seed, camera)
-    kinds = sorted(kinds, key=lambda kind: kind == "free")  # which then starts from the others
+    kinds = sorted(dict.fromkeys(kinds), key=lambda kind: kind == "free")  # which then starts from the others
     asked = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
     plan = [(kind, k) for kind, k in asked if task.reaches(kind, k)]
     out = tuple(sorted(set(asked) - set(plan)))

@@ -13,7 +13,7 @@ from tmca.cameras import CodedCamera
 from tmca.codes import CodePlane
 from tmca.design.descent import learned
 from tmca.design.low_rank import BlockState
-from tmca.design.tile import TileMse, even_places, windows
+from tmca.design.tile import TileMse, count_places, even_places, windows
 from tmca.priors.blocks import BlockModel
 
 _SHIFTS = 2
@@ -53,7 +53,7 @@ def tile_bytes(model: BlockModel, period: tuple[int, int]) -> int:
     """Memory that flips need for the blocks of one tile, bytes."""
     measurements, taps = model.measurements, len(model.offsets)
     block = 8 * measurements * measurements * (2 * taps + 2)
-    return block * len(even_places(model, period, _SHIFTS))
+    return block * count_places(model, period, _SHIFTS)
 
 
 def flip_greedily(

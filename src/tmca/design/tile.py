@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Protocol
 
 import torch
@@ -29,6 +30,12 @@ def even_shifts(model: BlockModel, count: int) -> list[tuple[int, int]]:
 def even_places(model: BlockModel, period: tuple[int, int], count: int) -> list[tuple[int, int]]:
     """Corners of the blocks of all even shifts over one period."""
     return [place for shift in even_shifts(model, count) for place in phases(model, period, shift)]
+
+
+def count_places(model: BlockModel, period: tuple[int, int], count: int) -> int:
+    """How many corners ``even_places`` gives, without a list of them."""
+    first, last = model.judged
+    return count * ceil(period[0] / model.block[1]) * ceil(period[1] / (last - first))
 
 
 def windows(code: Tensor, block: tuple[int, int, int], places: list[tuple[int, int]]) -> Tensor:

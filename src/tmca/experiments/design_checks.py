@@ -48,12 +48,12 @@ def check_search(
     _check_kinds(kinds)
 
 
-def check_size(camera: Mapping[str, Any], period: int, slots: Sequence[int], scenes: int) -> None:
+def check_size(camera: Mapping[str, Any], period: tuple[int, int], slots: Sequence[int], scenes: int) -> None:
     """Refuse what does not fit the memory.
 
     Args:
         camera: arguments of ``designable`` beside kind, slots and period.
-        period: side of the tile of codes, pixels.
+        period: (rows, columns) of the tile of codes, pixels.
         slots: numbers of slots that are tried.
         scenes: number of example scenes.
 
@@ -62,8 +62,9 @@ def check_size(camera: Mapping[str, Any], period: int, slots: Sequence[int], sce
     """
     one = designable("static", 1, (8, 8), **camera)
     model = design_model(one.taps())
-    if (needed := tile_bytes(model, (period, period))) > _MOST_TILE:
-        found = f"{period}, {needed / 1e9:.1f} GB for the blocks of one tile"
+    tile = f"{period[0]}×{period[1]} pixels"
+    if (needed := tile_bytes(model, period)) > _MOST_TILE:
+        found = f"{tile}, {needed / 1e9:.1f} GB for the blocks of one tile"
         remedy = f"take a smaller period or fewer {one.channel}s"
         raise SettingError("--period", found, f"at most {_MOST_TILE / 1e9:g} GB", remedy)
     if (needed := example_bytes(model, scenes)) > _MOST_EXAMPLES:
@@ -71,8 +72,8 @@ def check_size(camera: Mapping[str, Any], period: int, slots: Sequence[int], sce
         remedy = f"name fewer scenes, or take fewer {one.channel}s (--{one.channel}s)"
         raise SettingError("scenes", found, f"at most {_MOST_EXAMPLES / 1e9:g} GB", remedy)
     for k in slots:
-        if k * period**2 > _MOST_PIXELS:
-            found, remedy = f"{k} slots of {period}×{period} pixels", "take fewer or a smaller period"
+        if k * period[0] * period[1] > _MOST_PIXELS:
+            found, remedy = f"{k} slots of {tile}", "take fewer or a smaller period"
             raise SettingError("--slots", found, f"at most {_MOST_PIXELS} code pixels", remedy)
 
 

@@ -105,7 +105,7 @@ def design_codes(
 
     check_new((out / name for name in FILES), overwrite)
     check_search(sheet, slots, kinds, period, seed, throughput, light)
-    check_size(bare, period, sheet.allowed(slots), scenes)
+    check_size(bare, (period, period), sheet.allowed(slots), scenes)
     check_folder(out)
     told = progress or (lambda share, step: None)
     learned = learn(told)

@@ -8,6 +8,7 @@ from typing import Any
 
 from tmca.cameras import LightFieldCamera
 from tmca.design import Advice, SensorSheet, design_model, designable, learn_examples
+from tmca.errors import SettingError
 from tmca.experiments.design_checks import named_once
 from tmca.experiments.design_codes import Learned, Told, design_codes
 from tmca.experiments.light_field import load_light_field
@@ -37,10 +38,15 @@ def design_light_field(
         scale: of light fields from files, whole number of pixels per axis that are averaged into one.
         camera: further arguments of ``LightFieldCamera``.
         how: further arguments of ``design_codes``.
+
+    Raises:
+        SettingError: a scale below 1; what ``design_codes`` refuses.
     """
     from tmca.data import split_rendered_light_fields
 
     named_once(scenes)
+    if scale is not None and scale < 1:
+        raise SettingError("--scale", str(scale), "1 or more pixels that are averaged into one")
     names = list(scenes) or sorted(split_rendered_light_fields()["train"])
     own = {"camera_type": LightFieldCamera, "views": view_grid(views), **(camera or {})}
 

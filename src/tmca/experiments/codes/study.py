@@ -15,6 +15,7 @@ from tmca.experiments.codes.learned import examples_folder, mixture_file, prior_
 from tmca.experiments.codes.ranking import RANKED, correlations, networks, ranked_there, ranking
 from tmca.experiments.codes.searches import design_ahead, grid, in_the_light, on_test_scene
 from tmca.experiments.codes.tables import study_markdown
+from tmca.experiments.design_checks import check_size
 from tmca.experiments.results import check_new, repository_commit
 from tmca.experiments.scenes import identity_of
 
@@ -90,7 +91,7 @@ def study_codes(
         command: how the study was called.
 
     Raises:
-        SettingError: too few scenes, or slots below 2.
+        SettingError: too few scenes, slots below 2, or more than fits the memory.
         OutputError: results exist.
         CellsFailed: some cells failed; the others are kept.
     """
@@ -103,6 +104,9 @@ def study_codes(
         raise SettingError("--train", "two scenes of one name", "a name for each", "rename a file")
     if test_slots < 2 or steps < 0:
         raise SettingError("design study", f"{test_slots} test slots, {steps} steps", "slots ≥ 2, steps ≥ 0")
+    if min(period) < 1:
+        raise SettingError("--period", f"{period[0]}×{period[1]} pixels", "1×1 or more")
+    check_size({"bands": bands}, period, [*slots, test_slots], len(train))
     files = [out / "codes.json", out / "codes.md", *files_of(out)]
     check_new(files, overwrite)
     make_folder(out)
