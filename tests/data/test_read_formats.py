@@ -11,7 +11,7 @@ import xarray as xr
 import zarr
 from PIL import Image
 
-from tmca.data import label, nm_to_metres, read, read_array, write_dataset, write_tiff
+from tmca.data import describe, label, nm_to_metres, read, read_array, write_dataset, write_tiff
 from tmca.errors import DataError, SettingError
 
 CAVE_NM = np.arange(400.0, 701.0, 10.0)
@@ -244,6 +244,23 @@ def test_tiff_with_labels_sidecar_or_argument(pixels, nm, tmp_path):
     np.testing.assert_array_equal(sidecar.wavelength_nm, nm)
     assert sidecar.attrs["wavelengths_from"] == "sidecar"
     np.testing.assert_array_equal(read(tmp_path / "plain.tif", bands=[2]), pixels[[2]])
+
+
+@pytest.mark.parametrize("planar", [None, "contig"])
+def test_the_bands_of_a_tiff_may_come_last(pixels, nm, tmp_path, planar):
+    last = np.ascontiguousarray(np.moveaxis(pixels, 0, -1))
+    tifffile.imwrite(tmp_path / "last.tif", last, photometric="minisblack", planarconfig=planar)
+    np.testing.assert_array_equal(read(tmp_path / "last.tif", wavelengths=nm_to_metres(nm)), pixels)
+    np.testing.assert_array_equal(
+        read(tmp_path / "last.tif", wavelengths=nm_to_metres(nm), bands=[5, 2]), pixels[[5, 2]]
+    )
+
+
+def test_a_tiff_of_a_known_set_may_have_its_bands_last(tmp_path):
+    cube = np.random.default_rng(0).random((40, 41, 31), dtype=np.float32)
+    tifffile.imwrite(tmp_path / "cave.tif", cube, photometric="minisblack")
+    assert describe(tmp_path / "cave.tif")["spectral_axis"] == 2
+    np.testing.assert_array_equal(read(tmp_path / "cave.tif"), np.moveaxis(cube, -1, 0))
 
 
 def test_ome_tiff_channels_carry_wavelengths(pixels, nm, tmp_path):

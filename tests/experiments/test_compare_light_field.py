@@ -5,15 +5,18 @@ import re
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from tests.cli.refusals import refused
 from tmca.decoders import Weights
 from tmca.experiments import light_field_rows as rows
 from tmca.experiments.compare_light_field import compare_light_field
 from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
-from tmca.experiments.light_field_cells import coded_camera
+from tmca.experiments.light_field_cells import coded_camera, measure
 from tmca.experiments.light_field_comparison_figures import slug
+from tmca.experiments.light_field_learned import Learned
 from tmca.experiments.light_field_pages import left_out, pictures, thesis_table
+from tmca.experiments.light_field_reading import Reading
 from tmca.experiments.light_field_tables import margins, steps_between
 from tmca.experiments.scenes import short_names
 
@@ -194,6 +197,36 @@ def test_margins_compare_the_best_of_each_kind():
     steps = steps_between({"rows": table + better, "crop_rows": [], "split": split})
     assert [step["where"] for step in steps] == ["from files", "rendered"]
     assert (steps[0]["least"], steps[0]["mean"], steps[0]["most"]) == pytest.approx((0.5, 1.0, 1.5))
+
+
+def test_what_is_learned_is_kept_apart_by_how_its_files_are_read(tmp_path):
+    for v, u in np.ndindex(3, 3):
+        Image.fromarray(np.full((4, 4), 9 * v + u, np.uint8)).save(tmp_path / f"a{v}b{u}c.png")
+    names = [str(tmp_path), "coffee"]
+    keys = {
+        json.dumps(Learned(names, tmp_path, 3, Reading(pattern=pattern, lens=lens)).identity)
+        for pattern, lens in (
+            ("a{row}b{column}c.png", None),
+            ("a{-row}b{column}c.png", None),
+            ("a{row}b{column}c.png", (3, 3)),
+            ("other{row}_{column}.png", None),
+            (None, None),
+        )
+    }
+    assert len(keys) == 3, "a lens grid and other names change nothing of a folder and a rendered scene"
+
+
+def test_cells_of_a_folder_are_read_by_its_pattern(tmp_path):
+    truth = load_light_field("coffee", views=3, size=(26, 30))
+    for v, u in np.ndindex(3, 3):
+        Image.fromarray(np.rint(255 * truth.values[v, u]).astype(np.uint8)).save(tmp_path / f"a{v}b{u}c.png")
+    place = {"path": str(tmp_path), "views": [3, 3], "size": [26, 30], "kind": "geometry"}
+    maps = []
+    for pattern in ("a{row}b{column}c.png", "a{-row}b{-column}c.png"):
+        cell = json.loads(json.dumps({**place, "reading": vars(Reading(pattern=pattern))}))
+        with np.load(measure(cell, str(tmp_path))["disparity"]) as kept:
+            maps.append(kept["seen"])
+    assert np.corrcoef(maps[0].ravel(), maps[1].ravel())[0, 1] < 0
 
 
 def test_bad_input_is_refused(folder, tmp_path, capsys):

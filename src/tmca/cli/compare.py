@@ -9,11 +9,12 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.light_field import MeasuredLightFieldsOptions
+from tmca.cli.numbers import Whole
 from tmca.cli.options import GridOptions
 
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
-_GRID = GridOptions()
+_GRID, _VIEWS = GridOptions(), MeasuredLightFieldsOptions()
 
 
 @app.command
@@ -66,11 +67,9 @@ def light_field(
     out: Path = Path("docs/results"),
     work: Path = Path("runs/compare-light-field"),
     decoders: str = "dictionary,lmmse,mixture",
-    views: Whole = 5,
     frame: str = "270x480",
     period: Whole = 16,
-    scale: MaybeWhole = None,
-    test_scale: MaybeWhole = None,
+    reading: MeasuredLightFieldsOptions = _VIEWS,
     atoms: Whole = 1024,
     seed: Whole = 0,
     seeds: Whole = 1,
@@ -90,11 +89,8 @@ def light_field(
         work: folder of priors, designs and finished cells.
         decoders: which of dictionary (on a crop), lmmse, mixture, and of the trained sub-network (the thesis') and
             consistent (measurement-consistent, from the lmmse); separated by commas.
-        views: n for the centre n×n views, odd.
         frame: HEIGHTxWIDTH, the middle of the light fields of --test.
         period: tile of all codes, pixels.
-        scale: whole number of pixels per axis that are averaged into one, in the light fields of --train.
-        test_scale: the same in those of --test.
         atoms: of the dictionary.
         seed: of codes, noise and trainings.
         seeds: how many codes and trainings, from --seed on.
@@ -106,10 +102,10 @@ def light_field(
 
     middle = size(frame, "--frame")
     assert middle is not None
-    sizes = Sizes(views=views, period=period, frame=middle)
+    sizes = Sizes(views=reading.views, period=period, frame=middle)
     results = compare_light_field(
-        train, test, out, work, decoders=decoders.split(","), sizes=sizes, scale=scale, test_scale=test_scale,
-        atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
+        train, test, out, work, decoders=decoders.split(","), sizes=sizes, reading=reading.asked(),
+        test_scale=reading.test_scale, atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
     )  # fmt: skip
     print(json.dumps(results, indent=1) if grid.json else (out / "light-field.md").read_text())
 

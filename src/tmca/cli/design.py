@@ -9,14 +9,15 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.light_field import LightFieldsOptions
 from tmca.cli.mask_search import MaskBenchOptions, MaskSearchOptions
-from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.numbers import Whole
 from tmca.cli.options import SceneOptions
 from tmca.cli.sheets import SearchOptions, SheetOptions, whole_numbers
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
 _SCENE, _SHEET, _SEARCH = SceneOptions(), SheetOptions(), SearchOptions()
-_BENCH, _MASKS = MaskBenchOptions(), MaskSearchOptions()
+_VIEWS, _BENCH, _MASKS = LightFieldsOptions(), MaskBenchOptions(), MaskSearchOptions()
 
 
 @app.command
@@ -67,8 +68,7 @@ def light_field(
     *scenes: str,
     out: Path = Path("tmca-design"),
     sensor: SheetOptions = _SHEET,
-    views: Whole = 5,
-    scale: MaybeWhole = None,
+    reading: LightFieldsOptions = _VIEWS,
     shear: str | None = None,
     period: Whole = 16,
     search: SearchOptions = _SEARCH,
@@ -81,8 +81,6 @@ def light_field(
     Args:
         scenes: light fields to design for, two at least to judge the gain; the rendered ones without any.
         out: folder of the results.
-        views: n for the centre n×n views, odd.
-        scale: of light fields from files, whole number of pixels per axis that are averaged into one.
         shear: mask pixels per view, one number or ALONG_Y,ALONG_X. [default: 1]
         period: tile of the codes, pixels.
         json: print JSON instead of text.
@@ -94,7 +92,7 @@ def light_field(
     sheet, named = sensor.sheet(), search.scenes(scenes)
     with progress_bar(f"design {out.name}") as progress:
         advice, found = design_light_field(
-            sheet, out, scenes=named, views=views, scale=scale, period=period, progress=progress,
+            sheet, out, scenes=named, views=reading.views, reading=reading.asked(), period=period, progress=progress,
             camera={} if shear is None else {"shear": shear_argument(shear)}, **search.search(),
         )  # fmt: skip
     _say(advice, found, out, json)

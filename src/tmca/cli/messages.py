@@ -16,6 +16,7 @@ _ALIASES = {
 }
 _EXTRA = (
     "crop",
+    "frame",
     "variable",
     "wavelengths",
     "negative",
@@ -35,12 +36,13 @@ _EXTRA = (
 def options() -> dict[str, str]:
     """Python's name of an argument → the option that sets it."""
     from tmca.cli.cameras import LightFieldOptions, SpectralOptions
-    from tmca.cli.options import LightFieldSceneOptions, SensorOptions, TruthOptions
+    from tmca.cli.light_field import LightFieldSceneOptions, MeasuredLightFieldsOptions
+    from tmca.cli.options import SensorOptions, TruthOptions
     from tmca.cli.sheets import SheetOptions
     from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions
 
     kinds: tuple[type, ...] = (TruthOptions, LightFieldSceneOptions, DepthSceneOptions, SensorOptions, SheetOptions)
-    kinds += (SpectralOptions, LightFieldOptions, SpectralDepthOptions)
+    kinds += (MeasuredLightFieldsOptions, SpectralOptions, LightFieldOptions, SpectralDepthOptions)
     names = [field.name for kind in kinds for field in fields(kind)]
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 

@@ -99,23 +99,6 @@ class TruthOptions(ViewFilesOptions, SceneOptions):
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class LightFieldSceneOptions(ViewFilesOptions):
-    """How a light field is read."""
-
-    views: Annotated[int, Parameter(group=_SCENE, converter=whole)] = 5
-    "n for the centre n×n views, odd."
-    scale: Annotated[int | None, Parameter(group=_SCENE, converter=whole)] = None
-    "Whole number of pixels per axis that are averaged into one."
-    colour: Annotated[bool, Parameter(group=_SCENE, negative="")] = False
-    "Red, green and blue, a snapshot of each, instead of their luminance."
-
-    def reading(self) -> dict[str, Any]:
-        """Arguments of ``load_light_field``."""
-        return {**vars(self), **self.files()}
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
 class SensorOptions:
     """The sensor."""
 

@@ -9,13 +9,14 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import SpectralOptions
+from tmca.cli.light_field import LightFieldsOptions
 from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.options import SceneOptions, SensorOptions, ViewFilesOptions, check_figure
+from tmca.cli.options import SceneOptions, SensorOptions, check_figure
 from tmca.errors import SettingError
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
 _CAMERA, _SENSOR, _SCENE = SpectralOptions(), SensorOptions(), SceneOptions()
-_VIEWS = ViewFilesOptions()
+_VIEWS = LightFieldsOptions()
 
 
 @app.command
@@ -80,9 +81,7 @@ def learn_views(
     atoms: Whole = 1024,
     split: Path | None = None,
     mixture: Annotated[bool, Parameter(negative="")] = False,
-    views: Whole = 5,
-    scale: MaybeWhole = None,
-    reading: ViewFilesOptions = _VIEWS,
+    reading: LightFieldsOptions = _VIEWS,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     seed: Whole = 0,
@@ -96,8 +95,6 @@ def learn_views(
         atoms: of the dictionary.
         mixture: a Gaussian mixture instead of one Gaussian.
         split: a split file whose light fields are added.
-        views: n for the centre n×n views, odd.
-        scale: whole number of pixels per axis that are averaged into one.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
         seed: of the patches that a dictionary or a mixture learns from.
@@ -111,8 +108,8 @@ def learn_views(
     kind = "dictionary" if dictionary else "mixture" if mixture else "gaussian"
     with progress_bar(f"prior {out.name}") as progress:
         found = learn_views_to_file(
-            light_fields, out, split=split, views=views, scale=scale, kind=kind, atoms=atoms, seed=seed,
-            figure=figure, overwrite=overwrite, progress=progress, **reading.files(),
+            light_fields, out, split=split, views=reading.views, reading=reading.asked(), kind=kind, atoms=atoms,
+            seed=seed, figure=figure, overwrite=overwrite, progress=progress,
         )  # fmt: skip
     channels, rows, columns = found.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
+from tmca.cli.light_field import LightFieldSceneOptions
 from tmca.cli.numbers import Whole
 from tmca.cli.options import (
-    LightFieldSceneOptions,
     OutputOptions,
     SceneOptions,
     SensorOptions,

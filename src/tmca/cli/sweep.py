@@ -10,12 +10,13 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.light_field import MeasuredLightFieldsOptions
+from tmca.cli.numbers import Whole
 from tmca.cli.options import GridOptions
 from tmca.errors import SettingError
 
 app = App(name="sweep", help="Every combination of some settings, over test scenes.")
-_GRID = GridOptions()
+_GRID, _VIEWS = GridOptions(), MeasuredLightFieldsOptions()
 
 
 @app.command
@@ -79,9 +80,7 @@ def light_field(
     train: Path | None = None,
     decoder: str = "lmmse",
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
-    views: Whole = 5,
-    scale: MaybeWhole = None,
-    test_scale: MaybeWhole = None,
+    reading: MeasuredLightFieldsOptions = _VIEWS,
     crop: str | None = None,
     grid: GridOptions = _GRID,
 ) -> None:
@@ -100,9 +99,6 @@ def light_field(
         train: split file of the light fields that teach priors and designs; rendered ones without it.
         decoder: lmmse, mixture, admm-tv or dagger.
         set_: NAME=VALUE of the same names for all cells.
-        views: n for the centre n×n views, odd.
-        scale: whole number of pixels per axis that are averaged into one, in the light fields of --train.
-        test_scale: the same in those that are measured.
         crop: HEIGHTxWIDTH, the middle of the light fields.
     """
     from tmca.cli.options import size
@@ -114,8 +110,8 @@ def light_field(
     axes, fixed = _axes(vary, set_)
     examples = [str(path) for path in read_split(train)] if train else []
     found = sweep_light_field(
-        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=views,
-        scale=scale, test_scale=test_scale, size=size(crop, "--crop"), progress=_told, **grid.how(),
+        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=reading.views,
+        reading=reading.asked(), test_scale=reading.test_scale, size=size(crop, "--crop"), progress=_told, **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 

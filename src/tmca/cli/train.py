@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import os
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,9 +12,11 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.numbers import MaybeWhole
+from tmca.cli.options import ViewFilesOptions
 from tmca.errors import SettingError
 
 app = App(name="train", help="Learn a camera's codes and its decoder together.")
+_VIEWS = ViewFilesOptions()
 
 
 @app.command
@@ -62,6 +65,7 @@ def light_field(
     config: Path | None = None,
     train: list[str] | None = None,
     validation: list[str] | None = None,
+    reading: ViewFilesOptions = _VIEWS,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     steps: MaybeWhole = None,
     accelerator: str = "auto",
@@ -82,16 +86,12 @@ def light_field(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.light_field import load_light_field
+    from tmca.experiments.light_field_reading import training_loader
     from tmca.training import light_field_settings, train_light_field
 
-    settings = light_field_settings(preset, config, _changes(set_, train, validation, steps))
-
-    def load(name: str) -> Any:
-        scale = settings.data.scale if Path(name).exists() else None
-        return load_light_field(name, views=settings.camera.views, scale=scale, colour=settings.data.colour)
-
-    _run(train_light_field, settings, out, load, accelerator, json)
+    files = {f"data.{name}": value for name, value in reading.files().items()}
+    settings = light_field_settings(preset, config, _changes(set_, train, validation, steps, files))
+    _run(train_light_field, settings, out, training_loader(settings), accelerator, json)
 
 
 @app.command
@@ -144,11 +144,15 @@ def spectral_depth(
 
 
 def _changes(
-    set_: list[str] | None, train: list[str] | None, validation: list[str] | None, steps: int | None
+    set_: list[str] | None,
+    train: list[str] | None,
+    validation: list[str] | None,
+    steps: int | None,
+    files: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Settings that options replace, by dotted name."""
     changes = {name: value for name, value in map(_setting, set_ or ())}
-    named = {"data.train": train, "data.validation": validation, "optimiser.steps": steps}
+    named = {"data.train": train, "data.validation": validation, "optimiser.steps": steps, **(files or {})}
     return changes | {name: value for name, value in named.items() if value is not None}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
 from tmca.experiments.light_field_cells import measure
 from tmca.experiments.light_field_comparison_figures import comparison_pictures, picture_files, slug
-from tmca.experiments.light_field_learned import Learned, read
+from tmca.experiments.light_field_learned import Learned
+from tmca.experiments.light_field_reading import NOTHING, Reading, check_asked, read
 from tmca.experiments.light_field_rows import (
     DECODER_NAMES,
     DESIGNED,
@@ -45,7 +47,7 @@ def compare_light_field(
     decoders: Sequence[str] = tuple(DECODER_NAMES),
     sizes: Sizes | None = None,
     effort: Mapping[str, int] = EFFORT,
-    scale: int | None = None,
+    reading: Reading = NOTHING,
     test_scale: int | None = None,
     atoms: int = 1024,
     seed: int = 0,
@@ -67,7 +69,8 @@ def compare_light_field(
         decoders: names of ``DECODER_NAMES``; the dictionary decodes a crop, where the others are measured too.
         sizes: of views, frames, codes and patches.
         effort: arguments of ``Effort``, of every search, static or not.
-        scale, test_scale: whole number of pixels per axis that are averaged into one, in light fields from files.
+        reading: of light fields from files; its ``scale`` of those of ``train``.
+        test_scale: the scale of those of ``test``.
         atoms: of the dictionary.
         seed: of codes, noise and trainings.
         seeds: how many of them, from ``seed`` on.
@@ -99,32 +102,34 @@ def compare_light_field(
     scenes = short_names(real + sorted(split_rendered_light_fields()["test"]))
     files = [out / "light-field.json", out / "light-field.md"]
     check_new([*files, *picture_files([slug(name) for name in scenes.values()], out)], overwrite)
-    _check_readable(examples, real, own, scale, test_scale)
+    measured_as = replace(reading, scale=test_scale)
+    check_asked([*examples, *real], pattern=reading.pattern, lens=reading.lens)
+    _check_readable(examples, real, own, reading, measured_as)
     make_folder(out)
-    learned = _learn(Learned(examples, make_folder(work), own.views, scale), decoders, atoms)
+    learned = _learn(Learned(examples, make_folder(work), own.views, reading), decoders, atoms)
     failures = Failures(work)
 
     def run(part: list[Settings]) -> list[Measured]:
         compute, told = partial(measure, folder=str(work)), timed(progress)
         return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
 
-    common: Settings = {"source": source_digest(), "scale": scale, "test_scale": test_scale, "views": 2 * [own.views]}
+    common: Settings = {"source": source_digest(), "views": 2 * [own.views]}
     common |= {"examples": learned["examples"], "designs": str(make_folder(work / "designs"))}
     common |= {"period": 2 * [own.period], "effort": dict(effort), "exposures": 1}
-    places = _places(scenes, real, own)
+    places = _places(scenes, real, own, measured_as)
     searched = _searches(common, seed, seeds)
     for slots in (True, False):  # a search of multiplexed codes contains that of the static ones
         run([cell for cell in searched if (cell["search"][1] > 1) == slots])
     measured = run(searched) + run(_geometries(common, places))
     maps = {cell["path"]: cell["disparity"] for cell in measured if cell["kind"] == "geometry"}
     measured += run(_untrained(common, places, decoders, learned, maps, seed, seeds))
-    trained = run(_trainings(common, examples, work, own, decoders, seed, seeds, steps))
+    trained = run(_trainings(common, examples, reading, work, own, decoders, seed, seeds, steps))
     measured += trained + run(_behind_networks(common, places, trained, maps))
     if not any("metrics" in cell for cell in measured):
         failures.check()
     split: Settings = {"train": list(short_names(examples).values()), "test": list(scenes.values())}
     split["real"] = [scenes[name] for name in real]
-    split |= {"scale": scale, "test_scale": test_scale, "atoms": atoms}
+    split |= {**vars(reading), "test_scale": test_scale, "atoms": atoms}
     found = results(measured, split, {**vars(own), "effort": dict(effort), "steps": steps}, command)
     write_json(found, files[0], overwrite=overwrite)
     write_text(markdown(found), files[1], overwrite=overwrite)
@@ -156,7 +161,7 @@ def _searches(common: Settings, first: int, seeds: int) -> list[Settings]:
 
 
 def _check_readable(
-    examples: Sequence[str], real: Sequence[str], sizes: Sizes, scale: int | None, test_scale: int | None
+    examples: Sequence[str], real: Sequence[str], sizes: Sizes, reading: Reading, measured_as: Reading
 ) -> None:
     """Refuse light fields that cannot be used, and a frame that the crop does not fit, before anything is learned."""
     for side, most in zip(sizes.crop, sizes.frame, strict=True):
@@ -164,15 +169,19 @@ def _check_readable(
             found, wanted = "×".join(map(str, sizes.frame)), "×".join(map(str, sizes.crop))
             raise SettingError("frame", f"{found} pixels", f"at least {wanted}, the crop that the dictionary decodes")
     for name in examples:
-        read(name, sizes.views, scale)
-    for name in real:
-        read(name, sizes.views, test_scale, sizes.frame)
+        read(name, sizes.views, reading)
+    try:
+        for name in real:
+            read(name, sizes.views, measured_as, sizes.frame)
+    except SettingError as error:
+        where = "frame" if error.where == "crop" else error.where
+        raise SettingError(where, error.found, error.expected, error.remedy) from error
 
 
-def _places(scenes: Mapping[str, str], real: Sequence[str], sizes: Sizes) -> list[Settings]:
+def _places(scenes: Mapping[str, str], real: Sequence[str], sizes: Sizes, measured_as: Reading) -> list[Settings]:
     """Where is measured: on every scene, and on a crop of those from files, where the dictionary can follow."""
     whole: list[Settings] = [
-        {"path": scene, "scene": name, "checksum": identity_of(scene), "crop": None,
+        {"path": scene, "scene": name, "checksum": identity_of(scene), "crop": None, "reading": vars(measured_as),
          "size": list(sizes.frame if scene in real else sizes.rendered)}
         for scene, name in scenes.items()
     ]  # fmt: skip
@@ -180,7 +189,7 @@ def _places(scenes: Mapping[str, str], real: Sequence[str], sizes: Sizes) -> lis
 
 
 def _geometries(common: Settings, places: Sequence[Settings]) -> list[Settings]:
-    plain = {name: common[name] for name in ("source", "test_scale", "views")}
+    plain = {name: common[name] for name in ("source", "views")}
     return [
         {**plain, **place, "kind": "geometry", "name": f"{place['scene']} · disparity of the true views"}
         for place in places if not place["crop"]
@@ -223,6 +232,7 @@ def _measurements(cell: Settings, places: Sequence[Settings], maps: dict[str, st
 def _trainings(
     common: Settings,
     examples: Sequence[str],
+    reading: Reading,
     work: Path,
     sizes: Sizes,
     decoders: Sequence[str],
@@ -233,6 +243,7 @@ def _trainings(
     """Trainings of all rows and seeds."""
     from tmca.experiments.codes.task import Task
 
+    asked = {name: value for name, value in vars(reading).items() if value is not None}
     checksums = [identity_of(name) for name in examples]
     cells = []
     for seed in range(first, first + seeds):
@@ -243,7 +254,7 @@ def _trainings(
                     kind, slots, target = search_of(start, "")
                     codes = str(Task.of({**common, "seed": seed, "sensor": NOISES[target]}).file(kind, slots))
                 training = training_of(code, decoder, seed, steps, sizes, codes)
-                training["data"] = {**training["data"], **scenes_of(examples)}
+                training["data"] = {**training["data"], **scenes_of(examples), **asked}
                 cell: Settings = {**common, "kind": "training", "code": code, "decoder": decoder, "seed": seed}
                 cell |= {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}"}
                 cell |= {"training": training, "checksums": checksums}

@@ -11,11 +11,9 @@ from tmca.design import Advice, SensorSheet, design_model, designable, learn_exa
 from tmca.errors import SettingError
 from tmca.experiments.design_checks import named_once
 from tmca.experiments.design_codes import Learned, Told, design_codes
-from tmca.experiments.light_field import load_light_field
+from tmca.experiments.light_field_reading import NOTHING, Reading, check_asked, read
 from tmca.optics import view_grid
 from tmca.priors.light_field import views_of
-
-_RENDERED_SIZE = (128, 160)
 
 
 def design_light_field(
@@ -24,7 +22,7 @@ def design_light_field(
     *,
     scenes: Sequence[str] = (),
     views: int = 5,
-    scale: int | None = None,
+    reading: Reading = NOTHING,
     camera: Mapping[str, Any] | None = None,
     **how: Any,
 ) -> tuple[Advice, dict[str, Any]]:
@@ -35,7 +33,7 @@ def design_light_field(
         out: folder of the results.
         scenes: to design for, what ``load_light_field`` reads; the rendered training light fields without any.
         views: n for the centre n×n views.
-        scale: of light fields from files, whole number of pixels per axis that are averaged into one.
+        reading: of light fields from files.
         camera: further arguments of ``LightFieldCamera``.
         how: further arguments of ``design_codes``.
 
@@ -45,13 +43,14 @@ def design_light_field(
     from tmca.data import split_rendered_light_fields
 
     named_once(scenes)
-    if scale is not None and scale < 1:
-        raise SettingError("--scale", str(scale), "1 or more pixels that are averaged into one")
+    if reading.scale is not None and reading.scale < 1:
+        raise SettingError("--scale", str(reading.scale), "1 or more pixels that are averaged into one")
+    check_asked(scenes, **vars(reading))
     names = list(scenes) or sorted(split_rendered_light_fields()["train"])
     own = {"camera_type": LightFieldCamera, "views": view_grid(views), **(camera or {})}
 
     def learn(told: Told) -> Learned:
-        fields = _light_fields(names, views, scale, told)
+        fields = _light_fields(names, views, reading, told)
         told(0.2, "learning what the light fields have in common")
         one = designable("static", 1, (8, 8), **own)
         return Learned(learn_examples(fields, design_model(one.taps()), None, views=own["views"]), own)
@@ -59,13 +58,11 @@ def design_light_field(
     return design_codes(sheet, out, learn, own, len(names), **how)
 
 
-def _light_fields(names: Sequence[str], views: int, scale: int | None, told: Told) -> dict[str, Any]:
+def _light_fields(names: Sequence[str], views: int, reading: Reading, told: Told) -> dict[str, Any]:
     """(V·U, H, W) of every light field in grey, by name."""
     found: dict[str, Any] = {}
     for place, name in enumerate(names):
         told(0.2 * place / len(names), f"reading {name}")
-        stored = Path(name).exists()
-        size = None if stored else _RENDERED_SIZE
-        field = load_light_field(name, views=views, size=size, scale=scale if stored else None)
+        field = read(name, views, reading)
         found[Path(name).stem if Path(name).stem not in found else name] = views_of(field)[0].flatten(0, 1)
     return found

@@ -95,12 +95,21 @@ def load_light_field(
     if Path(source).exists():
         found = read_light_field(source, crop=size, **asked)
     elif source.partition(":")[0] in rendered_names():
+        _refuse_files(pattern=pattern, lens=lens)
         found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
     else:
         wanted = f"a path, or one of {', '.join(rendered_names())}"
         raise DataError(source, "no such file, folder or rendered scene", wanted)
     noted = {"source": source, "size": size, **asked, "scale": scale or 1}
     return found.assign_attrs({READING: json.dumps(noted, default=int)})
+
+
+def _refuse_files(**asked: Any) -> None:
+    """Refuse what only files have."""
+    for name, value in asked.items():
+        if value is not None:
+            text = "×".join(map(str, value)) if isinstance(value, tuple) else value
+            raise SettingError(name, f"{text} of a rendered scene", "a light field from files", "leave it out")
 
 
 def true_disparity(

@@ -18,7 +18,7 @@ from tmca.experiments.light_field import (
     take_light_field_snapshot,
     true_disparity,
 )
-from tmca.experiments.light_field_learned import read
+from tmca.experiments.light_field_reading import Reading, read, training_reading
 from tmca.experiments.light_field_rows import CODES, LEARNED, NETWORKS, NOISES, search_of
 from tmca.sensor import Sensor
 
@@ -54,7 +54,8 @@ def train(cell: Settings) -> Measured:
     from tmca.training import light_field_settings, train_light_field
 
     settings = light_field_settings(None, None, cell["training"])
-    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, cell["views"][0], cell["scale"]))
+    reading = training_reading(settings)
+    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, cell["views"][0], reading))
     return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
 
 
@@ -62,9 +63,10 @@ def geometry(cell: Settings, folder: Path) -> Measured:
     """The disparity that the fixed estimator sees in the true views and the true one, kept; the estimator's error."""
     from tmca.metrics import disparity_error, estimate_disparity
 
-    scene = read(cell["path"], cell["views"][0], cell["test_scale"], cell["size"])
+    scene = _scene(cell)
     seen = estimate_disparity(scene.values)
-    truth = true_disparity(cell["path"], scene, cell["test_scale"])
+    own = Reading(**cell["reading"]).of(cell["path"])
+    truth = true_disparity(cell["path"], scene, own.get("scale"), own.get("pattern"))
     maps = {"seen": seen.astype(np.float32)} | ({} if truth is None else {"truth": truth.values.astype(np.float32)})
     file = folder / f"disparity-{cell_key(cell)}.npz"
     np.savez(file, allow_pickle=False, **maps)
@@ -76,7 +78,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     """Take the snapshot of a scene, reconstruct it, measure; half precision is enough for pictures."""
     from tmca.decoders import Weights
 
-    scene = read(cell["path"], cell["views"][0], cell["test_scale"], cell["size"])
+    scene = _scene(cell)
     if cell["crop"]:
         rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), tuple(cell["crop"]), None, cell["scene"])
         scene = scene.isel(y=rows, x=columns)
@@ -98,6 +100,10 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
         np.save(file, result.light_field.values.astype(np.float16))
         found["kept"] = str(file)
     return found
+
+
+def _scene(cell: Settings) -> xr.DataArray:
+    return read(cell["path"], cell["views"][0], Reading(**cell["reading"]), cell["size"])
 
 
 def _shape(estimate: xr.DataArray, maps: str) -> dict[str, float]:

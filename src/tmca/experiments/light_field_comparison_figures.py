@@ -10,7 +10,7 @@ import numpy as np
 from tmca.experiments.cells import Measured
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field_figures import disparity_figure, light_field_figure, view_psnr_figure
-from tmca.experiments.light_field_learned import read
+from tmca.experiments.light_field_reading import Reading, read
 from tmca.experiments.light_field_rows import DECODER_NAMES, SHOWN
 
 _MAPS = 4
@@ -41,7 +41,7 @@ def comparison_pictures(measured: Sequence[Measured], out: Path, *, overwrite: b
         cells = {(c["code"], c["decoder"]): c for c in measured if c.get("kept") and c["scene"] == scene}
         shown = {_label(*row): cells[row] for row in SHOWN if row in cells}
         first = next(iter(shown.values()))
-        truth = read(first["path"], first["views"][0], first["test_scale"], first["size"])
+        truth = read(first["path"], first["views"][0], Reading(**first["reading"]), first["size"])
         estimates = {name: np.load(cell["kept"]).astype(np.float32) for name, cell in shown.items()}
         maps = {name: np.asarray(cell["psnr_per_view"]) for name, cell in shown.items()}
         known = np.load(first["disparity"])

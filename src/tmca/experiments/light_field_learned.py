@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.experiments.cells import Settings, cell_key, source_digest
-from tmca.experiments.light_field import load_light_field
-from tmca.experiments.light_field_rows import RENDERED
+from tmca.experiments.light_field_reading import Reading, read
 from tmca.experiments.scenes import identity_of, short_names
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def read(name: str, views: int, scale: int | None, size: Sequence[int] | None = None) -> xr.DataArray:
-    """A light field in grey: the middle of one from files, or a rendered one; the last few are kept."""
-    stored = Path(name).exists()
-    frame = (size[0], size[1]) if size else None
-    return _read(name, views, scale if stored else None, frame if stored or frame else RENDERED)
-
-
-@lru_cache(maxsize=3)
-def _read(name: str, views: int, scale: int | None, size: tuple[int, int] | None) -> xr.DataArray:
-    return load_light_field(name, views=views, size=size, scale=scale)
 
 
 class Learned:
@@ -35,22 +22,22 @@ class Learned:
         names: of the light fields, what ``load_light_field`` reads.
         work: folder of the files.
         views: n for the centre n×n views.
-        scale: of those from files, whole number of pixels per axis that are averaged into one.
+        reading: of those from files.
     """
 
-    def __init__(self, names: Sequence[str], work: Path, views: int, scale: int | None) -> None:
-        self.names, self.work, self.views, self.scale = list(names), work, views, scale
+    def __init__(self, names: Sequence[str], work: Path, views: int, reading: Reading) -> None:
+        self.names, self.work, self.views, self.reading = list(names), work, views, reading
 
     @cached_property
     def light_fields(self) -> list[xr.DataArray]:
         """All of them."""
-        return [read(name, self.views, self.scale) for name in self.names]
+        return [read(name, self.views, self.reading) for name in self.names]
 
     @cached_property
     def identity(self) -> Settings:
         """What a file is made of."""
-        scenes = [identity_of(name) or name for name in self.names]
-        return {"scenes": scenes, "source": source_digest(), "views": self.views, "scale": self.scale}
+        scenes = [[identity_of(name) or name, self.reading.of(name)] for name in self.names]
+        return {"scenes": scenes, "source": source_digest(), "views": self.views}
 
     def prior(self) -> str:
         """The Gaussian prior of the patch LMMSE."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tmca.errors import SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field import load_light_field
+from tmca.experiments.light_field_reading import NOTHING, Reading, check_asked
 from tmca.priors import (
     GaussianMixturePrior,
     GaussianPrior,
@@ -30,14 +31,13 @@ def learn_views_to_file(
     *,
     split: Path | None = None,
     views: int = 5,
-    scale: int | None = None,
+    reading: Reading = NOTHING,
     kind: str = "gaussian",
     atoms: int = 1024,
     seed: int = 0,
     figure: Path | None = None,
     overwrite: bool = False,
     progress: Told | None = None,
-    **files: Any,
 ) -> GaussianPrior | GaussianMixturePrior | PatchDictionary:
     """Learn a prior or a dictionary of light fields, and write it with its picture.
 
@@ -46,17 +46,16 @@ def learn_views_to_file(
         out: file to write.
         split: a split file whose light fields are added.
         views: n for the centre n×n views.
-        scale: of those from files, see ``load_light_field``.
+        reading: of those from files.
         kind: ``"gaussian"``, ``"mixture"`` (of Gaussians) or ``"dictionary"``.
         atoms: of the dictionary.
         seed: of the patches that a dictionary or a mixture learns from.
         figure: PNG to write.
         overwrite: replace files.
         progress: told the share that is done and what is done.
-        files: ``pattern`` and ``lens`` of those from files, see ``load_light_field``.
 
     Raises:
-        SettingError: no light fields, or an unknown kind.
+        SettingError: no light fields, an unknown kind, or a reading that applies to none of them.
         OutputError: a file exists.
     """
     from tmca.data import check_target, read_split
@@ -69,8 +68,9 @@ def learn_views_to_file(
     names = [*sources, *(map(str, read_split(split)) if split else ())]
     if not names:
         raise SettingError("prior learn-views", "no light fields", "folders, files, rendered scenes or --split")
+    check_asked(names, **vars(reading))
     told = progress or (lambda share, step: None)
-    fields = _read(names, views, {"scale": scale, **files}, told)
+    fields = _read(names, views, reading, told)
     told(0.3, f"learning the {'dictionary' if kind == 'dictionary' else 'prior'}")
     if kind == "dictionary":
         found: GaussianPrior | GaussianMixturePrior | PatchDictionary = PatchDictionary.learn(
@@ -87,9 +87,9 @@ def learn_views_to_file(
     return found
 
 
-def _read(names: Sequence[str], views: int, how: dict[str, Any], told: Told) -> list[xr.DataArray]:
+def _read(names: Sequence[str], views: int, reading: Reading, told: Told) -> list[xr.DataArray]:
     fields = []
     for index, name in enumerate(names):
         told(0.3 * index / len(names), f"reading {name}")
-        fields.append(load_light_field(name, views=views, **(how if Path(name).exists() else {})))
+        fields.append(load_light_field(name, views=views, **reading.of(name)))
     return fields

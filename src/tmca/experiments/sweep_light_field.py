@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.light_field import reconstruct_light_field, take_light_field_snapshot
-from tmca.experiments.light_field_learned import Learned, read
+from tmca.experiments.light_field_learned import Learned
+from tmca.experiments.light_field_reading import NOTHING, Reading, check_asked, read
 from tmca.experiments.light_field_rows import EFFORT, Sizes
 from tmca.experiments.sweep import Swept, Values, sweep
 from tmca.optics import view_grid
@@ -23,7 +25,7 @@ _DECODERS = {"lmmse": "patch LMMSE", "mixture": "patch mixture", "admm-tv": "ADM
 
 def measure(cell: Settings) -> Measured:
     """One combination on one scene."""
-    scene = read(cell["path"], cell["views"], cell["test_scale"], cell["size"])
+    scene = read(cell["path"], cell["views"], Reading(**cell["reading"]), cell["size"])
     camera = _camera(cell, (scene.sizes["y"], scene.sizes["x"]))
     snapshot = take_light_field_snapshot(scene, camera, seed=cell["camera"].get("seed", 0))
     prior = cell["prior"].get(cell["decoder"])
@@ -77,7 +79,7 @@ def sweep_light_field(
     train: Sequence[str] = (),
     views: int = 5,
     size: tuple[int, int] | None = None,
-    scale: int | None = None,
+    reading: Reading = NOTHING,
     test_scale: int | None = None,
     **how: Any,
 ) -> dict[str, Any]:
@@ -92,13 +94,17 @@ def sweep_light_field(
         train: light fields that priors are learned from and codes designed for; rendered ones without any.
         views: n for the centre n×n views.
         size: (H, W) middle of the test light fields.
-        scale, test_scale: whole number of pixels per axis that are averaged into one, in light fields from files.
+        reading: of light fields from files; its ``scale`` of those of ``train``.
+        test_scale: the scale of the test light fields.
         how: further arguments of ``sweep``.
     """
     from tmca.data import make_folder, split_rendered_light_fields
 
     view_grid(views)  # refuses even ones before anything is made
-    learned = Learned(list(train) or sorted(split_rendered_light_fields()["train"]), work, views, scale)
+    check_asked(train, scale=reading.scale)
+    check_asked(scenes, test_scale=test_scale)
+    check_asked([*train, *scenes], pattern=reading.pattern, lens=reading.lens)
+    learned = Learned(list(train) or sorted(split_rendered_light_fields()["train"]), work, views, reading)
 
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
         make_folder(work)
@@ -110,5 +116,5 @@ def sweep_light_field(
             found |= {"period": 2 * [Sizes().period], "effort": EFFORT, "exposures": 1}
         return found
 
-    data: Settings = {"views": views, "size": size, "scale": scale, "test_scale": test_scale}
+    data: Settings = {"views": views, "size": size, "reading": vars(replace(reading, scale=test_scale))}
     return sweep(LIGHT_FIELD, vary, scenes, out, work, data, prepare=prepare, train=learned.names, **how)

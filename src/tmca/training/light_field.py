@@ -52,10 +52,14 @@ class LightFieldDataSettings(DataSettings):
         train: light fields (folders of views, lenslet pictures, files), rendered ones such as ``coffee`` or
             ``coffee:3`` (its seed), or split files (``.txt``) of them.
         scale: whole number of pixels per axis that are averaged into one.
+        pattern: of the file names in folders of views that are not recognised, such as ``view_{row}_{column}.png``.
+        lens: (rows, columns) of the views under a lens of lenslet pictures; 14×14 without.
         colour: every colour is a light field of its own; else their luminance.
     """
 
     scale: int = Field(default=1, ge=1)
+    pattern: str | None = None
+    lens: tuple[Pixels, Pixels] | None = None
     colour: bool = False
     tint: Literal[0] = 0
     motion: Literal[0] = 0

@@ -16,7 +16,7 @@ def spectral_axis(stored: Stored, count: int | None = None) -> int | None:
 
     In this order: the axis the file labels so; the one as long as the wavelengths (``count`` of them, or
     those in the file); the one as long as a known set; the odd one out of two equal axes; the shortest by
-    half or more.
+    half or more; the pages of a file that has them.
 
     Returns:
         0, 1 or 2, or None where nothing tells.
@@ -44,7 +44,9 @@ def _odd_one_out(stored: Stored) -> int | None:
         return odd[0]
     shortest = min(range(3), key=lambda i: shape[i])
     others = [n for i, n in enumerate(shape) if i != shortest]
-    return shortest if 2 * shape[shortest] <= min(others) else None
+    if 2 * shape[shortest] <= min(others):
+        return shortest
+    return 0 if stored.pages else None
 
 
 MAIN = ("estimate", "radiance")

@@ -201,6 +201,7 @@ def _tiff_array(path: Path, tiff: Any) -> Stored:
     series, about = tiff.series[0], tiff.imagej_metadata or {}
     per_page = len(series.pages) == series.shape[0] and len(series.shape) == 3
     labels = [str(label) for label in about.get("Labels") or ()]
+    named = not series.axes.startswith("Q")  # else tifffile only guesses: pages may be rows of a channel-last cube
 
     def load(index: Index) -> NDArray[Any]:
         try:
@@ -215,8 +216,10 @@ def _tiff_array(path: Path, tiff: Any) -> Stored:
         series.shape,
         series.dtype,
         load,
-        dims=("band", "y", "x") if per_page else (),
+        dims=("band", "y", "x") if per_page and named else (),
         wavelengths=_from_labels(labels) if labels else _from_ome(tiff.ome_metadata),
+        usual_axis=0 if per_page else -1,
+        pages=per_page,
         full_scale=1.0 if about.get("quantity") == "relative irradiance" else None,
     )
 

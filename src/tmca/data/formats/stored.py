@@ -30,6 +30,7 @@ class Stored:
         attrs: what the file says about the array.
         wavelengths: metres, where the file states them for this array.
         usual_axis: where this format usually keeps the bands (0 or -1); decides only between equal lengths.
+        pages: the first axis runs over pages, which are bands where nothing tells otherwise.
         full_scale: the divisor to relative irradiance where the file states it, else None.
     """
 
@@ -42,6 +43,7 @@ class Stored:
     attrs: Mapping[str, Any] = field(default_factory=dict)
     wavelengths: NDArray[np.float64] | None = None
     usual_axis: int = -1
+    pages: bool = False
     full_scale: float | None = None
 
     @property

@@ -71,7 +71,7 @@ def find_views(folder: Path, pattern: str | None = None, side: Place | None = No
         DataError: views are missing, there twice or too many, or none has the pattern's name.
         SettingError: a pattern without row and column.
     """
-    names = sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+    names = _pictures(folder)
     if pattern is not None:
         label, matches = pattern, _matches(names, _expression(pattern))
         if not matches:
@@ -83,6 +83,19 @@ def find_views(folder: Path, pattern: str | None = None, side: Place | None = No
         if not matches:
             return None
     return ViewFiles(label, _gridded(folder, matches, pattern or "", side))
+
+
+def has_names(folder: Path, pattern: str) -> bool:
+    """Whether some picture in a folder has a name of the pattern.
+
+    Raises:
+        SettingError: a pattern without row and column.
+    """
+    return bool(_matches(_pictures(folder), _expression(pattern)))
+
+
+def _pictures(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
 
 
 def _matches(names: Iterable[Path], expression: re.Pattern[str]) -> list[tuple[Path, re.Match[str]]]:
