@@ -50,6 +50,11 @@ def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, p
         assert float(kept["depth"].min()) >= 0.4 - 1e-6
         assert float(kept["depth"].max()) <= 2 + 1e-6
     assert (tmp_path / "motorcycle_likelihood.png").exists()
+    main(["evaluate", "motorcycle_likelihood.nc", "motorcycle", "--figure", "both.png", "--json"])
+    again = json.loads(capsys.readouterr().out)
+    assert again == pytest.approx(found["metrics"], rel=1e-4)
+    assert (tmp_path / "both.png").exists()
+    assert "none for spectrum" in refused(capsys, "evaluate", "motorcycle_likelihood.nc", "motorcycle", "--scale", "2")
 
 
 def test_options_describe_the_camera(capsys):

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from tmca.cli.options import TruthOptions, assumed, check_figure, warned
+from tmca.cli.spectral_depth import refuse_reading
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = TruthOptions()
@@ -28,11 +29,12 @@ def evaluate(
     """PSNR, SSIM, UIQI, SAM, ERGAS and DD of ESTIMATE against TRUTH; bands are matched by wavelength.
 
     Of a light field PSNR, SSIM and, where the true disparity is known, the error of the disparity that the views show.
+    Of spectrum and depth also MAE, RMSE and share within a bin of the depth where it is known.
 
     Args:
-        estimate: a cube or light-field file, such as one written by `tmca reconstruct`.
+        estimate: a cube, light-field or spectral-depth file, such as one written by `tmca reconstruct`.
         truth: a file, a folder of views, or the name of a rendered scene; a larger truth is cropped to its middle, a
-            light field read as it was for the snapshot.
+            light field or scene with depth read as it was for the snapshot.
         figure: write a picture of both with error map and spectra (PNG).
         overwrite: replace the picture if it exists.
         json: print JSON instead of text.
@@ -40,9 +42,14 @@ def evaluate(
     from tmca.data import describe
     from tmca.experiments.light_field_truth import evaluate_light_field
     from tmca.experiments.spectral import evaluate_files
+    from tmca.experiments.spectral_depth_truth import evaluate_spectral_depth
 
     check_figure(figure, overwrite, estimate)
-    if describe(estimate)["kind"] == "light field":
+    about = describe(estimate)
+    if "confidence" in about["variables"] and about.get("depth"):
+        refuse_reading(reading)
+        found = evaluate_spectral_depth(estimate, truth, figure=figure, overwrite=overwrite)
+    elif about["kind"] == "light field":
         found = evaluate_light_field(
             estimate, truth, figure=figure, overwrite=overwrite, told=warned, **reading.views_reading()
         )
@@ -55,5 +62,5 @@ def evaluate(
         print(f"{name:6s} {value:.4f}")
 
 
-for _camera in ("spectral", "light-field"):
+for _camera in ("spectral", "light-field", "spectral-depth"):
     app.command(evaluate, name=_camera, help=f"The same, for the {_camera} camera.")

@@ -60,7 +60,7 @@ def reconstruct(
     if taken.camera.application == "light-field":
         found = _light_field(taken, snapshot, target, decoder, truth, reading, output, how | {"dictionary": dictionary})
     elif taken.camera.application == "spectral-depth":
-        _check_depth(dictionary, tv_weight, reading)
+        spectral_depth.refuse_reading(reading, dictionary=dictionary, tv_weight=tv_weight)
         found = spectral_depth.reconstruct(taken, snapshot, target, decoder, truth, output, prior, weights)
     elif dictionary is not None:
         raise SettingError(
@@ -70,15 +70,6 @@ def reconstruct(
         found = _spectral(taken, snapshot, target, decoder, truth, reading, output, how)
     result, written = found
     _say(result, target, written, output)
-
-
-def _check_depth(dictionary: Path | None, tv_weight: float | None, reading: TruthOptions) -> None:
-    """Raises SettingError for options that the spectral-depth camera does not have."""
-    given = {"dictionary": dictionary, "tv-weight": tv_weight, **vars(reading)}
-    for name, value in given.items():
-        if value not in (None, "error"):
-            known = "none for a spectral-depth snapshot: its truth is read as its scene was"
-            raise SettingError(f"--{name}", str(value), known, "leave it out")
 
 
 def _spectral(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from tmca.cli.numbers import whole
-from tmca.cli.options import OutputOptions, SensorOptions, check_targets, numbers, size
+from tmca.cli.options import OutputOptions, SensorOptions, TruthOptions, check_targets, numbers, size
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 
@@ -135,6 +135,14 @@ def take(
     check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)
     camera = options.camera(sensor, (loaded.sizes["y"], loaded.sizes["x"]))
     return take_spectral_depth_snapshot(loaded, camera, seed=options.seed), target
+
+
+def refuse_reading(reading: TruthOptions, **others: Any) -> None:
+    """Raises SettingError for options that the spectral-depth camera does not have."""
+    for name, value in {**others, **vars(reading)}.items():
+        if value not in (None, "error"):
+            known = "none for spectrum and depth: the truth is read as the snapshot's scene was"
+            raise SettingError(f"--{name.replace('_', '-')}", str(value), known, "leave it out")
 
 
 def reconstruct(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,12 +23,15 @@ from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstructions import write_parts
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth_figures import depth_figure, phase_codes_figure, psf_figure
+from tmca.optics import DepthPlanes
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.priors import GaussianPrior
 
+PLANES = "depth_planes"
+"""Attribute of a reconstruction, JSON: nearest and farthest plane in metres, and their number."""
 DEPTH_DECODERS = ("likelihood", "network")
 
 
@@ -175,18 +179,18 @@ def find_depth_prior(prior: str | Path | GaussianPrior | None, camera: SpectralD
 
 
 def spectral_depth_metrics(
-    cube: np.ndarray, depth: np.ndarray, truth: xr.Dataset, camera: SpectralDepthCamera
+    cube: np.ndarray, depth: np.ndarray, truth: xr.Dataset, planes: DepthPlanes
 ) -> dict[str, float]:
     """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known."""
     from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
 
-    known = camera.planes.known(torch.from_numpy(np.array(truth["depth"].values)))
+    known = planes.known(torch.from_numpy(np.array(truth["depth"].values)))
     real = np.where(known.numpy(), truth["depth"].values, np.nan)
     found = dict(all_metrics(cube, truth["radiance"].values))
     return found | {
         "depth_mae": depth_mae(depth, real),
         "depth_rmse": depth_rmse(depth, real),
-        "within_bin": within_bin(depth, real, camera.planes.metres),
+        "within_bin": within_bin(depth, real, planes.metres),
     }
 
 
@@ -204,7 +208,7 @@ def spectral_depth_pictures(
     overwrite: bool = False,
 ) -> list[Path]:
     """Colour composites, depth maps, confidence and spectra beside a reconstruction file."""
-    figure = depth_figure(result, snapshot.camera, truth)
+    figure = depth_figure(result, snapshot.camera.planes, truth)
     return [save_figure(figure, spectral_depth_files(path, figures=True)[1], overwrite=overwrite)]
 
 
@@ -215,13 +219,13 @@ def _labelled(
 
     waves = ("wavelength", np.array(snapshot.camera.wavelengths), {"units": "m"})
     cube, depth, confidence = found.estimate[0].numpy(), found.depth[0, 0].numpy(), found.confidence[0, 0].numpy()
-    named = {"long_name": f"estimated by {decoder}"}
+    named, planes = {"long_name": f"estimated by {decoder}"}, snapshot.camera.planes
     return SpectralDepthReconstruction(
         cube=xr.DataArray(cube, dims=("wavelength", "y", "x"), coords={"wavelength": waves}, attrs=named),
         depth=xr.DataArray(depth, dims=("y", "x"), attrs={**named, "units": "m"}),
         confidence=xr.DataArray(confidence, dims=("y", "x"), attrs={**named, "units": "1"}),
         decoder=decoder,
         seconds=found.seconds,
-        metrics={} if truth is None else spectral_depth_metrics(cube, depth, truth, snapshot.camera),
-        notes={**snapshot.notes, **found.notes},
+        metrics={} if truth is None else spectral_depth_metrics(cube, depth, truth, planes),
+        notes={**snapshot.notes, **found.notes, PLANES: json.dumps(asdict(planes))},
     )

@@ -119,6 +119,6 @@ def guess(cell: Settings, folder: Path) -> Measured:
     metrics = {}
     for name, scene in scenes_of(cell, camera).items():
         depth = np.full(camera.size, middle, dtype=np.float32)
-        own = spectral_depth_metrics(scene["radiance"].values, depth, scene, camera)
+        own = spectral_depth_metrics(scene["radiance"].values, depth, scene, camera.planes)
         metrics[name] = {key: own[key] for key in ("depth_mae", "depth_rmse", "within_bin")}
     return {"metrics": metrics, "code": CONSTANT}

@@ -11,6 +11,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.experiments.composite import rgb_composite, white_level
 from tmca.experiments.depth_views import depth_map
 from tmca.experiments.figures import add_bar, bare, grid, image, mark, plain_axes, spectra, spread_points
+from tmca.optics import DepthPlanes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,22 +22,20 @@ if TYPE_CHECKING:
 _POINTS = 4
 
 
-def depth_figure(
-    result: SpectralDepthReconstruction, camera: SpectralDepthCamera, truth: xr.Dataset | None = None
-) -> Figure:
+def depth_figure(result: SpectralDepthReconstruction, planes: DepthPlanes, truth: xr.Dataset | None = None) -> Figure:
     """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own."""
-    cube, waves = result.cube.values, camera.wavelengths
+    cube, waves = result.cube.values, result.cube["wavelength"].values.tolist()
     real = None if truth is None else truth["radiance"].values
     white, points = white_level(cube if real is None else real, waves), spread_points(cube if real is None else real)
     rows = [("truth", real, None if truth is None else truth["depth"].values)] if truth is not None else []
     rows.append((result.decoder, cube, result.depth.values))
-    figure, axes = grid(len(rows), 3, width=3.6, aspect=camera.size[0] / camera.size[1])
+    figure, axes = grid(len(rows), 3, width=3.6, aspect=cube.shape[1] / cube.shape[2])
     for row, (name, spectral, depth) in zip(axes, rows, strict=True):
         assert spectral is not None
         row[0].imshow(rgb_composite(spectral, waves, white))
         bare(row[0], name)
         mark(row[0], points)
-        depth_map(row[1], np.asarray(depth), title=f"depth, {name}", limits=(camera.planes.near, camera.planes.far))
+        depth_map(row[1], np.asarray(depth), title=f"depth, {name}", limits=(planes.near, planes.far))
     image(axes[-1, 2], result.confidence.values, "probability within a bin", top=1.0, bar="probability")
     if real is not None:
         spectra(axes[0, 2], {"truth": real, result.decoder: cube}, waves, points)
