@@ -127,10 +127,9 @@ def _stroke(reach: float | None, levels: int | None) -> Stroke | None:
 def _camera(preset: str, bands: int, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of the searched cameras."""
     own = SPECTRAL_DEPTH_PRESETS[choice("preset", preset, tuple(SPECTRAL_DEPTH_PRESETS))]
-    if bands < 1:
-        raise SettingError("--bands", str(bands), "1 or more")
-    ends = own["bands"][0], own["bands"][-1]
-    waves = tuple(np.linspace(*ends, bands).tolist()) if bands > 1 else (sum(ends) / 2,)
+    if bands < 2:
+        raise SettingError("--bands", str(bands), "2 or more")
+    waves = tuple(np.linspace(own["bands"][0], own["bands"][-1], bands).tolist())
     kept = {name: own[name] for name in ("depth", "planes", "period")}
     return {**kept, "filters": "clear", "channels": "monochrome", **changes, "bands": waves}
 

@@ -80,5 +80,6 @@ def phase_codes_figure(camera: SpectralDepthCamera) -> Figure:
         axes[1, -1].plot(nanometres, values, color=f"C{index}")
     for values in camera.response.cpu().numpy():
         axes[1, -1].plot(nanometres, values, color="0.4", linestyle=":")
+    axes[1, -1].set_ylim(0, 1.05)
     plain_axes(axes[1, -1], "filters; dotted: sensor", "wavelength (nm)", "transmittance")
     return figure
