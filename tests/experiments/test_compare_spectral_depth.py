@@ -1,0 +1,100 @@
+"""The spectral-depth table, small: its rows, margins, resumption, refusals and pictures."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tests.cli.refusals import refused
+from tmca.cameras import SpectralDepthCamera
+from tmca.data import label, write_dataset
+from tmca.experiments import compare_spectral_depth as comparison
+from tmca.experiments.spectral_depth_rows import CODES, CONSTANT, Sizes
+from tmca.experiments.spectral_depth_tables import margins, markdown
+
+SHOWN = ("diffractive element only, optimised", "TMCA random K = 4")
+SMALL = Sizes(side=60, crop=(32, 36), window=8, patch=24, searched=4)
+
+
+def scene(path, seed):
+    """A textured cube (8, 60, 64) before a slope."""
+    source = torch.Generator().manual_seed(seed)
+    coarse = torch.rand(1, 8, 20, 22, generator=source)
+    fine = torch.nn.functional.interpolate(coarse, size=(60, 64), mode="bicubic").clamp(0, 1)[0]
+    waves = np.array(SpectralDepthCamera.from_preset("quick", size=(24, 24)).wavelengths)
+    depth = (1 / np.linspace(0.6, 2.4, 64)[None].repeat(60, 0)).astype(np.float32)
+    whole = xr.Dataset({"radiance": label(fine.numpy(), waves), "depth": (("y", "x"), depth, {"units": "m"})})
+    return str(write_dataset(whole, path))
+
+
+@pytest.fixture
+def scenes(tmp_path):
+    return [scene(tmp_path / f"{name}.nc", seed) for seed, name in enumerate(("learned", "measured"))]
+
+
+@pytest.fixture
+def few(monkeypatch):
+    for name in set(CODES) - set(SHOWN):
+        monkeypatch.delitem(CODES, name)
+    monkeypatch.setattr(comparison, "DESIGNED", SHOWN[:1])
+    monkeypatch.setattr(comparison, "TRAINED", SHOWN[1:])
+
+
+def compare(tmp_path, scenes, **changes):
+    how = {"sizes": SMALL, "effort": {"starts": 1, "steps": 1}, "steps": 2, "decoders": ("likelihood", "two-headed")}
+    return comparison.compare_spectral_depth(scenes[:1], scenes[1:], tmp_path / "out", tmp_path / "work",
+                                             **{**how, **changes})  # fmt: skip
+
+
+@pytest.mark.usefixtures("few")
+def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
+    found = compare(tmp_path, scenes)
+    rows = {(row["code"], row["noise"], row["decoder"]): row for row in found["rows"]}
+    noises = {row["noise"] for row in found["rows"]} - {""}
+    wanted = {(code, noise, "likelihood") for code in SHOWN for noise in noises}
+    wanted |= {(SHOWN[1], noise, "two-headed") for noise in noises} | {(CONSTANT, "", CONSTANT)}
+    assert set(rows) == wanted
+    assert json.loads((tmp_path / "out" / "spectral-depth.json").read_text())["rows"] == found["rows"]
+    page = (tmp_path / "out" / "spectral-depth.md").read_text()
+    assert page == markdown(found)
+    assert all(code in page for code in SHOWN)
+    assert {file.name for file in (tmp_path / "out").glob("*.png")} == {
+        "spectral-depth_fisher.png", "spectral-depth_measured.png"
+    }  # fmt: skip
+    guess = rows[CONSTANT, "", CONSTANT]
+    with xr.open_dataset(scenes[1]) as truth:
+        inverse = 1 / truth["depth"].values
+    fitted = 0.5 + 2.0 * (inverse - inverse.min()) / np.ptp(inverse)  # affine in inverse metres, onto 0.4 to 2 m
+    middle = 1 / fitted[14:46, 14:50]
+    assert guess["depth_mae"] == pytest.approx(float(np.abs(middle - 2 / 3).mean()), rel=1e-3)
+    told = []
+    compare(tmp_path, scenes, overwrite=True, progress=lambda done, total, name, left: told.append(name))
+    assert not told  # all cells were kept
+
+
+def test_margins_compare_the_best_of_each_kind():
+    def row(code, mae, psnr):
+        return {"code": code, "noise": "n", "decoder": "likelihood", "depth_mae": mae, "psnr": psnr, "sam": 5.0}
+
+    rows = [row("diffractive element only, optimised", 0.4, 30.0), row("static mask + CCA, optimised", 0.3, 31.0)]
+    rows += [row("TMCA random K = 4", 0.2, 30.5), row("TMCA optimised K = 4", 0.15, 30.2)]
+    rows += [{**row(CONSTANT, 0.1, 0.0), "noise": "", "decoder": CONSTANT}]
+    (found,) = margins({"rows": rows})
+    assert (found["best"], found["static"]) == ("TMCA optimised K = 4", "static mask + CCA, optimised")
+    assert found["ratio"] == pytest.approx(0.5)
+    assert found["alone"] == pytest.approx(-0.625)
+    assert found["psnr"] == pytest.approx(0.2)
+
+
+def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, scenes):
+    def said(*more, train=scenes[0], test=scenes[1]):
+        lists = ["--train", train, "--test", test, "--out", tmp_path / "out", "--work", tmp_path / "work"]
+        return refused(capsys, "compare", "spectral-depth", *lists, *more)
+
+    assert "--decoders" in said("--decoders", "likelihood,guess")
+    assert "a training scene" in said(test=scenes[0])
+    assert "--steps" in said("--steps", "0")
+    assert "no such" in said(train=tmp_path / "none.nc")
+    assert not (tmp_path / "out").exists()
