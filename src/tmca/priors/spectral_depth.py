@@ -125,10 +125,27 @@ def _power(prior: GaussianPrior, needed: tuple[int, int], frame: tuple[int, int]
 
 
 def _lags(spectrum: Tensor, frame: tuple[int, int], window: int) -> Tensor:
-    """(a, b, 2m-1, 2m-1) of (F, a, b): values by displacement."""
-    half = spectrum.permute(1, 2, 0).unflatten(-1, (frame[0], frame[1] // 2 + 1))
-    around = torch.arange(1 - window, window, device=spectrum.device)
-    return torch.fft.irfft2(half, s=frame)[..., around[:, None], around]
+    """(a, b, 2m-1, 2m-1) of (F, a, b): values by displacement.
+
+    A Fourier transform that makes only what is asked for: matrix products, several times faster than whole ones.
+    """
+    rows, columns = (_phases(side, window, spectrum) for side in frame)
+    columns = columns[:, : frame[1] // 2 + 1] * 2
+    columns[:, 0] /= 2
+    if frame[1] % 2 == 0:
+        columns[:, -1] /= 2
+    pairs = spectrum.shape[1:]
+    half = rows @ spectrum.reshape(frame[0], -1)
+    half = half.unflatten(1, (columns.shape[1], -1))
+    found = columns.real @ half.real - columns.imag @ half.imag
+    return found.permute(2, 0, 1).unflatten(0, pairs)
+
+
+def _phases(side: int, window: int, like: Tensor) -> Tensor:
+    """(2m-1, side) ``exp(2πi x k / side) / side`` of displacements x from 1-m to m-1."""
+    around = torch.arange(1 - window, window, device=like.device, dtype=torch.float64)
+    turns = torch.outer(around, torch.arange(side, device=like.device, dtype=torch.float64)) * (2 * torch.pi / side)
+    return torch.polar(torch.full_like(turns, 1 / side), turns).to(like.dtype)
 
 
 def _pairs(channels: int, tile: Tensor, window: int) -> tuple[tuple[Tensor, Tensor], Tensor]:
