@@ -7,11 +7,14 @@ from pathlib import Path
 import pytest
 
 from tmca.cameras.presets import LIGHT_FIELD_PRESETS as CAMERAS
+from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.experiments.light_field_tables import markdown
 from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
+from tmca.training.spectral_depth import SPECTRAL_DEPTH_TRAININGS
 
 ROOT = Path(__file__).parents[1]
 ERRATA = (ROOT / "docs" / "errata.md").read_text()
+SPECTRAL_DEPTH = (ROOT / "docs" / "spectral-depth.md").read_text()
 LIGHT_FIELD = (ROOT / "docs" / "light-field.md").read_text()
 
 
@@ -32,6 +35,12 @@ def test_every_preset_of_the_light_field_is_described():
     cameras, trainings = LIGHT_FIELD.split("`--preset` of `tmca train light-field`")
     assert all(f"| `{name}` |" in cameras for name in CAMERAS)
     assert all(f"| `{name}` |" in trainings for name in TRAININGS)
+
+
+def test_every_preset_of_the_spectral_depth_camera_is_described():
+    cameras, trainings = SPECTRAL_DEPTH.split("`--preset` of `tmca train spectral-depth`")
+    assert all(f"`{name}`" in cameras for name in SPECTRAL_DEPTH_PRESETS)
+    assert all(f"| `{name}` |" in trainings for name in SPECTRAL_DEPTH_TRAININGS)
 
 
 def test_the_light_field_page_is_made_from_its_results_and_shows_its_pictures():
