@@ -127,7 +127,7 @@ def reconstruct_spectral_depth(
         raise SettingError("decoder", repr(decoder), f"one of {', '.join(DEPTH_DECODERS)}")
     known = find_depth_prior(prior, snapshot.camera, window)
     start = perf_counter()
-    found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress)
+    found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress, planes=False)
     found.seconds = perf_counter() - start
     return _labelled(found, decoder, snapshot, truth)
 
