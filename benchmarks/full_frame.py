@@ -1,7 +1,8 @@
 """Time and memory of a spectral-depth camera's whole frame: ``python benchmarks/full_frame.py --size 2816x4096``.
 
 The thesis' camera (25 bands, K = 4, 8 planes, RGB) takes a made-up scene, and depth and spectrum are decoded by patch
-likelihood. One thread, CPU time; the peak is that of the process's memory so far. Bound: 8 GB.
+likelihood. One thread, CPU time; the peak is that of the process's memory so far. Bound: 8 GB. With ``--only decode``
+the snapshot is one of 256×256 pixels, repeated.
 """
 
 from __future__ import annotations
@@ -72,20 +73,32 @@ def snapshot_of(camera: SpectralDepthCamera, steps: Steps) -> Tensor:
         return steps.run("simulate", lambda: camera(cube, depth, 0))
 
 
+def repeated(camera: SpectralDepthCamera, steps: Steps) -> Tensor:
+    """The snapshot of a small scene over and over."""
+    rows, columns = (-(-side // 256) for side in camera.size)
+    small = camera_of((256, 256))
+    return snapshot_of(small, steps).repeat(1, 1, rows, columns)[..., : camera.size[0], : camera.size[1]].contiguous()
+
+
+def camera_of(size: tuple[int, int]) -> SpectralDepthCamera:
+    """The thesis'."""
+    return SpectralDepthCamera.from_preset("thesis", size=size, sensor=Sensor(read_noise=0.002))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--size", default="704x1024")
+    parser.add_argument("--only", choices=("simulate", "decode"))
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     height, width = (int(side) for side in arguments.size.split("x"))
-    camera = SpectralDepthCamera.from_preset("thesis", size=(height, width), sensor=Sensor(read_noise=0.002))
-    steps = Steps(height * width)
-    prior = steps.run("prior", lambda: prior_of(camera))
-    snapshot = snapshot_of(camera, steps)
-    decoder = PatchLikelihood(prior, camera)
-    steps.run("matrices", lambda: decoder._basis((0, 0)))
-    steps.run("decode", lambda: decoder(snapshot, planes=False))
+    camera, steps = camera_of((height, width)), Steps(height * width)
+    snapshot = (repeated if arguments.only == "decode" else snapshot_of)(camera, steps)
+    if arguments.only != "simulate":
+        decoder = PatchLikelihood(steps.run("prior", lambda: prior_of(camera)), camera)
+        steps.run("matrices", lambda: decoder._basis((0, 0)))
+        steps.run("decode", lambda: decoder(snapshot, planes=False))
     if arguments.json:
         print(json.dumps(steps.found, indent=1))
 

@@ -74,7 +74,7 @@ def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Te
     for depth in _filled(weights):
         spectrum = torch.fft.rfft2(moving * weights[:, None, None, depth], s=frame)
         own = transfer[:, depth]
-        total = spectrum * own if total is None else torch.addcmul(total, spectrum, own)
+        total = spectrum * own if total is None else total.addcmul_(spectrum, own)
     assert total is not None
     return torch.fft.irfft2(total, s=frame)[..., : scene.shape[-2], : scene.shape[-1]]
 
