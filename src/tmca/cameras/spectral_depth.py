@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, choice
+from tmca.cameras.checks import band_wavelengths, choice, learned_parts
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
 from tmca.codes import CodePlane, balanced_choice, one_hot_planes
@@ -94,7 +94,7 @@ class SpectralDepthCamera(Camera):
         learnable: bool | str | Collection[str] = False,
     ) -> None:
         super().__init__(size, slots, exposure, sensor)
-        learned = _learned(learnable)
+        learned = learned_parts(learnable, LEARNABLE)
         self.wavelengths = band_wavelengths(bands)
         self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
         self.bench = bench or PhaseMaskBench()
@@ -340,13 +340,3 @@ class SpectralDepthCamera(Camera):
     def _apply(self, fn: Any, recurse: bool = True) -> SpectralDepthCamera:
         self._kept = None
         return super()._apply(fn, recurse)
-
-
-def _learned(learnable: bool | str | Collection[str]) -> tuple[str, ...]:
-    if isinstance(learnable, bool):
-        return LEARNABLE if learnable else ()
-    names = (learnable,) if isinstance(learnable, str) else tuple(learnable)
-    for name in names:
-        if name not in LEARNABLE:
-            raise SettingError("learnable", repr(name), f"True, False, or some of {', '.join(LEARNABLE)}")
-    return names
