@@ -23,6 +23,7 @@ lint: .venv/installed
 benchmarks: .venv/installed
 	.venv/bin/python benchmarks/spectral.py
 	.venv/bin/python benchmarks/light_field.py
+	.venv/bin/python benchmarks/spectral_depth.py
 	.venv/bin/python benchmarks/training.py
 
 clean:

@@ -7,6 +7,7 @@ from scipy.signal import convolve2d
 
 from tmca.cameras import SPECTRAL_DEPTH_PRESETS, Snapshot, SpectralDepthCamera
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.operators.spectral_depth import equivalent_psf
 from tmca.optics import PhaseMaskBench, Undersampled
 from tmca.sensor import Sensor
 
@@ -106,12 +107,69 @@ def _only(made, slot, cube, depth):
     return camera(shutter=shutter)(cube, depth)
 
 
+@pytest.fixture
+def in_tiles(monkeypatch):
+    """Sensors are imaged in tiles of a size, or whole again."""
+
+    def begin(tile):
+        monkeypatch.setattr("tmca.cameras.spectral_depth.TOGETHER", 0 if tile else 2**29)
+        monkeypatch.setattr("tmca.cameras.spectral_depth.TILE", tile or (256, 256))
+
+    return begin
+
+
+@pytest.mark.parametrize("size", [(26, 37), (13, 16)])
+@pytest.mark.parametrize("image_formation", ["linear", "occlusion"])
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_sensor_in_tiles_sees_what_it_sees_at_once(size, image_formation, moving, in_tiles):
+    made = camera(size, image_formation=image_formation, shutter="random" if moving else torch.rand(3, *size).round())
+    made = made.double()
+    cube, depth = (part.double() for part in scene_of(made, 3))
+    if moving:
+        cube, depth = cube[None], depth[None]
+    whole = made.exact(cube, depth)
+    for tile in ((26, 37), (9, 11), (7, 5), (3, 64)):
+        in_tiles(tile)
+        told = []
+        torch.testing.assert_close(made.exact(cube, depth, told.append), whole, atol=1e-6, rtol=1e-6)
+        assert told == sorted(told)
+
+
+def test_gradients_do_not_see_the_tiles(in_tiles):
+    made = camera(learnable=True)
+    cube, depth = scene_of(made)
+    found = []
+    for tile in (None, (5, 7)):
+        in_tiles(tile)
+        made.zero_grad()
+        made.exact(cube, depth).square().sum().backward()
+        found.append([p.grad.clone() for p in made.parameters()])
+    for whole, tiled in zip(*found, strict=True):
+        torch.testing.assert_close(tiled, whole, rtol=1e-3, atol=1e-5 * float(whole.abs().max()))
+
+
 def test_light_is_kept_inside_and_throughput_says_what_the_codes_pass():
     made = camera(size=(40, 44), shutter="one-hot", filters="clear", period=3, channels="monochrome")
     flat = torch.ones(1, *made.scene_shape)
     seen = made(flat, torch.ones(1, 1, *made.size))[0, 0, 12:-12, 12:-12]
     assert float(seen.mean()) == pytest.approx(3 * made.throughput(), rel=0.02)
     assert made.throughput() == pytest.approx(1 / 3, rel=1e-6)
+
+
+def test_parts_of_codes_are_cut_from_the_whole():
+    for shutter in ("random", (torch.rand(3, 13, 16) > 0.5).float()):
+        made = camera(shutter=shutter, period=3)
+        rows, columns = slice(2, 12), slice(5, 16)
+        assert made.shutter.part(rows, columns).equal(made.shutter()[:, rows, columns])
+        torch.testing.assert_close(made.filters.part(rows, columns), made.filters()[:, rows, columns])
+        passed = torch.einsum("lhw,cl->chw", made.filters(), made.response) / made.response.sum(1)[:, None, None]
+        share = float((made.shutter().mean(0) * passed).mean())
+        assert made.throughput() == pytest.approx(share, rel=1e-5)
+        seen = made.equivalent_psf((1, 14), 2)
+        whole = equivalent_psf(made.psf(), made.colour(), made.shutter(), (1, 14), 2)
+        torch.testing.assert_close(seen, whole)
+    with pytest.raises(ShapeError, match="pixel"):
+        made.equivalent_psf((13, 0), 0)
 
 
 def test_a_wall_in_a_uniform_light_looks_alike_at_every_depth():

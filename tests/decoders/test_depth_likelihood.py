@@ -77,3 +77,75 @@ def test_what_does_not_fit_is_refused():
         PatchLikelihood(prior, made, 4)(torch.zeros(1, 1, 4, 4))
     with pytest.raises(ShapeError, match="larger blocks"):
         PatchLikelihood(prior_of((6, 6)), made, 4)(torch.zeros(1, *made.snapshot_shape))
+
+
+def textured(size, sensor, dtype=torch.float32):
+    """A decoder of small windows, and noisy snapshots of two scenes whose depth changes from pixel to pixel."""
+    bench = PhaseMaskBench(window=(7, 9), mask_pixels=24, diameter=1e-3)
+    made = SpectralDepthCamera((500e-9, 600e-9), size, 3, planes=3, bench=bench, shutter="one-hot", rms=0.15e-6,
+                               channels="rgb", filters="gaussian", period=3, sensor=sensor)  # fmt: skip
+    source = torch.Generator().manual_seed(3)
+    cubes = [torch.rand(2, 40, 40, generator=source).cumsum(-1) / 20 for _ in range(2)]
+    depth = 1 / (0.5 + 2 * torch.rand(2, 1, *size, generator=source))
+    taken = made(torch.rand(2, 2, *size, generator=source), depth, 0).to(dtype)
+    return PatchLikelihood(GaussianPrior.learn(cubes, needed_block(5, (7, 9))), made, 5), taken
+
+
+def laid_over_each_other(decoder, size, values):
+    """Slow: every window by itself, (m, m) weights, divided by their sum."""
+    m, step = decoder.window, decoder.camera.tile_size
+    ramp = torch.sin(torch.pi * (torch.arange(m).double() + 0.5) / m) ** 4
+    total, weight = 0, torch.zeros(size, dtype=torch.float64)
+    for top in sorted({*range(0, size[0] - m + 1, step), size[0] - m}):
+        for left in sorted({*range(0, size[1] - m + 1, step), size[1] - m}):
+            own = values((top % step, left % step), top, left)
+            share = torch.zeros(size, dtype=torch.float64)
+            share[top : top + m, left : left + m] = torch.outer(ramp, ramp)
+            laid = torch.zeros(*own.shape[:-2], *size, dtype=torch.float64)
+            laid[..., top : top + m, left : left + m] = own
+            total, weight = total + laid * share, weight + share
+    return total / weight
+
+
+@pytest.mark.parametrize("size", [(11, 14), (12, 17), (5, 5)])
+@pytest.mark.parametrize("sensor", [Sensor(read_noise=1e-3), Sensor(full_well=2000)])
+def test_a_frame_row_by_row_is_every_window_by_itself(size, sensor):
+    decoder, taken = textured(size, sensor, torch.float64)
+    found, m = decoder(taken), decoder.window
+
+    def likelihood(phase, top, left):
+        windows = taken[..., top : top + m, left : left + m].flatten(1)
+        return decoder._log_likelihood(phase, windows)[0][..., None, None]
+
+    def spectrum(phase, top, left):
+        windows = taken[..., top : top + m, left : left + m].flatten(1)
+        plane = found.planes[:, :, top + m // 2, left + m // 2].argmax(1)
+        gains = decoder._log_likelihood(phase, windows)[1]
+        return decoder._scene(phase, windows, plane, gains, taken)
+
+    torch.testing.assert_close(found.planes, laid_over_each_other(decoder, size, likelihood))
+    slow = laid_over_each_other(decoder, size, spectrum).clamp_min(0)
+    torch.testing.assert_close(found.estimate, slow, atol=1e-9, rtol=1e-9)
+    assert decoder(taken, planes=False).planes.numel() == 0
+
+
+@pytest.mark.parametrize("sensor", [Sensor(read_noise=1e-3), Sensor(full_well=2000)])
+def test_how_much_is_worked_on_together_changes_nothing(sensor, monkeypatch):
+    decoder, taken = textured((26, 31), sensor)
+    found = []
+    for together in (1, 25, 2048):
+        monkeypatch.setattr("tmca.decoders.window_rows._BATCH", together)
+        found.append(decoder(taken))
+        alone = decoder(taken[1:])
+        torch.testing.assert_close(alone.depth, found[-1].depth[1:], atol=1e-6, rtol=1e-6)
+    for other in found[1:]:
+        for name in ("estimate", "depth", "confidence", "planes"):
+            torch.testing.assert_close(getattr(other, name), getattr(found[0], name), atol=1e-5, rtol=1e-5)
+
+
+def test_progress_grows_to_the_end():
+    decoder, taken = textured((26, 31), Sensor())
+    told = []
+    decoder(taken, told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1

@@ -9,7 +9,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene
 from tmca.errors import DataError, SettingError
 from tmca.experiments.depth_scenes import load_spectral_depth
-from tmca.experiments.figures import save_figure
+from tmca.experiments.figures import save_figure, spread_points
 from tmca.experiments.spectral_depth import (
     reconstruct_spectral_depth,
     spectral_depth_pictures,
@@ -92,3 +92,11 @@ def test_an_unknown_decoder_is_refused(camera, prior):
     taken = take_spectral_depth_snapshot(scene_of(), camera)
     with pytest.raises(SettingError, match="likelihood"):
         reconstruct_spectral_depth(taken, "magic", prior=prior)
+
+
+def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch):
+    cube = np.random.default_rng(0).random((3, 60, 80))
+    monkeypatch.setattr("tmca.experiments.figures._LOOKED_AT", 1000)
+    coarse = spread_points(cube)  # 4800 pixels: every third
+    assert len(set(coarse)) == 3
+    assert coarse == [(3 * row, 3 * column) for row, column in spread_points(cube[:, ::3, ::3])]

@@ -161,3 +161,16 @@ def test_what_does_not_fit_is_refused():
             layered(*bad, frame)
     with pytest.raises(ShapeError, match="pixel"):
         equivalent_psf(spread, scene, scene[0], (13, 0), 0)
+
+
+@pytest.mark.parametrize("model", [layered, composited])
+def test_empty_layers_change_nothing(model):
+    spread, scene, weights, frame = parts()
+    weights[:, 2] += weights[:, 1]
+    weights[:, 1] = weights[:, 3] = 0
+    transfer = transfer_functions(spread, (13, 16))
+    skipped = model(scene, weights[:, [0, 2]], transfer[:, [0, 2]], frame)
+    torch.testing.assert_close(model(scene, weights, transfer, frame), skipped)
+    whole = model(scene, weights.clone().requires_grad_(), transfer, frame).detach()
+    torch.testing.assert_close(whole, skipped)
+    assert not model(scene, torch.zeros_like(weights), transfer, frame).any()

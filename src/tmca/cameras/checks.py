@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from numbers import Integral
 from typing import cast
 
@@ -39,3 +39,18 @@ def evenly_spaced(bands: int) -> tuple[float, ...]:
     if bands < 1:
         raise SettingError("bands", str(bands), "at least 1")
     return tuple(torch.linspace(400e-9, 700e-9, bands, dtype=torch.float64).tolist()) if bands > 1 else (550e-9,)
+
+
+def learned_parts(learnable: bool | str | Collection[str], known: tuple[str, ...]) -> tuple[str, ...]:
+    """The parts of a camera that are learned: all, none, or the named ones.
+
+    Raises:
+        SettingError: an unknown part.
+    """
+    if isinstance(learnable, bool):
+        return known if learnable else ()
+    names = (learnable,) if isinstance(learnable, str) else tuple(learnable)
+    for name in names:
+        if name not in known:
+            raise SettingError("learnable", repr(name), f"True, False, or some of {', '.join(known)}")
+    return names

@@ -3,31 +3,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, choice
+from tmca.cameras.checks import band_wavelengths, choice, learned_parts
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
+from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
 from tmca.codes import CodePlane, balanced_choice, one_hot_planes
 from tmca.errors import SettingError, ShapeError
 from tmca.operators.spectral_depth import (
     LayeredOperator,
+    check_pixel,
     coded_exposure,
     composited,
     equivalent_psf,
     framed,
     layered,
-    transfer_functions,
+    periodic_transfer_functions,
 )
 from tmca.optics import DepthPlanes, FreeForm, HeightMaps, PhaseMaskBench, mask_heights
 from tmca.sensor import ColourCodedAperture, Sensor, channel_response, feasible_filters
 
 IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
+TILE, TOGETHER = (256, 256), 2**29
+"""Pixels of a tile of the sensor, and bytes of transfer functions above which it is imaged in tiles."""
 
 
 class SpectralDepthCamera(Camera):
@@ -90,7 +94,7 @@ class SpectralDepthCamera(Camera):
         learnable: bool | str | Collection[str] = False,
     ) -> None:
         super().__init__(size, slots, exposure, sensor)
-        learned = _learned(learnable)
+        learned = learned_parts(learnable, LEARNABLE)
         self.wavelengths = band_wavelengths(bands)
         self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
         self.bench = bench or PhaseMaskBench()
@@ -189,8 +193,13 @@ class SpectralDepthCamera(Camera):
 
     def tile(self) -> tuple[Tensor, Tensor]:
         """(colour (C, L, Q, Q), shutter (K, Q, Q)) of one tile."""
-        side = self.tile_size
-        return self.colour()[..., :side, :side], self.shutter()[:, :side, :side]
+        side = slice(0, self.tile_size)
+        return self._codes_over(side, side)
+
+    def _codes_over(self, rows: slice, columns: slice) -> tuple[Tensor, Tensor]:
+        """(colour (C, L, h, w), shutter (K, h, w)) over some pixels."""
+        colour = self.response[:, :, None, None] * self.filters.part(rows, columns)
+        return colour, self.shutter.part(rows, columns)
 
     def psf(self) -> Tensor:
         """(K, D, L, h, w) point spread functions, planes from far to near."""
@@ -199,23 +208,33 @@ class SpectralDepthCamera(Camera):
 
     def equivalent_psf(self, pixel: tuple[int, int], plane: int) -> Tensor:
         """(C, L, h, w) what a point at a pixel and depth plane leaves on the sensor, eq. (35)."""
-        return equivalent_psf(self.psf(), self.colour(), self.shutter(), pixel, plane, self.exposure)
+        check_pixel(pixel, self.size)
+        rows, columns = (
+            slice(max(0, place - side), min(length, place + side + 1))
+            for place, side, length in zip(pixel, self.bench.window, self.size, strict=True)
+        )
+        colour, shutter = self._codes_over(rows, columns)
+        place = (pixel[0] - rows.start, pixel[1] - columns.start)
+        return equivalent_psf(self.psf(), colour, shutter, place, plane, self.exposure)
 
     def throughput(self) -> float:
         """Share of a white scene's light that is recorded, mean over channels."""
         with torch.no_grad():
             open_share = self.shutter().mean(0)
-            passed = torch.einsum("lhw,cl->chw", self.filters(), self.response) / self.response.sum(1)[:, None, None]
+            passed = (self.filters.filters @ self.response.T / self.response.sum(1)).mean(1)
             light = 1.0 if self.spread.energy == "unit" else float(self.spread.arrived().mean())
-        return float((open_share * passed).mean()) * light
+            return float((self.filters.plane() * open_share).mean((1, 2)) @ passed) * light
 
     def transfer(self) -> Tensor:
         """(K, D, L, H', W'/2+1) transfer functions in ``frame``; kept as long as nothing is learned."""
+        return self._transfer(self.frame)
+
+    def _transfer(self, frame: tuple[int, int]) -> Tensor:
         if self.learnable:
-            return transfer_functions(self.psf(), self.size)
-        versions = tuple((t.data_ptr(), t._version) for t in self.spread.heights.buffers())
+            return periodic_transfer_functions(self.psf(), frame)
+        versions = (frame, *((t.data_ptr(), t._version) for t in self.spread.heights.buffers()))
         if self._kept is None or self._kept[0] != versions:
-            self._kept = (versions, transfer_functions(self.psf(), self.size))
+            self._kept = (versions, periodic_transfer_functions(self.psf(), frame))
         return self._kept[1]
 
     @property
@@ -242,17 +261,28 @@ class SpectralDepthCamera(Camera):
         """(B, C, H, W) → least-norm scene (B, L, H, W), by iteration."""
         return self.operator(depth).A_dagger(snapshot)
 
-    def exact(self, scene: Tensor, depth: Tensor) -> Tensor:
-        """Exact snapshot (B, C, H, W); arguments as ``forward``."""
+    def exact(self, scene: Tensor, depth: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:
+        """Exact snapshot (B, C, H, W), a large one in tiles; arguments as ``forward``."""
         self._check(scene, depth)
-        moving = scene if scene.ndim == 5 else scene[:, None]
-        if depth.ndim == 5:
-            seen = torch.cat([self._seen(moving[:, k], depth[:, k], slice(k, k + 1)) for k in range(self.slots)], 1)
-        else:
-            seen = self._seen(scene, depth, slice(None))
-        return coded_exposure(seen, self.colour(), self.shutter(), self.exposure)
+        tiles, frame = self._tiles()
+        transfer, found = self._transfer(frame), scene.new_empty(0)
+        for count, tile in enumerate(tiles):
+            own = self._exposed(scene, depth, transfer, frame, tile)
+            if len(tiles) == 1:
+                return own
+            found = found if count else own.new_empty(*own.shape[:2], *self.size)
+            found[..., tile.rows, tile.columns] = own
+            if progress is not None:
+                progress((count + 1) / len(tiles))
+        return found
 
-    def forward(self, scene: Tensor, depth: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
+    def forward(
+        self,
+        scene: Tensor,
+        depth: Tensor,
+        generator: torch.Generator | int | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Tensor:
         """Take a snapshot.
 
         Args:
@@ -260,6 +290,7 @@ class SpectralDepthCamera(Camera):
             depth: (B, 1, H, W) metres, or (B, K, 1, H, W) beside such a scene. What is unknown or outside the design
                 range (``planes.known``) is imaged in the farthest plane.
             generator: source of the sensor's randomness, or a seed.
+            progress: told the share that is done, where the sensor is imaged in tiles.
 
         Returns:
             (B, C, H, W) snapshot.
@@ -267,11 +298,35 @@ class SpectralDepthCamera(Camera):
         Raises:
             ShapeError: other shapes.
         """
-        return self.record(self.exact(scene, depth), generator)
+        return self.record(self.exact(scene, depth, progress), generator)
 
-    def _seen(self, scene: Tensor, depth: Tensor, slots: slice) -> Tensor:
+    def _tiles(self) -> tuple[list[SensorTile], tuple[int, int]]:
+        """Tiles of the sensor, one where that does not take much memory, and the frame in which they are blurred."""
+        (height, width), window = self.frame, self.bench.window
+        if 8 * self.slots * self.planes.count * self.bands * height * (width // 2 + 1) <= TOGETHER:
+            return sensor_tiles(self.size, self.size, (0, 0)), self.frame
+        return sensor_tiles(self.size, TILE, (window[0] // 2, window[1] // 2)), framed(TILE, window)
+
+    def _exposed(
+        self, scene: Tensor, depth: Tensor, transfer: Tensor, frame: tuple[int, int], tile: SensorTile
+    ) -> Tensor:
+        """(B, C, h, w) exact snapshot of a tile."""
+        light, places = tile.padded(tile.cut(scene)), tile.cut(depth)
+        moments = [slice(None)] if depth.ndim == 4 else [slice(k, k + 1) for k in range(self.slots)]
+        seen = []
+        for slots in moments:
+            own = light if depth.ndim == 4 else light[:, slots]
+            weights = self.planes.weights(places if depth.ndim == 4 else places[:, slots.start]).to(scene)
+            seen.append(self._form(own, tile.padded(weights), transfer[slots], frame))
+        return coded_exposure(
+            tile.inside(seen[0] if len(seen) == 1 else torch.cat(seen, 1)),
+            *self._codes_over(tile.rows, tile.columns),
+            self.exposure,
+        )
+
+    def _form(self, scene: Tensor, weights: Tensor, transfer: Tensor, frame: tuple[int, int]) -> Tensor:
         form = layered if self.image_formation == "linear" else composited
-        return form(scene, self.planes.weights(depth).to(scene), self.transfer()[slots], self.frame)
+        return form(scene, weights, transfer, frame)
 
     def _check(self, scene: Tensor, depth: Tensor) -> None:
         kept = scene.shape[2:] if scene.ndim == 5 and scene.shape[1] == self.slots else scene.shape[1:]
@@ -285,13 +340,3 @@ class SpectralDepthCamera(Camera):
     def _apply(self, fn: Any, recurse: bool = True) -> SpectralDepthCamera:
         self._kept = None
         return super()._apply(fn, recurse)
-
-
-def _learned(learnable: bool | str | Collection[str]) -> tuple[str, ...]:
-    if isinstance(learnable, bool):
-        return LEARNABLE if learnable else ()
-    names = (learnable,) if isinstance(learnable, str) else tuple(learnable)
-    for name in names:
-        if name not in LEARNABLE:
-            raise SettingError("learnable", repr(name), f"True, False, or some of {', '.join(LEARNABLE)}")
-    return names

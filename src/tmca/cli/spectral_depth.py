@@ -134,7 +134,8 @@ def take(
     target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
     check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)
     camera = options.camera(sensor, (loaded.sizes["y"], loaded.sizes["x"]))
-    return take_spectral_depth_snapshot(loaded, camera, seed=options.seed), target
+    with progress_bar(f"simulate: {target.name}") as progress:
+        return take_spectral_depth_snapshot(loaded, camera, seed=options.seed, progress=progress), target
 
 
 def refuse_reading(reading: TruthOptions, **others: Any) -> None:

@@ -127,6 +127,17 @@ class CodePlane(nn.Module):
         repeats = (ceil(self.size[0] / self.period[0]), ceil(self.size[1] / self.period[1]))
         return values.repeat(1, *repeats)[:, : self.size[0], : self.size[1]]
 
+    def part(self, rows: slice, columns: slice) -> Tensor:
+        """(K, h, w) patterns over some pixels of the plane; the rest of it is not made."""
+        values = self.tile()
+        if self.period is None:
+            return values[:, rows, columns]
+        y, x = (
+            torch.arange(length, device=values.device)[which] % period
+            for length, which, period in zip(self.size, (rows, columns), self.period, strict=True)
+        )
+        return values[:, y[:, None], x]
+
     def extra_repr(self) -> str:
         """Shown by ``print``."""
         return f"{self.name}: {self.family}, slots={self.slots}, size={self.size}, period={self.period}"

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from math import pi
+from math import log
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.decoding import Decoded, Progress, check_bands
+from tmca.decoders.window_rows import RowBlend, WindowRows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
@@ -24,11 +25,8 @@ from tmca.priors.spectral_depth import snapshot_moments
 WINDOW = 12
 GAINS = tuple(4.0**power for power in range(-4, 4))
 """Variances of a window over the prior's that are tried."""
-_BATCH = 2048
-_SHARPNESS = 4
-_NOISE_LEVELS = 12
-_Place = tuple[tuple[int, int], list[tuple[int, int]]]
-"""Phase of the tile, and corners of windows that begin at it."""
+_NOISE_STEP = 2**0.25
+"""Ratio of neighbouring levels of the noise's variance: the same for every snapshot and every part of one."""
 
 
 @dataclass
@@ -38,7 +36,7 @@ class DepthDecoded(Decoded):
     Args:
         depth: (B, 1, H, W) metres.
         confidence: (B, 1, H, W) probability that the depth is right within one bin.
-        planes: (B, D, H, W) log-likelihood of every plane, from far to near, up to a constant.
+        planes: (B, D, H, W) log-likelihood of every plane, from far to near, up to a constant; empty if not asked for.
     """
 
     depth: Tensor = field(default_factory=lambda: torch.empty(0))
@@ -55,8 +53,30 @@ class _Basis:
     scene: Tensor
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What is filled in row by row; ``best`` (B, H, W) is the most likely plane."""
+
+    estimate: Tensor
+    depth: Tensor
+    confidence: Tensor
+    planes: Tensor
+    best: Tensor
+
+    @classmethod
+    def empty(cls, snapshot: Tensor, bands: int, planes: int) -> _Found:
+        batch, _, height, width = snapshot.shape
+        estimate, depth, confidence, kept = (
+            snapshot.new_empty(batch, count, height, width) for count in (bands, 1, 1, planes)
+        )
+        best = torch.empty(batch, height, width, dtype=torch.int16, device=snapshot.device)
+        return cls(estimate, depth, confidence, kept, best)
+
+
 class PatchLikelihood:
     """Depth and spectrum from windows of a snapshot.
+
+    Windows are worked on row by row, so that beside snapshot and results nothing of the size of the frame is held.
 
     Args:
         prior: stationary Gaussian prior of the camera's bands, its blocks at least ``needed_block``.
@@ -84,10 +104,16 @@ class PatchLikelihood:
         self.gains = torch.tensor(list(gains), dtype=torch.float64)
         self._psf, self._bases = camera.psf().detach().double(), dict[tuple[int, int], _Basis]()
         self._colour, self._shutter = (part.detach().double() for part in camera.tile())
+        self._rows = WindowRows(camera.size, window, camera.tile_size)
 
     @torch.no_grad()
-    def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> DepthDecoded:
+    def __call__(self, snapshot: Tensor, progress: Progress | None = None, *, planes: bool = True) -> DepthDecoded:
         """Decode snapshots (B, C, H, W).
+
+        Args:
+            snapshot: of the camera.
+            progress: told the share that is done.
+            planes: whether the likelihoods of all planes are returned.
 
         Raises:
             ShapeError: snapshots of another size or number of channels.
@@ -95,47 +121,58 @@ class PatchLikelihood:
         if tuple(snapshot.shape[1:]) != self.camera.snapshot_shape:
             wanted = f"(batch, {', '.join(map(str, self.camera.snapshot_shape))})"
             raise ShapeError("snapshot", str(tuple(snapshot.shape)), wanted)
-        values, places = snapshot.double(), list(self._places())
-        planes, gains = self._planes(values, places, progress)
-        scene = _Blend((len(snapshot), *self.camera.scene_shape), self.window)
-        for count, ((phase, where), gain) in enumerate(zip(places, gains, strict=True)):
-            windows, plane = self._windows(values, where), self._at_middle(planes, where)
-            scene.add(where, self._scene(phase, windows, plane, gain))
-            if progress is not None:
-                progress(0.5 + (count + 1) / len(places) / 2)
-        depth, confidence = self._depth(planes)
-        estimate = scene.result().clamp_min(0).to(snapshot)
-        return DepthDecoded(
-            estimate, depth=depth.to(snapshot), confidence=confidence.to(snapshot), planes=planes.to(snapshot)
-        )
+        told, count = progress or (lambda share: None), self.camera.planes.count
+        pixels, values = self._psf.shape[2] * self.window**2, len(self._colour) * self.window**2
+        first = count * values / (count * values + values + pixels)  # of the work
+        found = _Found.empty(snapshot, self.camera.bands, count if planes else 0)
+        gains = list(self._search(snapshot, found, lambda share: told(first * share)))
+        self._fill(snapshot, found, gains, lambda share: told(first + (1 - first) * share))
+        return DepthDecoded(found.estimate, depth=found.depth, confidence=found.confidence, planes=found.planes)
 
-    def _planes(self, values: Tensor, places: list[_Place], progress: Progress | None) -> tuple[Tensor, list[Tensor]]:
-        """(B, D, H, W) log-likelihoods, and the gains (B, P, D) of the windows of every batch of places."""
-        shape = (len(values), self.camera.planes.count, *self.camera.size)
-        likelihood, gains = _Blend(shape, self.window), list[Tensor]()
-        for count, (phase, where) in enumerate(places):
-            found, gain = self._log_likelihood(phase, self._windows(values, where))
-            likelihood.add(where, found[..., None, None])
-            gains.append(gain)
-            if progress is not None:
-                progress((count + 1) / len(places) / 2)
-        return likelihood.result(), gains
+    def _search(self, snapshot: Tensor, found: _Found, progress: Progress) -> Iterator[Tensor]:
+        """Depth, confidence and planes of the frame; yields the gains, as indices (B, P, D), row by row."""
+        likelihood = RowBlend(self._rows, snapshot[..., :1, :1].double(), self.camera.planes.count)
+        for phases, tops in self._batches():
+            parts = [self._log_likelihood(phase, self._cut(snapshot, tops, which)) for phase, which in phases]
+            levels, gains = (torch.cat(part, 2) for part in zip(*parts, strict=True))
+            for level in levels.unbind(1):
+                rows, planes = likelihood.add(level[..., None, None])
+                found.best[:, rows] = planes.argmax(1).to(found.best)
+                found.depth[..., rows, :], found.confidence[..., rows, :] = self._depth(planes)
+                if found.planes.numel():
+                    found.planes[..., rows, :] = planes.to(found.planes)
+            yield from gains.unbind(1)
+            progress((tops[-1] + 1) / (self._rows.tops[-1] + 1))
 
-    def _places(self) -> Iterator[_Place]:
-        """Corners of windows, by phase of the tile and in batches; together they cover the snapshot."""
-        tile, by_phase = self.camera.tile_size, dict[tuple[int, int], list[tuple[int, int]]]()
-        tops, lefts = (sorted({*range(0, n - self.window + 1, tile), n - self.window}) for n in self.camera.size)
-        for top in tops:
-            for left in lefts:
-                by_phase.setdefault((top % tile, left % tile), []).append((top, left))
-        for phase, where in by_phase.items():
-            yield from ((phase, where[i : i + _BATCH]) for i in range(0, len(where), _BATCH))
+    def _fill(self, snapshot: Tensor, found: _Found, gains: list[Tensor], progress: Progress) -> None:
+        """The spectrum at the planes that were found."""
+        scene, done = RowBlend(self._rows, snapshot[..., :1, :1], self.camera.bands), 0
+        for phases, tops in self._batches():
+            gain, planes = torch.stack(gains[done : done + len(tops)], 1), self._at_middle(found.best, tops)
+            parts = [
+                self._scene(phase, self._cut(snapshot, tops, which), planes[:, :, which], gain[:, :, which], snapshot)
+                for phase, which in phases
+            ]
+            for values in torch.cat(parts, 2).unbind(1):
+                rows, estimate = scene.add(values)
+                found.estimate[..., rows, :] = estimate.clamp_min(0)
+            done += len(tops)
+            progress((tops[-1] + 1) / (self._rows.tops[-1] + 1))
 
-    def _windows(self, values: Tensor, where: list[tuple[int, int]]) -> Tensor:
-        """(B, P, n)."""
-        every = values.unfold(2, self.window, 1).unfold(3, self.window, 1)
-        tops, lefts = (torch.tensor(axis) for axis in zip(*where, strict=True))
-        return every[:, :, tops, lefts].movedim(1, 2).flatten(2)
+    def _batches(self) -> Iterator[tuple[list[tuple[tuple[int, int], slice]], list[int]]]:
+        """Rows of windows, with the phases of the tile at which they begin and which of their windows do."""
+        for tops in self._rows.batches():
+            row = tops[0] % self._rows.step
+            yield [((row, phase), which) for phase, which in self._rows.columns()], tops
+
+    def _cut(self, snapshot: Tensor, tops: list[int], which: slice) -> Tensor:
+        """(B, R, P, n)."""
+        return torch.stack([self._rows.cut(snapshot, top, which) for top in tops], 1)
+
+    def _at_middle(self, best: Tensor, tops: list[int]) -> Tensor:
+        """(B, R, P) most likely plane in the middle of windows."""
+        rows, columns = (torch.tensor(axis) + self.window // 2 for axis in (tops, self._rows.lefts))
+        return best[:, rows[:, None], columns].long()
 
     def _basis(self, phase: tuple[int, int]) -> _Basis:
         if phase not in self._bases:
@@ -149,47 +186,41 @@ class PatchLikelihood:
         return self._bases[phase]
 
     def _log_likelihood(self, phase: tuple[int, int], windows: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, P, D) log-likelihood of every plane with the gain that fits best, and that gain."""
+        """(..., D) log-likelihood of windows (..., n) at every plane with the gain that fits best, and its index."""
         basis, (levels, level) = self._basis(phase), self._noise(windows)
         found, chosen = [], []
         for vectors, values in zip(basis.vectors, basis.values, strict=True):
             energy = (windows @ vectors).square()
-            variance = self.gains[:, None] * values + levels[:, None, None]
-            each = energy.new_empty(*energy.shape[:2], len(self.gains))
-            for index, own in enumerate(variance):
-                here = level == index
-                each[here] = -0.5 * (energy[here] @ own.reciprocal().T + own.log().sum(-1))
+            each = energy.new_empty(*energy.shape[:-1], len(self.gains))
+            for index, variance in enumerate(self.gains[:, None] * values + levels[:, None, None]):
+                here = level == index if len(levels) > 1 else slice(None)
+                each[here] = -0.5 * (energy[here] @ variance.reciprocal().T + variance.log().sum(-1))
             best = each.max(-1)
             found.append(best.values)
-            chosen.append(self.gains[best.indices])
+            chosen.append(best.indices.to(torch.uint8))
         return torch.stack(found, -1), torch.stack(chosen, -1)
 
     def _noise(self, windows: Tensor) -> tuple[Tensor, Tensor]:
-        """Levels of the noise's variance, and the index (B, P) of the nearest: shot noise by a window's mean."""
+        """Levels of the noise's variance, and which one windows (..., n) have: shot noise by a window's mean."""
         noise = self.camera.noise
         least = noise.read**2 + NOISE_FLOOR
         if not noise.shot:
-            return windows.new_tensor([least]), torch.zeros(windows.shape[:2], dtype=torch.long)
-        own = (least + noise.shot * windows.mean(-1).clamp_min(0)).log()
-        levels = torch.linspace(float(own.min()), float(own.max()), _NOISE_LEVELS, dtype=own.dtype)
-        return levels.exp(), (own[..., None] - levels).abs().argmin(-1)
+            return windows.new_tensor([least]), torch.zeros(windows.shape[:-1], dtype=torch.long)
+        own = 1 + noise.shot / least * windows.mean(-1).clamp_min(0)
+        steps, level = (own.log() / log(_NOISE_STEP)).round().unique(return_inverse=True)
+        return least * _NOISE_STEP**steps, level
 
-    def _scene(self, phase: tuple[int, int], windows: Tensor, plane: Tensor, gains: Tensor) -> Tensor:
-        """(B, P, L, m, m) linear MMSE estimate of windows at these planes (B, P)."""
+    def _scene(self, phase: tuple[int, int], windows: Tensor, plane: Tensor, gains: Tensor, like: Tensor) -> Tensor:
+        """(B, R, P, L, m, m) linear MMSE estimate of windows (B, R, P, n) at these planes (B, R, P)."""
         basis, (levels, level) = self._basis(phase), self._noise(windows)
-        gain, noise = gains.gather(-1, plane[..., None]), levels[level][..., None]
-        estimate = windows.new_zeros(*windows.shape[:2], basis.scene.shape[1])
-        for index in range(len(basis.values)):
+        gain = self.gains[gains.gather(-1, plane[..., None]).long()]
+        estimate = like.new_zeros(*windows.shape[:-1], basis.scene.shape[1])
+        for index in plane.unique().tolist():
             here = plane == index
-            own = windows[here] @ basis.vectors[index]
-            own = gain[here] * own / (gain[here] * basis.values[index] + noise[here])
-            estimate[here] = own @ basis.scene[index].T
+            own = gain[here] * (windows[here] @ basis.vectors[index])
+            own = own / (gain[here] * basis.values[index] + levels[level[here], None])
+            estimate[here] = own.to(like) @ basis.scene[index].T.to(like)
         return estimate.unflatten(-1, (self.camera.bands, self.window, self.window))
-
-    def _at_middle(self, planes: Tensor, where: list[tuple[int, int]]) -> Tensor:
-        """(B, P) most likely plane in the middle of windows."""
-        tops, lefts = (torch.tensor(axis) + self.window // 2 for axis in zip(*where, strict=True))
-        return planes[:, :, tops, lefts].argmax(1)
 
     def _depth(self, planes: Tensor) -> tuple[Tensor, Tensor]:
         """Metres between planes by a parabola through the best and its neighbours, and the probability of a bin."""
@@ -205,23 +236,3 @@ class PatchLikelihood:
         shares = planes.softmax(1)
         around = (torch.arange(len(inverse))[:, None, None] - best).abs() <= 1
         return 1 / place, (shares * around).sum(1, keepdim=True)
-
-
-class _Blend:
-    """Overlapping windows laid over each other, with weights that fall to their rims."""
-
-    def __init__(self, shape: tuple[int, ...], window: int) -> None:
-        self.sum, self.weight = torch.zeros(shape, dtype=torch.float64), torch.zeros(shape[2:], dtype=torch.float64)
-        ramp = torch.sin(pi * (torch.arange(window, dtype=torch.float64) + 0.5) / window) ** _SHARPNESS
-        self.share, self.window = torch.outer(ramp, ramp), window
-
-    def add(self, where: list[tuple[int, int]], values: Tensor) -> None:
-        """Lay windows (B, P, C, m, m), or constants (B, P, C, 1, 1), at their corners."""
-        for index, (top, left) in enumerate(where):
-            rows, columns = slice(top, top + self.window), slice(left, left + self.window)
-            self.sum[..., rows, columns] += values[:, index] * self.share
-            self.weight[rows, columns] += self.share
-
-    def result(self) -> Tensor:
-        """(B, C, H, W)."""
-        return self.sum / self.weight

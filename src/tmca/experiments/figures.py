@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".pdf", ".svg")
 _TITLE, _SMALL = 9, 8
+_LOOKED_AT = 2**20
 _POINT_COLOURS = ("#d1495b", "#00798c", "#edae49", "#66a182")
 
 
@@ -68,9 +70,13 @@ def image_figure(values: np.ndarray, title: str) -> Figure:
 
 
 def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
-    """A few lit pixels (row, column), each of a spectrum whose shape is farthest from those before."""
+    """A few lit pixels (row, column), each of a spectrum whose shape is farthest from those before; of a large picture
+    every second pixel, or third, … is looked at."""
     from scipy.ndimage import uniform_filter
 
+    apart = 1 + isqrt(cube.shape[1] * cube.shape[2] // _LOOKED_AT)
+    if apart > 1:
+        return [(apart * row, apart * column) for row, column in spread_points(cube[:, ::apart, ::apart], count)]
     smooth = np.stack([uniform_filter(band, 7) for band in cube]).reshape(len(cube), -1)
     strength = np.linalg.norm(smooth, axis=0)
     shape = smooth / np.maximum(strength, 0.3 * strength.max() + 1e-12)

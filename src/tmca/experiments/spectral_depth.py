@@ -68,7 +68,10 @@ class SpectralDepthReconstruction:
 
 
 def take_spectral_depth_snapshot(
-    scene: xr.Dataset, camera: SpectralDepthCamera, seed: int = 0
+    scene: xr.Dataset,
+    camera: SpectralDepthCamera,
+    seed: int = 0,
+    progress: Callable[..., None] | None = None,
 ) -> Snapshot[SpectralDepthCamera]:
     """Image a scene with depth.
 
@@ -76,10 +79,12 @@ def take_spectral_depth_snapshot(
         scene: ``radiance`` (wavelength, y, x) and ``depth`` (y, x) of the camera's size.
         camera: that takes it.
         seed: of the sensor's noise, whose stream no code shares.
+        progress: told the share that is done.
     """
-    cube, depth = torch.from_numpy(np.array(scene["radiance"].values, dtype=np.float32))[None], depth_tensor(scene)
+    cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
+    depth = depth_tensor(scene)
     with torch.no_grad():
-        values = camera(cube, depth, NOISE_STREAM + seed)
+        values = camera(cube, depth, NOISE_STREAM + seed, progress)
     unknown = int((~camera.planes.known(depth)).sum())
     notes = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, "unknown_depth_pixels": unknown}
     notes |= {READING: scene.attrs[READING]} if READING in scene.attrs else {}
@@ -142,12 +147,11 @@ def reconstruct_spectral_depth(
         given = "none" if weights is None else f"given for {decoder}"
         raise SettingError("weights", given, "those of a network, for the network alone", "pass --weights RUN")
     start = perf_counter()
-    decode: PatchLikelihood | TwoHeadedDecoder
     if weights is not None:
-        decode = _network(weights, prior, snapshot.camera)
+        found = _network(weights, prior, snapshot.camera)(snapshot.values, progress)
     else:
-        decode = PatchLikelihood(find_depth_prior(prior, snapshot.camera, window), snapshot.camera, window)
-    found = decode(snapshot.values, progress)
+        known = find_depth_prior(prior, snapshot.camera, window)
+        found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress, planes=False)
     found.seconds = perf_counter() - start
     return _labelled(found, decoder, snapshot, truth)
 

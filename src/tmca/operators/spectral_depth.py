@@ -71,10 +71,10 @@ def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Te
     moving = scene if scene.ndim == 5 else scene[:, None]
     _check(moving, weights, transfer, frame)
     total = None
-    for depth in range(transfer.shape[1]):
+    for depth in _filled(weights):
         spectrum = torch.fft.rfft2(moving * weights[:, None, None, depth], s=frame)
         own = transfer[:, depth]
-        total = spectrum * own if total is None else torch.addcmul(total, spectrum, own)
+        total = spectrum * own if total is None else total.addcmul_(spectrum, own)
     assert total is not None
     return torch.fft.irfft2(total, s=frame)[..., : scene.shape[-2], : scene.shape[-1]]
 
@@ -100,7 +100,7 @@ def composited(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) ->
     moving = scene if scene.ndim == 5 else scene[:, None]
     _check(moving, weights, transfer, frame)
     behind, seen = torch.zeros_like(weights[:, :1]), None
-    for depth in range(transfer.shape[1]):
+    for depth in _filled(weights):
         own = weights[:, None, None, depth]
         behind = behind + weights[:, depth : depth + 1]
         light, cover, ground = (
@@ -114,6 +114,14 @@ def composited(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) ->
 
 
 _LEAST = 1e-6
+
+
+def _filled(weights: Tensor) -> list[int]:
+    """Layers in which there is anything: the others add nothing, except to the gradient in their weights."""
+    if weights.requires_grad:
+        return list(range(weights.shape[1]))
+    found: list[int] = (weights != 0).flatten(2).any(2).any(0).nonzero().flatten().tolist()
+    return found or [0]
 
 
 def _blurred(values: Tensor, transfer: Tensor, frame: Size) -> Tensor:
@@ -180,14 +188,19 @@ def equivalent_psf(
         ShapeError: a pixel outside the sensor.
     """
     (height, width), (h, w) = shutter.shape[1:], psf.shape[-2:]
-    if not (0 <= pixel[0] < height and 0 <= pixel[1] < width):
-        raise ShapeError("pixel", str(pixel), f"inside {height}×{width}")
+    check_pixel(pixel, (height, width))
     pad = (w, w, h, h)
     top, left = pixel[0] - h // 2 + h, pixel[1] - w // 2 + w
     own_shutter = torch.nn.functional.pad(shutter, pad)[:, top : top + h, left : left + w]
     own_colour = torch.nn.functional.pad(colour, pad)[..., top : top + h, left : left + w]
     mixed = torch.einsum("klhw,khw->lhw", psf[:, depth], own_shutter) / (len(shutter) if exposure == "equal" else 1)
     return own_colour * mixed
+
+
+def check_pixel(pixel: tuple[int, int], size: Size) -> None:
+    """Raises ShapeError unless the pixel is on a sensor of (H, W)."""
+    if not (0 <= pixel[0] < size[0] and 0 <= pixel[1] < size[1]):
+        raise ShapeError("pixel", str(pixel), f"inside {size[0]}×{size[1]}")
 
 
 class LayeredOperator(LinearOperator):

@@ -79,6 +79,10 @@ class ColourCodedAperture(nn.Module):
         """(L, H, W) transmittance over every pixel."""
         return torch.einsum("rhw,rl->lhw", self.plane(), self.filters)
 
+    def part(self, rows: slice, columns: slice) -> Tensor:
+        """(L, h, w) transmittance over some pixels."""
+        return torch.einsum("rhw,rl->lhw", self.plane.part(rows, columns), self.filters)
+
     def cells(self) -> Tensor:
         """(Q, Q) index of the filter over every pixel of the tile."""
         return self.plane.tile().argmax(0)

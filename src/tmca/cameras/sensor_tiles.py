@@ -1,0 +1,61 @@
+"""A sensor in tiles, and what of the scene each of them sees: images of any size in bounded memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import torch
+from torch import Tensor
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class SensorTile:
+    """A rectangle of the sensor, with the margin from which light is blurred into it.
+
+    Args:
+        rows, columns: of the sensor.
+        seen: rows and columns of the scene whose light reaches it.
+        padding: pixels left, right, above and below at which there is no scene.
+        margin: (above and below, left and right), pixels.
+    """
+
+    rows: slice
+    columns: slice
+    seen: tuple[slice, slice]
+    padding: tuple[int, int, int, int]
+    margin: Size
+
+    def cut(self, scene: Tensor) -> Tensor:
+        """What is seen of (..., H, W)."""
+        return scene[..., self.seen[0], self.seen[1]]
+
+    def padded(self, part: Tensor) -> Tensor:
+        """What was cut, dark where there is no scene: all tiles and margins are of one size."""
+        return torch.nn.functional.pad(part, self.padding) if any(self.padding) else part
+
+    def inside(self, image: Tensor) -> Tensor:
+        """The tile of what was cut, padded and blurred."""
+        (above, left), height, width = self.margin, self.rows.stop - self.rows.start, self.columns.stop
+        return image[..., above : above + height, left : left + width - self.columns.start]
+
+
+def sensor_tiles(size: Size, tile: Size, margin: Size) -> list[SensorTile]:
+    """Tiles that cover a sensor of (H, W) pixels, row by row; the last ones of a row or column may be smaller."""
+    rows, columns = (_cuts(*axis) for axis in zip(size, tile, margin, strict=True))
+    return [
+        SensorTile(row[0], column[0], (row[1], column[1]), (*column[2], *row[2]), margin)
+        for row, column in product(rows, columns)
+    ]
+
+
+def _cuts(length: int, step: int, margin: int) -> list[tuple[slice, slice, Size]]:
+    """Places of tiles along an axis, what they see, and what is missing before and after it."""
+    found = []
+    for start in range(0, length, step):
+        first, last = start - margin, start + step + margin
+        seen, missing = slice(max(0, first), min(length, last)), (max(0, -first), max(0, last - length))
+        found.append((slice(start, min(start + step, length)), seen, missing))
+    return found
