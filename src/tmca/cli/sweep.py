@@ -116,6 +116,57 @@ def light_field(
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 
 
+@app.command
+def spectral_depth(
+    *scenes: str,
+    vary: list[str],
+    out: Path = Path("sweep"),
+    work: Path = Path("runs/sweep-spectral-depth"),
+    test: Path | None = None,
+    train: Path | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    preset: str = "quick",
+    crop: str = "96x128",
+    side: Whole = 256,
+    from_rgb: Annotated[bool, Parameter(negative="")] = False,
+    placed: str | None = None,
+    grid: GridOptions = _GRID,
+) -> None:
+    """Sweep settings of the spectral-depth camera over SCENES: `--vary contrast=0,0.1,1 --vary slots=1,4`.
+
+    Depth and spectrum are those of the patch likelihood. Writes OUT.json, OUT.csv, OUT.md and OUT.png. Finished cells
+    are kept in --work: a run that was stopped goes on.
+
+    Args:
+        scenes: scenes with depth, RGB-D scenes, cubes or rendered scenes; the rendered test scenes without any.
+        vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
+            slots, mask, rms (metres), shutter, filters, channels, planes, exposure, image_formation, period, seed,
+            contrast of the scenes' texture (0 to 1), or codes: files of `tmca design spectral-depth`.
+        out: results, without a suffix.
+        work: folder of the prior and finished cells.
+        test: split file of scenes to add.
+        train: split file of the scenes that teach the prior; that of the rendered scenes without it.
+        set_: NAME=VALUE of the same names for all cells.
+        preset: of the camera: quick, quick-diffractive, thesis or diffractive.
+        crop: HEIGHTxWIDTH, the middle of the scenes.
+        side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
+        from_rgb: make up spectra of measured reflectances for RGB-D scenes.
+        placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
+    """
+    from tmca.cli.options import size
+    from tmca.data import read_split, split_rendered
+    from tmca.experiments.sweep_spectral_depth import sweep_spectral_depth
+
+    named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
+    axes, fixed = _axes(vary, set_)
+    examples = [str(path) for path in read_split(train)] if train else []
+    found = sweep_spectral_depth(
+        axes, named, out, work, fixed=fixed, train=examples, preset=preset, size=size(crop, "--crop"), side=side,
+        placed=placed, from_rgb=from_rgb, progress=_told, **grid.how(),
+    )  # fmt: skip
+    print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
+
+
 def _told(done: int, total: int, name: str) -> None:
     print(f"[{done}/{total}] {name}", file=sys.stderr)
 

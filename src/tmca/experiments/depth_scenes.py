@@ -70,7 +70,7 @@ def load_spectral_depth(
         reduce = 1
     scene = reduced_scene(scene, None if reduce == 1 else reduce, source)
     scene["radiance"] = at_bands(scene["radiance"], wavelengths)
-    scene = scene if size is None else _cropped(scene, size, source)
+    scene = scene if size is None else middle_of(scene, size, source)
     if placed is None:
         scene["depth"], about = fitted_depth(scene["depth"], near, far)
         scene.attrs.update(about)
@@ -125,7 +125,12 @@ def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.
     return load_spectral_depth(truth, camera.wavelengths, near=near, far=far, size=camera.size, **how)
 
 
-def _cropped(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:
+def middle_of(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:
+    """(H, W) pixels in the middle of a scene.
+
+    Raises:
+        DataError: a smaller scene.
+    """
     from tmca.data.light_fields import centre_window
 
     rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), size, None, source)

@@ -17,6 +17,11 @@ METRICS = (
     ("ergas", "ERGAS", ".2f"),
     ("dd", "DD", ".4f"),
 )
+DEPTH_METRICS = (
+    ("depth_mae", "depth MAE (m)", ".3f"),
+    ("depth_rmse", "depth RMSE (m)", ".3f"),
+    ("within_bin", "within a bin", ".0%"),
+)
 
 
 def check_new(files: Iterable[Path], overwrite: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tmca.experiments.cells import Measured
-from tmca.experiments.results import markdown_table, mean_over_scenes, repository_commit
+from tmca.experiments.results import DEPTH_METRICS, markdown_table, mean_over_scenes, repository_commit
 from tmca.experiments.spectral_depth_rows import (
     CONSTANT,
     DECODER_NAMES,
@@ -18,9 +18,7 @@ from tmca.experiments.spectral_depth_rows import (
 )
 
 COLUMNS = (
-    ("depth_mae", "depth MAE (m)", ".3f"),
-    ("depth_rmse", "depth RMSE (m)", ".3f"),
-    ("within_bin", "within a bin", ".0%"),
+    *DEPTH_METRICS,
     ("psnr", "PSNR (dB)", ".2f"),
     ("sam", "SAM (°)", ".2f"),
     ("uiqi", "UIQI", ".3f"),

@@ -21,7 +21,7 @@ from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
           "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip
-WHOLE = ("slots", "bits", "period", "seed")
+WHOLE = ("slots", "bits", "period", "planes", "seed")
 
 Values = Mapping[str, Sequence[Any]]
 

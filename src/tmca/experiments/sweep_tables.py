@@ -8,9 +8,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tmca.experiments.figures import plain_axes
-from tmca.experiments.results import METRICS, markdown_table
+from tmca.experiments.results import DEPTH_METRICS, METRICS, markdown_table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 UNITS = {
@@ -19,12 +20,13 @@ UNITS = {
     "full_well": "full well, electrons",
     "read_noise_electrons": "read noise, electrons",
     "slots": "slots K",
+    "contrast": "contrast of the texture, 1 = as the scene is",
 }
 
 
 def _columns(rows: Sequence[dict[str, Any]], axes: Sequence[str]) -> list[tuple[str, str, str]]:
     """Varied settings, the metrics that the rows have, light."""
-    metrics = [column for column in METRICS if column[0] in rows[0]]
+    metrics = [column for column in (*DEPTH_METRICS, *METRICS) if column[0] in rows[0]]
     return [*((name, name, "") for name in axes), *metrics, ("throughput", "light", ".1%")]
 
 
@@ -53,11 +55,20 @@ def markdown(found: dict[str, Any], axes: Sequence[str], decoders: Mapping[str, 
 
 
 def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str], names: Mapping[str, str]) -> Figure:
-    """PSNR along the first varied setting, a line for every combination of the others."""
+    """PSNR, and depth error if there is one, along the first varied setting, a line for each value of the others."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6, 4), layout="constrained")
-    axis = figure.add_subplot()
+    shown = [("psnr", "PSNR (dB)"), *([("depth_mae", "depth MAE (m)")] if "depth_mae" in rows[0] else [])]
+    figure = Figure(figsize=(6 * len(shown), 4), layout="constrained")
+    decoders = {names[row["decoder"]] for row in rows}
+    title = "mean over test scenes" + (f", {decoders.pop()}" if len(decoders) == 1 else "")
+    for axis, (metric, label) in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+        _lines(axis, rows, axes, metric)
+        plain_axes(axis, title, UNITS.get(axes[0], axes[0]), label)
+    return figure
+
+
+def _lines(axis: Axes, rows: Sequence[dict[str, Any]], axes: Sequence[str], metric: str) -> None:
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         groups.setdefault(", ".join(f"{name} = {row[name]}" for name in axes[1:]), []).append(row)
@@ -65,7 +76,7 @@ def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str], names: Map
         places = [row[axes[0]] for row in group]
         numeric = all(isinstance(p, int | float) for p in places)
         axis.plot(
-            places if numeric else list(map(str, places)), [row["psnr"] for row in group], "o-", label=label or None
+            places if numeric else list(map(str, places)), [row[metric] for row in group], "o-", label=label or None
         )
         if numeric and min(places) > 0 and max(places) >= 8 * min(places):
             axis.set_xscale("log")
@@ -73,7 +84,3 @@ def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str], names: Map
             axis.minorticks_off()
     if len(groups) > 1:
         axis.legend(fontsize=8)
-    decoders = {names[row["decoder"]] for row in rows}
-    title = "mean over test scenes" + (f", {decoders.pop()}" if len(decoders) == 1 else "")
-    plain_axes(axis, title, UNITS.get(axes[0], axes[0]), "PSNR (dB)")
-    return figure
