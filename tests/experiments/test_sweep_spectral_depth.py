@@ -43,7 +43,19 @@ def test_contrast_squeezes_texture_and_keeps_means_and_depth(scenes):
 
 @pytest.mark.usefixtures("scenes")
 def test_depth_needs_texture(capsys, tmp_path):
-    main(sweep("--vary", "contrast=0.01,1", "--set", "slots=4", "--set", "noise=0.002", "--set", "shutter=one-hot", "--json"))
+    main(
+        sweep(
+            "--vary",
+            "contrast=0.01,1",
+            "--set",
+            "slots=4",
+            "--set",
+            "noise=0.002",
+            "--set",
+            "shutter=one-hot",
+            "--json",
+        )
+    )
     found = json.loads(capsys.readouterr().out)
     poor, rich = found["rows"]
     assert rich["depth_mae"] < 0.8 * poor["depth_mae"]
