@@ -98,18 +98,24 @@ def _draw_bars(axis: Any, bars: dict[str, dict[str, float]], order: Sequence[str
 
 
 def order_figure(ranked: Sequence[dict[str, Any]]) -> Figure:
-    """Every ranked code: PSNR on test scenes against that expected of dimmed examples, a panel for each noise."""
+    """Every ranked code: PSNR on test scenes against the expected one, a column for each noise.
+
+    Above expected of the examples as they are, below of examples dimmed to the test scenes' mean.
+    """
     noises = list(dict.fromkeys(row["noise"] for row in ranked))
-    figure, axes = grid(1, len(noises), width=4.6, aspect=0.8)
-    for axis, noise in zip(axes[0], noises, strict=True):
-        own = [row for row in ranked if row["noise"] == noise]
-        for place, (decoder, shown) in enumerate((("lmmse", "LMMSE"), ("unrolled", "unrolled")), start=2):
-            known = [row for row in own if decoder in row]
-            x = [row["expected_there"] for row in known]
-            y = [float(np.mean(list(row[decoder].values()))) for row in known]
-            if known:
-                axis.plot(x, y, "o", color=_COLOURS[place], markersize=5, label=shown)
-        axis.legend(fontsize=8)
-        title = f"{noise}: only the order is compared, not the level"
-        plain_axes(axis, title, "PSNR expected, examples dimmed (dB)", "PSNR on test scenes (dB)")
+    figure, axes = grid(2, len(noises), width=4.6, aspect=0.8)
+    judges = (("expected", "PSNR expected (dB)"), ("expected_there", "PSNR expected, examples dimmed (dB)"))
+    for row, (judge, label) in zip(axes, judges, strict=True):
+        for axis, noise in zip(row, noises, strict=True):
+            _draw_order(axis, [code for code in ranked if code["noise"] == noise], judge)
+            plain_axes(axis, f"{noise}: only the order is compared, not the level", label, "PSNR on test scenes (dB)")
     return figure
+
+
+def _draw_order(axis: Any, codes: Sequence[dict[str, Any]], judge: str) -> None:
+    for place, (decoder, shown) in enumerate((("lmmse", "LMMSE"), ("unrolled", "unrolled")), start=2):
+        known = [code for code in codes if decoder in code]
+        y = [float(np.mean(list(code[decoder].values()))) for code in known]
+        if known:
+            axis.plot([code[judge] for code in known], y, "o", color=_COLOURS[place], markersize=5, label=shown)
+    axis.legend(fontsize=8)
