@@ -199,10 +199,13 @@ def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
     assert len(found["rows"]) == 10
     assert [row["throughput"] for row in found["light_field"]] == pytest.approx([0.5, 1 / 16], rel=0.2)
     assert all(row["psnr"] > 10 and row["disparity_mae"] >= 0 for row in found["light_field"])
+    assert [row["throughput"] for row in found["spectral_depth"]] == pytest.approx([1, 0.25])
+    assert all(row["psnr"] > 10 and 0 <= row["depth_mae"] < 1.6 for row in found["spectral_depth"])
     page = (tmp_path / "demo" / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 8
+    assert page.count("data:image/png;base64,") == 11
     assert page.count("data:image/gif;base64,") == 1
     assert Snapshot.load(tmp_path / "demo" / "light_field_onehot8_snapshot.nc").camera.views == (5, 5)
+    assert Snapshot.load(tmp_path / "demo" / "spectral_depth_onehot4_snapshot.nc").camera.slots == 4
     assert Snapshot.load(tmp_path / "demo" / "coffee_tmca8_snapshot.nc").camera.slots == 8
     assert "deviation" in read_dataset(tmp_path / "demo" / "coffee_tmca8_lmmse.nc")
     with pytest.raises(OutputError, match=r"report\.html"):

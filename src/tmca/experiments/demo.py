@@ -12,6 +12,7 @@ from tmca.decoders import find_weights
 from tmca.errors import OutputError, TmcaError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
 from tmca.experiments.demo_light_field import demo_light_field
+from tmca.experiments.demo_spectral_depth import demo_spectral_depth
 from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.report import Section, write_report
@@ -52,12 +53,12 @@ def run_demo(
 
     Args:
         out: folder for snapshots, reconstructions, pictures and ``report.html``.
-        size: (H, W) of the scenes, pixels; views of the light field are two thirds of it.
+        size: (H, W) of the scenes, pixels; views of the light field and the scene with depth are two thirds of it.
         overwrite: replace earlier results in ``out``.
         progress: told (share done, what is next).
 
     Returns:
-        ``rows`` of the table, ``light_field`` rows, ``report`` file and ``seconds`` in all.
+        ``rows`` of the table, ``light_field`` and ``spectral_depth`` rows, ``report`` file and ``seconds`` in all.
 
     Raises:
         OutputError: ``out`` holds results and ``overwrite`` is False.
@@ -97,17 +98,19 @@ def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> 
     for index, (name, scene) in enumerate(scenes.items()):
         results = {}
         for place, (code, settings) in enumerate(CODES.items()):
-            told(0.2 + 0.5 * (index + place / len(CODES)) / len(scenes), f"{name}, {code}")
+            told(0.2 + 0.4 * (index + place / len(CODES)) / len(scenes), f"{name}, {code}")
             results[code] = _through(scene, settings, prior, out / f"{name}_{_stem(code)}", overwrite)
             rows.append(_row(name, code, *results[code]))
         sections.append(_section(name, scene, results, out, overwrite))
     views = (max(32, 2 * size[0] // 3), max(32, 2 * size[1] // 3))
-    light_field, section = demo_light_field(out, views, overwrite, lambda share, step: told(0.7 + 0.25 * share, step))
+    light_field, section = demo_light_field(out, views, overwrite, lambda share, step: told(0.6 + 0.15 * share, step))
+    sections.append(section)
+    depth, section = demo_spectral_depth(out, views, overwrite, lambda share, step: told(0.75 + 0.2 * share, step))
     told(0.95, "writing the report")
     pages = [_summary(rows), *sections, section]
     write_report(out / "report.html", "tmca demo: snapshot cameras", pages, overwrite=overwrite)
     told(1.0, "done")
-    return {"rows": rows, "light_field": light_field}
+    return {"rows": rows, "light_field": light_field, "spectral_depth": depth}
 
 
 def _through(
