@@ -147,6 +147,54 @@ def _say(advice: Any, found: dict[str, Any], out: Path, json: bool) -> None:
 
 
 @app.command
+def judge(
+    codes: Path,
+    /,
+    *,
+    bands: Whole = 12,
+    dispersion: str | None = None,
+    disperser: str | None = None,
+    prior: Path | None = None,
+    sensor: SheetOptions = _SHEET,
+    figure: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Judge codes without a decoder: light, contrast and levels, likeness of bands, singular values, coherence.
+
+    Args:
+        codes: codes.nc of `tmca design spectral`, a snapshot file, or weights of `tmca train`.
+        bands: of the spectral camera, for codes.nc.
+        dispersion: for codes.nc: pixels per band, or the displacement of every band separated by commas. [default: 1]
+        disperser: for codes.nc: single or dual. [default: single]
+        prior: file of `tmca prior learn`: also say the expected PSNR under it, for the sensor or that of the snapshot.
+        figure: write levels, correlations and singular values as a picture (PNG).
+        overwrite: replace the picture if it exists.
+        json: print JSON, with all levels, correlations and singular values.
+    """
+    from tmca.cli.options import check_figure, numbers
+    from tmca.experiments.judged_codes import judge_codes
+
+    check_figure(figure, overwrite, codes)
+    camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}
+    if dispersion is not None:
+        camera["dispersion"] = numbers(dispersion, "--dispersion")
+    sheet = sensor.sheet() if any(value is not None for value in vars(sensor).values()) else None
+    found = judge_codes(codes, bands=bands, prior=prior, sheet=sheet, camera=camera, figure=figure, overwrite=overwrite)
+    if json:
+        print(json_module.dumps(found, indent=1))
+        return
+    values = found["singular_values"]
+    seen = sum(value > 1e-3 * values[0] for value in values)
+    print(f"{codes}: {found['camera']} camera, K = {found['slots']}, {found['channels']} channels")
+    for name in ("throughput", "contrast", "likeness", "coherence", "expected_psnr"):
+        if name in found:
+            print(f"  {name:24s} {found[name]:.4f}")
+    print(f"  {'levels':24s} {len(found['levels'])}")
+    print(f"  {'singular values':24s} {values[0]:.3g} down to {values[-1]:.3g}, {seen} above a thousandth of the first")
+
+
+@app.command
 def study(
     *,
     train: Path,
