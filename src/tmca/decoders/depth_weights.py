@@ -151,8 +151,9 @@ class TwoHeadedDecoder:
 
     def _part(self, snapshot: Tensor, start: Tensor | None, rows: slice, columns: slice) -> DepthEstimate:
         """One tile of the estimate, from a window with a margin as wide as the network sees."""
-        first, last = seen_by_tile(self.network, rows.start, rows.stop, snapshot.shape[-2])
-        near, far = seen_by_tile(self.network, columns.start, columns.stop, snapshot.shape[-1])
+        period = self.camera.tile_size  # the network lays the tile of codes from the window's first pixel on
+        first, last = seen_by_tile(self.network, rows.start, rows.stop, snapshot.shape[-2], period)
+        near, far = seen_by_tile(self.network, columns.start, columns.stop, snapshot.shape[-1], period)
         window = (..., slice(first, last), slice(near, far))
         own = None if start is None else start[window]
         found = self.network(snapshot[window], self.camera, self.camera.noise, own)
