@@ -80,8 +80,9 @@ class PatchLikelihood:
             known = f"{camera.tile_size} (the tile) to {min(camera.size)} (the sensor) pixels"
             raise SettingError("window", f"{window} pixels", known)
         check_bands(prior, camera.wavelengths)
-        self.prior, self.camera, self.window = prior, camera, window
-        self.gains = torch.tensor(list(gains), dtype=torch.float64)
+        self.device = camera.response.device
+        self.prior, self.camera, self.window = prior.to(self.device), camera, window
+        self.gains = torch.tensor(list(gains), dtype=torch.float64, device=self.device)
         self._psf, self._bases = camera.psf().detach().double(), dict[tuple[int, int], _Basis]()
         self._colour, self._shutter = (part.detach().double() for part in camera.tile())
 
@@ -97,7 +98,7 @@ class PatchLikelihood:
             raise ShapeError("snapshot", str(tuple(snapshot.shape)), wanted)
         values, places = snapshot.double(), list(self._places())
         planes, gains = self._planes(values, places, progress)
-        scene = _Blend((len(snapshot), *self.camera.scene_shape), self.window)
+        scene = _Blend((len(snapshot), *self.camera.scene_shape), self.window, values)
         for count, ((phase, where), gain) in enumerate(zip(places, gains, strict=True)):
             windows, plane = self._windows(values, where), self._at_middle(planes, where)
             scene.add(where, self._scene(phase, windows, plane, gain))
@@ -112,7 +113,7 @@ class PatchLikelihood:
     def _planes(self, values: Tensor, places: list[_Place], progress: Progress | None) -> tuple[Tensor, list[Tensor]]:
         """(B, D, H, W) log-likelihoods, and the gains (B, P, D) of the windows of every batch of places."""
         shape = (len(values), self.camera.planes.count, *self.camera.size)
-        likelihood, gains = _Blend(shape, self.window), list[Tensor]()
+        likelihood, gains = _Blend(shape, self.window, values), list[Tensor]()
         for count, (phase, where) in enumerate(places):
             found, gain = self._log_likelihood(phase, self._windows(values, where))
             likelihood.add(where, found[..., None, None])
@@ -169,9 +170,9 @@ class PatchLikelihood:
         noise = self.camera.noise
         least = noise.read**2 + NOISE_FLOOR
         if not noise.shot:
-            return windows.new_tensor([least]), torch.zeros(windows.shape[:2], dtype=torch.long)
+            return windows.new_tensor([least]), torch.zeros_like(windows[..., 0], dtype=torch.long)
         own = (least + noise.shot * windows.mean(-1).clamp_min(0)).log()
-        levels = torch.linspace(float(own.min()), float(own.max()), _NOISE_LEVELS, dtype=own.dtype)
+        levels = torch.linspace(float(own.min()), float(own.max()), _NOISE_LEVELS, dtype=own.dtype, device=own.device)
         return levels.exp(), (own[..., None] - levels).abs().argmin(-1)
 
     def _scene(self, phase: tuple[int, int], windows: Tensor, plane: Tensor, gains: Tensor) -> Tensor:
@@ -203,16 +204,16 @@ class PatchLikelihood:
             moved = (0.5 * (above - below) / bend).clamp(-0.5, 0.5)
             place = torch.where(best == inner, place + moved * self.camera.planes.step, place)
         shares = planes.softmax(1)
-        around = (torch.arange(len(inverse))[:, None, None] - best).abs() <= 1
+        around = (torch.arange(len(inverse), device=planes.device)[:, None, None] - best).abs() <= 1
         return 1 / place, (shares * around).sum(1, keepdim=True)
 
 
 class _Blend:
     """Overlapping windows laid over each other, with weights that fall to their rims."""
 
-    def __init__(self, shape: tuple[int, ...], window: int) -> None:
-        self.sum, self.weight = torch.zeros(shape, dtype=torch.float64), torch.zeros(shape[2:], dtype=torch.float64)
-        ramp = torch.sin(pi * (torch.arange(window, dtype=torch.float64) + 0.5) / window) ** _SHARPNESS
+    def __init__(self, shape: tuple[int, ...], window: int, like: Tensor) -> None:
+        self.sum, self.weight = like.new_zeros(shape), like.new_zeros(shape[2:])
+        ramp = torch.sin(pi * (torch.arange(window, dtype=like.dtype, device=like.device) + 0.5) / window) ** _SHARPNESS
         self.share, self.window = torch.outer(ramp, ramp), window
 
     def add(self, where: list[tuple[int, int]], values: Tensor) -> None:
