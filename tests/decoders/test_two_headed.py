@@ -56,9 +56,9 @@ def test_an_untrained_network_gives_what_its_first_stage_gives(prior, size):
 
 
 @pytest.mark.parametrize("start", ["snapshot", "likelihood"])
-@pytest.mark.parametrize("size", [(150, 61), (149, 64)])
-def test_tiles_change_nothing(prior, start, size):
-    made = camera(size)
+@pytest.mark.parametrize(("size", "period"), [((150, 61), 2), ((149, 64), 3)])  # 3: no divisor of the network's steps
+def test_tiles_change_nothing(prior, start, size, period):
+    made = camera(size, period=period)
     network, snapshot = trained(made, start), snapshot_of(made, 1)
     whole, tiled = (TwoHeadedDecoder(network, made, prior, tile)(snapshot) for tile in (1000, 37))
     assert network.reach < 60 < whole.estimate.std() * 1e4  # tiles see less than the frame, and there is a picture
@@ -112,7 +112,7 @@ def test_weights_bring_camera_and_network_back(tmp_path, prior):
 def test_networks_of_other_cameras_are_refused(tmp_path, prior):
     made = camera()
     network = build_depth_network({**SMALL, "start": "likelihood"}, made)
-    with pytest.raises(SettingError, match=r"3 planes.* 4"):
+    with pytest.raises(SettingError, match="planes = 3, expected 4"):
         TwoHeadedDecoder(network, camera(planes=4), prior)
     with pytest.raises(SettingError, match="prior"):
         TwoHeadedDecoder(network, made)

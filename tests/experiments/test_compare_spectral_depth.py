@@ -9,7 +9,7 @@ import xarray as xr
 
 from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
-from tmca.data import label, write_dataset
+from tmca.data import label, split_rendered, write_dataset
 from tmca.experiments import compare_spectral_depth as comparison
 from tmca.experiments.spectral_depth_rows import CODES, CONSTANT, Sizes
 from tmca.experiments.spectral_depth_tables import margins, markdown
@@ -50,7 +50,9 @@ def compare(tmp_path, scenes, **changes):
 
 @pytest.mark.usefixtures("few")
 def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
-    found = compare(tmp_path, scenes)
+    begun = []
+    found = compare(tmp_path, scenes, progress=lambda done, total, name, left: begun.append(name))
+    assert begun[:2] == [f"prior: {scenes[0]} read", "prior of 1 scenes learned"]
     rows = {(row["code"], row["noise"], row["decoder"]): row for row in found["rows"]}
     noises = {row["noise"] for row in found["rows"]} - {""}
     wanted = {(code, noise, "likelihood") for code in SHOWN for noise in noises}
@@ -88,6 +90,21 @@ def test_margins_compare_the_best_of_each_kind():
     assert found["psnr"] == pytest.approx(0.2)
 
 
+def test_networks_learn_from_no_scene_that_is_measured(tmp_path):
+    rendered = sorted(split_rendered()["train"])
+    common = {
+        "source": "",
+        "side": 60,
+        "placed": None,
+        "from_rgb": False,
+        "checksums": [],
+        "scenes": {rendered[1]: "a"},
+    }
+    cells = comparison._trainings(common, SMALL, ["own.nc"], {}, ["two-headed"], [0], 2, tmp_path)
+    learned = {name for cell in cells for part in ("train", "validation") for name in cell["training"]["data"][part]}
+    assert learned == {"own.nc", *rendered} - {rendered[1]}
+
+
 def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, scenes):
     def said(*more, train=scenes[0], test=scenes[1]):
         lists = ["--train", train, "--test", test, "--out", tmp_path / "out", "--work", tmp_path / "work"]
@@ -96,5 +113,8 @@ def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, scenes):
     assert "--decoders" in said("--decoders", "likelihood,guess")
     assert "a training scene" in said(test=scenes[0])
     assert "--steps" in said("--steps", "0")
+    assert "at least 96" in said("--side", "0")
+    (tmp_path / "folder").mkdir()
+    assert "a training scene" in said(test=tmp_path / "folder" / ".." / "learned.nc")
     assert "no such" in said(train=tmp_path / "none.nc")
     assert not (tmp_path / "out").exists()

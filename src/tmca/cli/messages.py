@@ -60,5 +60,5 @@ def in_options(error: TmcaError) -> str:
             return match[0]
         return known[name] + (f" {value}" if value else "")
 
-    text = re.sub(r"\b([a-z_]+)=(?:\"([^\"]*)\"|(\d+))?(?= |, |,$|;|\.|$)", option, text)
+    text = re.sub(r"\b([a-z_]+)=(?:\"([^\"]*)\"|(\d+)|True)?(?= |, |,$|;|\.|$)", option, text)
     return re.sub(r"(--[a-z-]+) \(\1( in nm)?\)", r"\1\2", text)

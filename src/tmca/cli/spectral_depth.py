@@ -78,7 +78,8 @@ class SpectralDepthOptions:
     image_formation: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "linear, or occlusion: near layers hide far ones."
     codes: Annotated[Path | None, Parameter(group=_CAMERA)] = None
-    "Masks, shutter, filters and their bench from a file of `tmca design` (codes.nc); the bands are the preset's."
+    """Masks, shutter, filters and their bench from a file of `tmca design` (codes.nc), the bands are then the preset's;
+    or all of the camera from weights of `tmca train`."""
     seed: Annotated[int, Parameter(group=_CAMERA, converter=whole)] = 0
     "Of the codes and the noise."
 
@@ -93,9 +94,22 @@ class SpectralDepthOptions:
             given["depth"] = depth_range(self.depth)
         if self.rms is not None:
             given["rms"] = self.rms * 1e-9
+        if self.codes is not None and self.codes.suffix != ".nc":
+            return self._trained(sensor, crop)
         if self.codes is not None:
             given |= self._designed(given)
         return SpectralDepthCamera.from_preset(self.preset, size=crop, sensor=Sensor(**vars(sensor)), **given)
+
+    def _trained(self, sensor: SensorOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
+        """The camera of a trained network, which nothing else may set."""
+        from tmca.decoders.depth_weights import DepthWeights
+        from tmca.sensor import Sensor
+
+        plain = vars(SpectralDepthOptions())
+        beside = [name for name, value in vars(self).items() if name not in ("codes", "seed") and value != plain[name]]
+        if beside:
+            raise SettingError("--codes", f"--{beside[0].replace('_', '-')} beside weights", "one of them")
+        return DepthWeights.load(self.codes or "").sized_camera(crop, sensor=Sensor(**vars(sensor)))
 
     def _designed(self, given: dict[str, Any]) -> dict[str, Any]:
         """Camera arguments of a file of codes, which nothing else may set."""

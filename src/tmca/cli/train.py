@@ -161,14 +161,26 @@ def _run(train: Any, settings: Any, out: Path, load: Any, accelerator: str, json
     from tmca.cli.progress import progress_bar
     from tmca.experiments.training_figures import training_pictures
 
-    local = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+    local, rank = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
     with progress_bar(f"train {out.name}") as bar:
+        share = 0.0
+
+        def read(name: str) -> Any:
+            scene = load(name)
+            if not rank:
+                bar(share, f"{Path(name).name} read")
+            return scene
+
+        def told(done: int, steps: int, said: str) -> None:
+            nonlocal share
+            share = done / steps
+            bar(share, "training", f"step {done}/{steps}, {said}")
+
         found = train(
-            settings, out, load, accelerator=accelerator,
-            processes=local, nodes=int(os.environ.get("WORLD_SIZE", "1")) // local,
-            progress=lambda done, steps, said: bar(done / steps, detail=f"step {done}/{steps}, {said}"),
+            settings, out, read, accelerator=accelerator, processes=local,
+            nodes=int(os.environ.get("WORLD_SIZE", "1")) // local, progress=told,
         )  # fmt: skip
-    if int(os.environ.get("RANK", "0")):
+    if rank:
         return
     pictures = training_pictures(out)
     if json:

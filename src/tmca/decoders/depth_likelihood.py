@@ -100,8 +100,9 @@ class PatchLikelihood:
             known = f"{camera.tile_size} (the tile) to {min(camera.size)} (the sensor) pixels"
             raise SettingError("window", f"{window} pixels", known)
         check_bands(prior, camera.wavelengths)
-        self.prior, self.camera, self.window = prior, camera, window
-        self.gains = torch.tensor(list(gains), dtype=torch.float64)
+        self.device = camera.response.device
+        self.prior, self.camera, self.window = prior.to(self.device), camera, window
+        self.gains = torch.tensor(list(gains), dtype=torch.float64, device=self.device)
         self._psf, self._bases = camera.psf().detach().double(), dict[tuple[int, int], _Basis]()
         self._colour, self._shutter = (part.detach().double() for part in camera.tile())
         self._rows = WindowRows(camera.size, window, camera.tile_size)
@@ -171,7 +172,7 @@ class PatchLikelihood:
 
     def _at_middle(self, best: Tensor, tops: list[int]) -> Tensor:
         """(B, R, P) most likely plane in the middle of windows."""
-        rows, columns = (torch.tensor(axis) + self.window // 2 for axis in (tops, self._rows.lefts))
+        rows, columns = (torch.tensor(axis, device=best.device) + self.window // 2 for axis in (tops, self._rows.lefts))
         return best[:, rows[:, None], columns].long()
 
     def _basis(self, phase: tuple[int, int]) -> _Basis:
@@ -205,7 +206,7 @@ class PatchLikelihood:
         noise = self.camera.noise
         least = noise.read**2 + NOISE_FLOOR
         if not noise.shot:
-            return windows.new_tensor([least]), torch.zeros(windows.shape[:-1], dtype=torch.long)
+            return windows.new_tensor([least]), torch.zeros(windows.shape[:-1], dtype=torch.long, device=windows.device)
         own = 1 + noise.shot / least * windows.mean(-1).clamp_min(0)
         steps, level = (own.log() / log(_NOISE_STEP)).round().unique(return_inverse=True)
         return least * _NOISE_STEP**steps, level
@@ -234,5 +235,5 @@ class PatchLikelihood:
             moved = (0.5 * (above - below) / bend).clamp(-0.5, 0.5)
             place = torch.where(best == inner, place + moved * self.camera.planes.step, place)
         shares = planes.softmax(1)
-        around = (torch.arange(len(inverse))[:, None, None] - best).abs() <= 1
+        around = (torch.arange(len(inverse), device=best.device)[:, None, None] - best).abs() <= 1
         return 1 / place, (shares * around).sum(1, keepdim=True)

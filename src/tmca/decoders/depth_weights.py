@@ -54,8 +54,12 @@ class DepthWeights:
 
     def same_codes(self, camera: SpectralDepthCamera) -> bool:
         """Whether a camera shows the masks, shutter and filters that the network was trained for."""
-        own, other = _tensors(self.camera), _tensors(camera)
-        return all(v.shape == other[n].shape and torch.allclose(v.float(), other[n].float()) for n, v in own.items())
+        return not {*_CODES} & {*self.differences(camera)}
+
+    def differences(self, camera: SpectralDepthCamera) -> list[str]:
+        """What a camera has otherwise than the one that the network was trained for, size and noise apart."""
+        own, other = ({**_tensors(one), **_settings(one)} for one in (self.camera, camera))
+        return [name for name, value in own.items() if name not in ("size", "bands") and not _alike(value, other[name])]
 
     def sized_camera(self, size: tuple[int, int], **changes: Any) -> SpectralDepthCamera:
         """The camera with these codes for scenes of (H, W); ``changes`` are arguments such as ``sensor``."""
@@ -151,8 +155,9 @@ class TwoHeadedDecoder:
 
     def _part(self, snapshot: Tensor, start: Tensor | None, rows: slice, columns: slice) -> DepthEstimate:
         """One tile of the estimate, from a window with a margin as wide as the network sees."""
-        first, last = seen_by_tile(self.network, rows.start, rows.stop, snapshot.shape[-2])
-        near, far = seen_by_tile(self.network, columns.start, columns.stop, snapshot.shape[-1])
+        period = self.camera.tile_size  # the network lays the tile of codes from the window's first pixel on
+        first, last = seen_by_tile(self.network, rows.start, rows.stop, snapshot.shape[-2], period)
+        near, far = seen_by_tile(self.network, columns.start, columns.stop, snapshot.shape[-1], period)
         window = (..., slice(first, last), slice(near, far))
         own = None if start is None else start[window]
         found = self.network(snapshot[window], self.camera, self.camera.noise, own)
@@ -164,8 +169,15 @@ def check_fits(network: TwoHeadedUNet, camera: SpectralDepthCamera) -> None:
     """Raises SettingError unless a network has a camera's bands, planes, channels, slots and filters."""
     for name, wanted in camera_sizes(camera).items():
         if network.settings[name] != wanted:
-            found = f"a network of {network.settings[name]} {name}"
-            raise SettingError("weights", found, f"{wanted}, those of the snapshot's camera", "name other weights")
+            found = f"a network with {name} = {network.settings[name]}"
+            raise SettingError("weights", found, f"{wanted}, as the snapshot's camera", "name other weights")
+
+
+def _alike(one: Any, other: Any) -> bool:
+    """Whether two parts of a camera are the same; heights, in metres, to a nanometre."""
+    if isinstance(one, Tensor):
+        return one.shape == other.shape and torch.allclose(one.float(), other.float(), rtol=1e-5, atol=1e-9)
+    return bool(one == other)
 
 
 def rendered_depth_prior(camera: SpectralDepthCamera, window: int) -> GaussianPrior:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from math import lcm
 from typing import Any
 
 import torch
@@ -82,13 +83,13 @@ def noise_maps(noise: Noise, level: Tensor) -> Tensor:
     return _NOISE_UNIT * torch.cat((noise.read / level, shot), dim=1)
 
 
-def seen_by_tile(network: Any, begin: int, end: int, length: int) -> tuple[int, int]:
+def seen_by_tile(network: Any, begin: int, end: int, length: int, period: int = 1) -> tuple[int, int]:
     """First and last (exclusive) row or column that a tile from ``begin`` to ``end`` needs of ``length`` ones.
 
-    ``network`` says its ``reach`` and ``multiple``.
+    ``network`` says its ``reach`` and ``multiple``; the first is also a multiple of ``period``, that of the codes.
     """
-    margin = -(-network.reach // network.multiple) * network.multiple
-    return max(0, (begin - margin) // network.multiple * network.multiple), min(length, end + margin)
+    margin, step = -(-network.reach // network.multiple) * network.multiple, lcm(network.multiple, period)
+    return max(0, (begin - margin) // step * step), min(length, end + margin)
 
 
 def build_network(kind: str, **settings: Any) -> Network:

@@ -82,7 +82,9 @@ class RowBlend:
 
     def __init__(self, rows: WindowRows, like: Tensor, channels: int) -> None:
         self.rows, self.next, window = rows, 0, rows.window
-        ramp = torch.sin(pi * (torch.arange(window, dtype=torch.float64) + 0.5) / window) ** _SHARPNESS
+        ramp = (
+            torch.sin(pi * (torch.arange(window, dtype=torch.float64, device=like.device) + 0.5) / window) ** _SHARPNESS
+        )
         self.share = torch.outer(ramp, ramp).to(like)
         covered = (rows.regular + -(-window // rows.step) - 1) * rows.step
         self.held = like.new_zeros(len(like), channels, window, max(covered, rows.size[1]))

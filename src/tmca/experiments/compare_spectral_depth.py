@@ -12,6 +12,7 @@ import numpy as np
 from tmca.cameras import SpectralDepthCamera
 from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
+from tmca.experiments.depth_priors import learned_depth_prior
 from tmca.experiments.depth_scenes import load_any_depth_scene
 from tmca.experiments.results import check_new
 from tmca.experiments.scenes import identity_of, short_names
@@ -84,19 +85,23 @@ def compare_spectral_depth(
     from tmca.data import make_folder, write_json, write_text
     from tmca.training.scenes import named_scenes
 
+    own = sizes or Sizes()
     for name, value in (("--seeds", seeds), ("--steps", steps), ("--jobs", jobs)):
         if value < 1:
             raise SettingError(name, str(value), "at least 1")
+    least = max(min(own.crop), own.patch if {*decoders} & {*NETWORKS} else 1)
+    if own.side < least:
+        raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches and --crop need")
     unknown = [name for name in decoders if name not in DECODER_NAMES]
     if unknown or not decoders:
         raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(DECODER_NAMES)}")
     learned, measured_scenes = named_scenes(train), named_scenes(test)
     _check_apart(learned, measured_scenes)
-    own, names = sizes or Sizes(), short_names(list(measured_scenes))
+    names = short_names(list(measured_scenes))
     files = [out / "spectral-depth.json", out / "spectral-depth.md"]
     check_new([*files, *picture_files(list(names.values()), out)], overwrite)
     how: Settings = {"side": own.side, "placed": placed, "from_rgb": from_rgb}
-    prior = _prior(learned, make_folder(work), own, how)
+    prior = learned_depth_prior(learned, make_folder(work), own.preset, own.window, how, timed(progress))
     make_folder(out)
     common: Settings = {"source": source_digest(), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
     common |= {**how, "scenes": names, "checksums": [identity_of(n) or n for n in (*learned, *names)]}
@@ -126,26 +131,14 @@ def compare_spectral_depth(
 
 
 def _check_apart(train: Sequence[str], test: Sequence[str]) -> None:
+    from tmca.training.scenes import place_of
+
     for name, scenes in (("--train", train), ("--test", test)):
         if not scenes:
             raise SettingError(name, "no scenes", "scenes or split files")
-    both = sorted(set(train) & set(test))
+    both = sorted({place_of(name) for name in train} & {place_of(name) for name in test})
     if both:
         raise SettingError("--test", f"{both[0]}, a training scene", "other scenes")
-
-
-def _prior(train: Sequence[str], work: Path, sizes: Sizes, how: Settings) -> str:
-    """File of the prior of the training scenes, learned once."""
-    from tmca.priors import learn_prior
-    from tmca.priors.spectral_depth import needed_block
-
-    probe = SpectralDepthCamera.from_preset(sizes.preset, size=(64, 64))
-    about = {**how, "preset": sizes.preset, "window": sizes.window, "scenes": [identity_of(n) or n for n in train]}
-    file = work / f"prior-{cell_key({**about, 'source': source_digest()})}.nc"
-    if not file.exists():
-        cubes = [load_any_depth_scene(name, probe, **how)["radiance"] for name in train]
-        learn_prior(cubes, spread=0, block=needed_block(sizes.window, probe.bench.window)).save(file)
-    return str(file)
 
 
 def _searches(common: Settings, sizes: Sizes, effort: dict[str, Any], seeds: Sequence[int]) -> list[Settings]:
@@ -182,8 +175,9 @@ def _trainings(
 ) -> list[Settings]:
     from tmca.data import split_rendered
 
+    own = {*split_rendered()["train"]} - {*common["scenes"]}  # what is measured teaches nothing
     kept = {name: common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
-    rendered, found = sorted(split_rendered()["train"]), []
+    rendered, found = sorted(own), list[Settings]()
     for decoder in (name for name in decoders if name in NETWORKS):
         for code in TRAINED:
             for seed in seeds:

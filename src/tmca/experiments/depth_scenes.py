@@ -100,6 +100,11 @@ def load_any_depth_scene(
     how: dict[str, Any] = {"near": camera.planes.near, "far": camera.planes.far}
     if Path(source).exists() or source not in rendered_names():
         kind, least = _kind_and_side(source)
+        if kind == "cube" and placed is None:
+            raise DataError(source, "a cube without depth", "one with depth", 'put it at drawn ones: placed="random"')
+        if kind == "RGB-D scene" and not from_rgb:
+            remedy = "make them up of measured reflectances: from_rgb=True"
+            raise DataError(source, "an RGB picture with depth", "spectra and depth", remedy)
         how |= {"reduce": max(1, least // side)}
         how |= {"placed": placed} if kind == "cube" else {"from_rgb": from_rgb and kind != "spectral-depth scene"}
     return load_spectral_depth(source, camera.wavelengths, **how)
@@ -114,7 +119,10 @@ def _kind_and_side(source: str) -> tuple[str, int]:
     if not shape:
         raise DataError(source, f"a {about['kind']}", "an RGB-D scene, a cube, or a cube with depth")
     kind = "spectral-depth scene" if about["kind"] == "cube" and about.get("depth") else about["kind"]
-    return kind, sorted(shape)[-2]
+    sides, bands = list(shape), len(about.get("wavelengths") or ())
+    if len(sides) > 2:  # bands or colours; of a cube of many bands they are not the shortest
+        sides.remove(bands if bands in sides else min(sides))
+    return kind, min(sides)
 
 
 def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.Dataset:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ import torch
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded, PatchLikelihood
-from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder
+from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
 from tmca.decoders.neural import same_bands
 from tmca.errors import SettingError
 from tmca.experiments.camera_figures import snapshot_figure
@@ -163,13 +163,18 @@ def _network(weights: str | Path | DepthWeights, prior: Any, camera: SpectralDep
     own = weights if isinstance(weights, DepthWeights) else DepthWeights.load(weights)
     if prior is not None:
         raise SettingError("prior", str(prior), "none beside weights, which bring their own", "leave it out")
+    check_fits(own.network, camera)
     if not same_bands(own.camera.wavelengths, camera.wavelengths):
-        found = f"a network of {own.camera.bands} bands"
-        raise SettingError("weights", found, f"the snapshot's {camera.bands}", "train one at the camera's bands")
-    if not own.same_codes(camera):
-        known = "the network was trained for other masks, shutter or filters than the snapshot's"
-        warn(known, OtherCodes, stacklevel=3)
+        found, wanted = (_bands(one.wavelengths) for one in (own.camera, camera))
+        raise SettingError("weights", f"a network for {found}", f"the snapshot's {wanted}", "train one at these bands")
+    if other := own.differences(camera):
+        known = f"the network was trained for a camera with other {', '.join(other)} than the snapshot's"
+        warn(known.replace("_", " "), OtherCodes, stacklevel=3)
     return own.decoder(camera)
+
+
+def _bands(wavelengths: Sequence[float]) -> str:
+    return f"{len(wavelengths)} bands of {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm"
 
 
 def find_depth_prior(prior: str | Path | GaussianPrior | None, camera: SpectralDepthCamera, window: int) -> Any:

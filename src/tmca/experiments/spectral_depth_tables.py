@@ -88,7 +88,10 @@ def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
         if not (static and own):
             continue
         best, base = (min(group, key=lambda row: row["depth_mae"]) for group in (own, static))
-        alone = min((row for row in static if row["code"] in DIFFRACTIVE), key=lambda row: row["depth_mae"])
+        masks = [row for row in static if row["code"] in DIFFRACTIVE]
+        if not masks:  # their cells failed
+            continue
+        alone = min(masks, key=lambda row: row["depth_mae"])
         said.append({
             "decoder": DECODER_NAMES[decoder], "noise": noise, "best": best["code"], "static": base["code"],
             "ratio": best["depth_mae"] / base["depth_mae"], "alone": best["depth_mae"] / alone["depth_mae"] - 1,

@@ -8,14 +8,20 @@ point spread functions, filters and shutter.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators.spectral_depth import framed, periodic_transfer_functions
 from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.learning import Prior, learn_prior
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,41 @@ class SnapshotMoments:
 def needed_block(window: int, psf: tuple[int, int]) -> tuple[int, int]:
     """(h, w) of the prior's blocks that hold all that a window of m pixels sees."""
     return (window + psf[0] - 1, window + psf[1] - 1)
+
+
+def learn_depth_prior(
+    names: Sequence[str],
+    load: Callable[[str], xr.DataArray],
+    window: int,
+    psf: tuple[int, int],
+    told: Callable[[int, int, str], None] | None = None,
+) -> Prior:
+    """The prior of some scenes, its blocks as large as windows of m pixels need.
+
+    Args:
+        names: of the scenes.
+        load: from a name to the cube (wavelength, y, x).
+        window: m, pixels.
+        psf: (h, w) of the point spread functions.
+        told: told how many steps are done, of how many, and which one.
+
+    Raises:
+        DataError: a scene that is smaller than a block, or of other wavelengths.
+    """
+    block, cubes = needed_block(window, psf), []
+    for name in names:
+        cube = load(name)
+        cubes.append(cube)
+        rows, columns = cube.sizes["y"], cube.sizes["x"]
+        if rows < block[0] or columns < block[1]:
+            known = f"at least the {block[0]}×{block[1]} of the prior's blocks"
+            raise DataError(name, f"{rows}×{columns} pixels", known, "leave it out, or keep more of its pixels")
+        if told is not None:
+            told(len(cubes), len(names) + 1, f"prior: {name} read")
+    found = learn_prior(cubes, spread=0, block=block)
+    if told is not None:
+        told(len(names) + 1, len(names) + 1, f"prior of {len(names)} scenes learned")
+    return found
 
 
 def snapshot_moments(

@@ -131,14 +131,16 @@ class DepthSystem(nn.Module):
         if start is None and self.network.start == "likelihood":
             start = self._first(snapshot, sensor)
         noise = sensor.noise(self.camera.white, self.camera.exposures)
-        found: DepthEstimate = self.network(snapshot, self.camera, noise, start)
+        found: DepthEstimate = self.network(snapshot, self.camera, noise, None if start is None else start.to(snapshot))
         return found
 
     def _first(self, snapshot: Tensor, sensor: Sensor) -> Tensor:
         """What the exact model makes of snapshots; its covariances are kept while the codes stay as they are."""
         assert self.prior is not None
         self.camera.sensor = sensor
-        likelihood = self._likelihood or PatchLikelihood(self.prior, self.camera, self.network.window)
+        likelihood = self._likelihood
+        if likelihood is None or likelihood.device != snapshot.device:
+            likelihood = PatchLikelihood(self.prior, self.camera, self.network.window)
         self._likelihood = likelihood if self.frozen else None
         with torch.autocast(snapshot.device.type, enabled=False):
             return first_stage(likelihood, snapshot)

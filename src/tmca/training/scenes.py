@@ -39,7 +39,7 @@ def scene_lists(data: DataSettings, seed: int) -> SceneLists:
     if not train:
         raise SettingError("data.train", "no scenes", "cubes, rendered scenes or a split file", "pass --train")
     _check_apart((*train, *prior), validation)
-    different = list({_place(name): name for name in train})
+    different = list({place_of(name): name for name in train})
     if validation or len(different) < 3:
         return SceneLists(train, validation, prior=prior)
     order = np.random.default_rng(seed).permutation(len(different))
@@ -48,16 +48,16 @@ def scene_lists(data: DataSettings, seed: int) -> SceneLists:
     second = min(len(different), first + max(1, round(counts[1])))
     learned, checked, test = ({different[i] for i in part} for part in np.split(order, [first, second]))
     checked_names, test_names = (
-        tuple(dict.fromkeys(name for name in train if _place(name) in part)) for part in (checked, test)
+        tuple(dict.fromkeys(name for name in train if place_of(name) in part)) for part in (checked, test)
     )
-    kept = tuple(name for name in prior if _place(name) not in checked | test)
+    kept = tuple(name for name in prior if place_of(name) not in checked | test)
     if prior and not kept:
         raise SettingError("data.prior", "only scenes drawn for validation", "others", "pass --validation")
-    return SceneLists(tuple(name for name in train if _place(name) in learned), checked_names, test_names, kept)
+    return SceneLists(tuple(name for name in train if place_of(name) in learned), checked_names, test_names, kept)
 
 
 def _check_apart(learned: Sequence[str], checked: Sequence[str]) -> None:
-    both = sorted({_place(name) for name in learned} & {_place(name) for name in checked})
+    both = sorted({place_of(name) for name in learned} & {place_of(name) for name in checked})
     if both:
         raise SettingError("data.validation", f"{both[0]}, a training scene", "other scenes")
 
@@ -70,5 +70,6 @@ def named_scenes(entries: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _place(name: str) -> str:
+def place_of(name: str) -> str:
+    """Where a scene lies, however its file is named; the name of a rendered one."""
     return str(Path(name).resolve()) if Path(name).exists() else name

@@ -251,7 +251,8 @@ def parsed(kind: type[Kind], described: Mapping[str, Any], where: str) -> Kind:
             names = _names(name, kind)
             raise SettingError(name, "an unknown name", "one of the documented settings", names) from None
         expected = first["msg"].removeprefix("Value error, ").replace(" after validation", "")
-        raise SettingError(name, repr(first.get("input")), expected) from None
+        found = repr(first.get("input")) if first["loc"] else "settings that do not go together"
+        raise SettingError(name, found, expected) from None
 
 
 def _names(dotted: str, kind: type[TrainSettings]) -> str:

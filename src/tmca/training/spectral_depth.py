@@ -14,12 +14,13 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
+from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.data import make_folder
 from tmca.decoders.depth_weights import DepthWeights, rendered_depth_prior
 from tmca.decoders.two_headed import TwoHeadedUNet, build_depth_network
-from tmca.errors import DataError, SettingError
-from tmca.priors import GaussianPrior, learn_prior, load_prior
-from tmca.priors.spectral_depth import needed_block
+from tmca.errors import DataError, ShapeError
+from tmca.priors import GaussianPrior, load_prior
+from tmca.priors.spectral_depth import learn_depth_prior
 from tmca.sensor import Sensor
 from tmca.training.depth_patches import DepthPatchSource
 from tmca.training.depth_system import DepthSystem
@@ -38,7 +39,8 @@ _CHECKS = 4
 
 
 class SpectralDepthCameraSettings(Strict):
-    """The spectral-depth camera of a run; names as in `SpectralDepthCamera`, what is None as in the preset.
+    """The spectral-depth camera of a run; names as in `SpectralDepthCamera`, what is None as in the preset, and
+    so is the number of slots that is not given.
 
     ``size`` is that of the patches: point spread functions and tiles fit any. ``learn`` says what is learned.
     """
@@ -104,6 +106,10 @@ class SpectralDepthTrainSettings(TrainSettings):
     def _has_depth(self) -> SpectralDepthTrainSettings:
         if self.camera.size != (self.data.patch, self.data.patch):
             raise ValueError(f"camera.size {self.camera.size}: the patches', ({self.data.patch}, {self.data.patch})")
+        if self.data.side < self.data.patch:
+            raise ValueError(f"data.side {self.data.side}: at least a patch, {self.data.patch} pixels")
+        if self.data.bands != type(self.data).model_fields["bands"].default:
+            raise ValueError("data.bands: nothing, the bands are those of camera.preset")
         if self.codes.throughput is not None:
             raise ValueError("codes.throughput: a spectral-depth camera's shutter is what holds its light")
         return self
@@ -153,14 +159,20 @@ def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera
         SettingError, DataError: an impossible camera, or codes that do not fit it.
     """
     given = {name: value for name, value in settings.camera.model_dump().items() if value is not None}
-    learn = given.pop("learn")
+    learn, preset = given.pop("learn"), SPECTRAL_DEPTH_PRESETS.get(settings.camera.preset, {})
+    if "slots" not in settings.camera.model_fields_set:
+        given["slots"] = preset.get("slots", given["slots"])
     given["learnable"] = False if learn == "none" else learn
     start = settings.codes.start
     if start in ("random", "one-hot"):
         given |= {"shutter": "one-hot"} if start == "one-hot" else {}
         return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
     given |= _started(Path(start), given)
-    return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
+    try:
+        return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
+    except ShapeError as error:
+        known = f"those of a camera like {settings.camera.preset}"
+        raise DataError(start, f"codes that do not fit ({error})", known, "set camera.preset") from None
 
 
 def _started(start: Path, given: dict[str, Any]) -> dict[str, Any]:
@@ -211,7 +223,7 @@ def _prepare(
     def channels(name: str) -> NDArray[np.float32]:
         return channels_of(load(name), camera)  # type: ignore[arg-type]
 
-    validation = [crop for name in lists.validation for crop in _crops(channels(name), settings.data.patch)]
+    validation = [crop for name in lists.validation for crop in _crops(name, channels(name), settings.data.patch)]
     system = DepthSystem(
         camera, network, [Sensor(**noise.model_dump()) for noise in settings.noise], prior, validation,
         loss=settings.optimiser.loss, depth_weight=settings.optimiser.depth_weight, seed=settings.seed,
@@ -250,8 +262,9 @@ def _prior(
         return rendered_depth_prior(camera, network.window)
     file = folder / "prior.nc"
     if fabric.is_global_zero and not file.exists():
-        cubes = [load(name)["radiance"] for name in lists.prior or lists.train]
-        learn_prior(cubes, spread=0, block=needed_block(network.window, camera.bench.window)).save(file)
+        learn_depth_prior(
+            lists.prior or lists.train, lambda name: load(name)["radiance"], network.window, camera.bench.window
+        ).save(file)
     fabric.barrier()
     found = load_prior(file)
     if not isinstance(found, GaussianPrior):
@@ -259,11 +272,12 @@ def _prior(
     return found
 
 
-def _crops(channels: NDArray[np.float32], side: int) -> list[Tensor]:
+def _crops(name: str, channels: NDArray[np.float32], side: int) -> list[Tensor]:
     """Square crops of a validation scene, spread over it."""
     height, width = channels.shape[1:]
     if min(height, width) < side:
-        raise SettingError("data.validation", f"a scene of {height}×{width}", f"at least {side}×{side} pixels")
+        remedy = "use smaller patches or name another scene"
+        raise DataError(name, f"{height}×{width} pixels", f"at least {side}×{side} to validate on", remedy)
     steps = max(1, round(_CHECKS**0.5))
     places = [
         (round((height - side) * (i + 0.5) / steps), round((width - side) * (j + 0.5) / steps))
