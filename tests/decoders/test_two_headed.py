@@ -112,7 +112,7 @@ def test_weights_bring_camera_and_network_back(tmp_path, prior):
 def test_networks_of_other_cameras_are_refused(tmp_path, prior):
     made = camera()
     network = build_depth_network({**SMALL, "start": "likelihood"}, made)
-    with pytest.raises(SettingError, match=r"3 planes.* 4"):
+    with pytest.raises(SettingError, match=r"planes = 3.* 4"):
         TwoHeadedDecoder(network, camera(planes=4), prior)
     with pytest.raises(SettingError, match="prior"):
         TwoHeadedDecoder(network, made)
