@@ -37,6 +37,7 @@ def demo(
     print("tmca demo: loading", file=sys.stderr)
     from tmca.experiments.demo import COLUMNS, run_demo
     from tmca.experiments.demo_light_field import COLUMNS as LIGHT_FIELD_COLUMNS
+    from tmca.experiments.demo_spectral_depth import COLUMNS as SPECTRAL_DEPTH_COLUMNS
     from tmca.experiments.results import markdown_table
 
     with progress_bar("demo") as progress:
@@ -46,4 +47,5 @@ def demo(
         return
     print("A spectral camera:\n\n" + markdown_table(found["rows"], COLUMNS))
     print("A light-field camera:\n\n" + markdown_table(found["light_field"], LIGHT_FIELD_COLUMNS))
+    print("A spectral-depth camera:\n\n" + markdown_table(found["spectral_depth"], SPECTRAL_DEPTH_COLUMNS))
     print(f"{found['seconds']:.0f} s; open {found['report']}")
