@@ -164,8 +164,8 @@ def white_level(camera: SpectralDepthCamera) -> Tensor:
 
 def code_tiles(camera: SpectralDepthCamera) -> tuple[Tensor, Tensor]:
     """Shutter (K, Q, Q), and the share of every filter (R, Q, Q), of one tile."""
-    side = camera.tile_size
-    return camera.shutter()[:, :side, :side], camera.filters.plane()[:, :side, :side]
+    side = slice(0, camera.tile_size)
+    return camera.shutter.part(side, side), camera.filters.plane.part(side, side)
 
 
 def _repeated(tile: Tensor, size: tuple[int, int]) -> Tensor:

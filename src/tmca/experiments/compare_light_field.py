@@ -31,7 +31,7 @@ from tmca.experiments.light_field_rows import (
     training_of,
 )
 from tmca.experiments.light_field_tables import markdown, results
-from tmca.experiments.results import check_new
+from tmca.experiments.results import check_counts, check_decoders, check_new
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.optics import view_grid
 
@@ -89,12 +89,8 @@ def compare_light_field(
     """
     from tmca.data import make_folder, read_split, split_rendered_light_fields, write_json, write_text
 
-    for name, value in (("--seeds", seeds), ("--steps", steps), ("--jobs", jobs)):
-        if value < 1:
-            raise SettingError(name, str(value), "at least 1")
-    unknown = [name for name in decoders if name not in DECODER_NAMES]
-    if unknown or not decoders:
-        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(DECODER_NAMES)}")
+    check_counts(seeds=seeds, steps=steps, jobs=jobs)
+    check_decoders(decoders, DECODER_NAMES)
     own = sizes or Sizes()
     view_grid(own.views)  # refuses even ones before anything is made
     examples = [str(path) for path in read_split(train)]

@@ -9,7 +9,7 @@ from typing import Any
 
 from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, Timed, run_cells, source_digest, timed
-from tmca.experiments.results import check_new
+from tmca.experiments.results import check_counts, check_new
 from tmca.experiments.spectral_cells import measure
 from tmca.experiments.spectral_figures import comparison_pictures, picture_files
 from tmca.experiments.spectral_rows import (
@@ -77,9 +77,7 @@ def compare_spectral(
     """
     from tmca.data import make_folder, read_split, write_json, write_text
 
-    for name, value in (("--seeds", seeds), ("--steps", steps), ("--jobs", jobs)):
-        if value < 1:
-            raise SettingError(name, str(value), "at least 1")
+    check_counts(seeds=seeds, steps=steps, jobs=jobs)
     unknown = [name for name in decoders if name not in DECODER_NAMES]
     if unknown:
         raise SettingError("--decoders", ", ".join(unknown), f"some of {', '.join(DECODER_NAMES)}")

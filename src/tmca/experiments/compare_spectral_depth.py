@@ -14,7 +14,7 @@ from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
 from tmca.experiments.depth_priors import learned_depth_prior
 from tmca.experiments.depth_scenes import load_any_depth_scene
-from tmca.experiments.results import check_new
+from tmca.experiments.results import check_counts, check_decoders, check_new
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.spectral_depth_cells import measure
 from tmca.experiments.spectral_depth_comparison_figures import comparison_pictures, picture_files
@@ -86,15 +86,11 @@ def compare_spectral_depth(
     from tmca.training.scenes import named_scenes
 
     own = sizes or Sizes()
-    for name, value in (("--seeds", seeds), ("--steps", steps), ("--jobs", jobs)):
-        if value < 1:
-            raise SettingError(name, str(value), "at least 1")
+    check_counts(seeds=seeds, steps=steps, jobs=jobs)
     least = max(min(own.crop), own.patch if {*decoders} & {*NETWORKS} else 1)
     if own.side < least:
         raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches and --crop need")
-    unknown = [name for name in decoders if name not in DECODER_NAMES]
-    if unknown or not decoders:
-        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(DECODER_NAMES)}")
+    check_decoders(decoders, DECODER_NAMES)
     learned, measured_scenes = named_scenes(train), named_scenes(test)
     _check_apart(learned, measured_scenes)
     names = short_names(list(measured_scenes))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tmca.errors import OutputError
+from tmca.errors import OutputError, SettingError
 
 METRICS = (
     ("psnr", "PSNR (dB)", ".2f"),
@@ -33,6 +33,20 @@ def check_new(files: Iterable[Path], overwrite: bool) -> None:
     for file in files:
         if file.exists() and not overwrite:
             raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
+
+
+def check_counts(**counts: int) -> None:
+    """Raises SettingError for the first of these options that is below 1."""
+    for name, value in counts.items():
+        if value < 1:
+            raise SettingError(f"--{name}", str(value), "at least 1")
+
+
+def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
+    """Raises SettingError unless there are decoders, all of them known."""
+    unknown = [name for name in decoders if name not in known]
+    if unknown or not decoders:
+        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
 
 
 def mean_over_scenes(scenes: dict[str, dict[str, float]]) -> dict[str, float]:

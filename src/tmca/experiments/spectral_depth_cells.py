@@ -10,7 +10,7 @@ import numpy as np
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
 from tmca.experiments.cells import Measured, Settings, cell_key
-from tmca.experiments.depth_scenes import load_any_depth_scene
+from tmca.experiments.depth_scenes import load_any_depth_scene, middle_of
 from tmca.experiments.spectral_depth import (
     reconstruct_spectral_depth,
     spectral_depth_metrics,
@@ -76,14 +76,11 @@ def train(cell: Settings, folder: Path) -> Measured:
 
 def scenes_of(cell: Settings, camera: SpectralDepthCamera) -> dict[str, xr.Dataset]:
     """The middles of the test scenes, by name."""
-    from tmca.data.light_fields import centre_window
-
-    found, how = {}, {name: cell[name] for name in ("side", "placed", "from_rgb")}
-    for path, name in cell["scenes"].items():
-        scene = load_any_depth_scene(path, camera, **how)
-        rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), tuple(cell["crop"]), None, path)
-        found[name] = scene.isel(y=rows, x=columns)
-    return found
+    how = {name: cell[name] for name in ("side", "placed", "from_rgb")}
+    size = (int(cell["crop"][0]), int(cell["crop"][1]))
+    return {
+        name: middle_of(load_any_depth_scene(path, camera, **how), size, path) for path, name in cell["scenes"].items()
+    }
 
 
 def reconstruct(cell: Settings, folder: Path) -> Measured:

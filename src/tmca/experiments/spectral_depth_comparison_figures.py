@@ -11,6 +11,7 @@ import numpy as np
 from tmca.cameras import SpectralDepthCamera
 from tmca.experiments.cells import Measured
 from tmca.experiments.composite import rgb_composite, white_level
+from tmca.experiments.depth_scenes import middle_of
 from tmca.experiments.depth_views import depth_map
 from tmca.experiments.figures import bare, grid, mark, plain_axes, save_figure, spectra, spread_points
 from tmca.experiments.spectral_depth_rows import DECODER_NAMES
@@ -65,10 +66,8 @@ def foretold_figure(cells: Sequence[Measured], camera: SpectralDepthCamera) -> F
 def scene_figure(cells: Sequence[Measured], name: str, scene: xr.Dataset, camera: SpectralDepthCamera) -> Figure:
     """Colours, depth map in metres and spectra of every row, the truth first."""
     from tmca.data import read_dataset
-    from tmca.data.light_fields import centre_window
 
-    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), camera.size, None, name)
-    truth, waves = scene.isel(y=rows, x=columns), camera.wavelengths
+    truth, waves = middle_of(scene, camera.size, name), camera.wavelengths
     parts = {"truth": (truth["radiance"].values, truth["depth"].values)}
     for cell in cells:
         found = read_dataset(cell["kept"][name], ("radiance", "depth"))

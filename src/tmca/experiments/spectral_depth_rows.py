@@ -20,7 +20,7 @@ CODES: dict[str, dict[str, Any]] = {
     "TMCA optimised K = 4": {**_MULTIPLEXED, **_CLEAR},
 }
 """Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes, equal exposure time."""
-DESIGNED = tuple(name for name in CODES if name.endswith("optimised") or "optimised" in name)
+DESIGNED = tuple(name for name in CODES if "optimised" in name)
 """Codes whose masks are searched for least confusion of depths, with the same effort."""
 STATIC_CODES = tuple(name for name, settings in CODES.items() if settings["slots"] == 1)
 DIFFRACTIVE = tuple(name for name in CODES if name.startswith("diffractive"))
