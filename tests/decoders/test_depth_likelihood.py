@@ -32,15 +32,23 @@ def test_one_window_is_scipys_gaussian_and_the_explicit_lmmse():
     source = torch.Generator().manual_seed(1)
     scene = mean + torch.linalg.cholesky(prior.covariance) @ torch.randn(len(mean), generator=source).double()
     snapshot = rows[2] @ scene + 0.02 * torch.randn(len(rows[2]), generator=source)
-    found = PatchLikelihood(prior, made, 4, gains=[1.0])(snapshot.reshape(1, 3, 4, 4))
+    found = PatchLikelihood(prior, made, 4, gains=[1.0], temperature=1.0)(snapshot.reshape(1, 3, 4, 4))
     covariances = [A @ second @ A.T + (0.02**2 + 1e-9) * torch.eye(len(A)) for A in rows]
     own = torch.tensor([multivariate_normal.logpdf(snapshot, cov=c) for c in covariances])
     level = found.planes[0, :, 0, 0]
     torch.testing.assert_close(level - level[0], own - own[0], rtol=1e-5, atol=1e-5)
-    best = int(own.argmax())
-    estimate = (second @ rows[best].T @ torch.linalg.solve(covariances[best], snapshot)).reshape(wide_shape(4))
+    every = [second @ A.T @ torch.linalg.solve(c, snapshot) for A, c in zip(rows, covariances, strict=True)]
+    shares = likely(own.softmax(0))
+    assert (shares > 0).sum() > 1
+    estimate = sum(share * one for share, one in zip(shares, every, strict=True)).reshape(wide_shape(4))
     inside = estimate[:, 2:6, 3:7].clamp_min(0)
     torch.testing.assert_close(found.estimate[0], inside, atol=1e-6, rtol=1e-5)
+
+
+def likely(shares):
+    """Without the planes that have less than a twentieth of the likeliest one's probability."""
+    kept = shares * (shares >= shares.amax(-1, keepdim=True) / 20)
+    return kept / kept.sum(-1, keepdim=True)
 
 
 def wide_shape(window):
@@ -54,7 +62,8 @@ def test_a_textured_wall_is_found_at_its_depth_brighter_or_darker(size):
                                sensor=Sensor(read_noise=1e-4))  # fmt: skip
     source = torch.Generator().manual_seed(0)
     cubes = [torch.rand(2, 60, 60, generator=source) for _ in range(3)]
-    decoder = PatchLikelihood(GaussianPrior.learn(cubes, needed_block(8, (13, 13))), made, 8)
+    prior = GaussianPrior.learn(cubes, needed_block(8, (13, 13)))
+    decoder = PatchLikelihood(prior, made, 8, temperature=1.0, reach=0)  # scenes are what the prior says
     for plane, brightness in ((0, 1.0), (3, 0.2)):
         depth = torch.full((1, 1, *size), float(made.planes.metres[plane]))
         scene = brightness * torch.rand(1, 2, *size, generator=source)
@@ -71,6 +80,9 @@ def test_what_does_not_fit_is_refused():
     made, prior, _ = one_window()
     with pytest.raises(SettingError, match="window"):
         PatchLikelihood(prior, made, 5)
+    for odd in ({"temperature": 0.0}, {"reach": -1}):
+        with pytest.raises(SettingError, match="temperature, reach"):
+            PatchLikelihood(prior, made, 4, **odd)
     with pytest.raises(SettingError, match="480 nm"):
         PatchLikelihood(replace(prior, wavelengths=(480e-9, 600e-9)), made, 4)
     with pytest.raises(ShapeError, match="snapshot"):
@@ -79,7 +91,7 @@ def test_what_does_not_fit_is_refused():
         PatchLikelihood(prior_of((6, 6)), made, 4)(torch.zeros(1, *made.snapshot_shape))
 
 
-def textured(size, sensor, dtype=torch.float32):
+def textured(size, sensor, dtype=torch.float32, reach=4):
     """A decoder of small windows, and noisy snapshots of two scenes whose depth changes from pixel to pixel."""
     bench = PhaseMaskBench(window=(7, 9), mask_pixels=24, diameter=1e-3)
     made = SpectralDepthCamera((500e-9, 600e-9), size, 3, planes=3, bench=bench, shutter="one-hot", rms=0.15e-6,
@@ -88,42 +100,50 @@ def textured(size, sensor, dtype=torch.float32):
     cubes = [torch.rand(2, 40, 40, generator=source).cumsum(-1) / 20 for _ in range(2)]
     depth = 1 / (0.5 + 2 * torch.rand(2, 1, *size, generator=source))
     taken = made(torch.rand(2, 2, *size, generator=source), depth, 0).to(dtype)
-    return PatchLikelihood(GaussianPrior.learn(cubes, needed_block(5, (7, 9))), made, 5), taken
+    prior = GaussianPrior.learn(cubes, needed_block(5, (7, 9)))
+    return PatchLikelihood(prior, made, 5, temperature=3.0, reach=reach), taken
 
 
-def laid_over_each_other(decoder, size, values):
-    """Slow: every window by itself, (m, m) weights, divided by their sum."""
+def laid_over_each_other(decoder, size, values, reach=0):
+    """Slow: every window by itself, weights over its pixels and those it reaches, divided by their sum."""
     m, step = decoder.window, decoder.camera.tile_size
-    ramp = torch.sin(torch.pi * (torch.arange(m).double() + 0.5) / m) ** 4
+    ramp = torch.sin(torch.pi * (torch.arange(m + 2 * reach).double() + 0.5) / (m + 2 * reach)) ** 4
     total, weight = 0, torch.zeros(size, dtype=torch.float64)
     for top in sorted({*range(0, size[0] - m + 1, step), size[0] - m}):
         for left in sorted({*range(0, size[1] - m + 1, step), size[1] - m}):
             own = values((top % step, left % step), top, left)
-            share = torch.zeros(size, dtype=torch.float64)
-            share[top : top + m, left : left + m] = torch.outer(ramp, ramp)
-            laid = torch.zeros(*own.shape[:-2], *size, dtype=torch.float64)
-            laid[..., top : top + m, left : left + m] = own
+            wide = torch.zeros(size[0] + 2 * reach, size[1] + 2 * reach, dtype=torch.float64)
+            wide[top : top + m + 2 * reach, left : left + m + 2 * reach] = torch.outer(ramp, ramp)
+            share = wide[reach : reach + size[0], reach : reach + size[1]]
+            laid = torch.zeros(*own.shape[:-2], *size, dtype=torch.float64) + (own if own.shape[-1] == 1 else 0)
+            if own.shape[-1] > 1:
+                laid[..., top : top + m, left : left + m] = own
             total, weight = total + laid * share, weight + share
     return total / weight
 
 
 @pytest.mark.parametrize("size", [(11, 14), (12, 17), (5, 5)])
+@pytest.mark.parametrize("reach", [0, 1, 7])
 @pytest.mark.parametrize("sensor", [Sensor(read_noise=1e-3), Sensor(full_well=2000)])
-def test_a_frame_row_by_row_is_every_window_by_itself(size, sensor):
-    decoder, taken = textured(size, sensor, torch.float64)
+def test_a_frame_row_by_row_is_every_window_by_itself(size, sensor, reach):
+    decoder, taken = textured(size, sensor, torch.float64, reach)
     found, m = decoder(taken), decoder.window
 
     def likelihood(phase, top, left):
         windows = taken[..., top : top + m, left : left + m].flatten(1)
-        return decoder._log_likelihood(phase, windows)[0][..., None, None]
+        return decoder._log_likelihood(phase, windows)[0][..., None, None] / 3
 
     def spectrum(phase, top, left):
         windows = taken[..., top : top + m, left : left + m].flatten(1)
-        plane = found.planes[:, :, top + m // 2, left + m // 2].argmax(1)
-        gains = decoder._log_likelihood(phase, windows)[1]
-        return decoder._scene(phase, windows, plane, gains, taken)
+        shares = likely(found.planes[:, :, top + m // 2, left + m // 2].softmax(1))
+        gains, total = decoder._log_likelihood(phase, windows)[1], 0
+        for plane, share in enumerate(shares.T):
+            sure = torch.zeros_like(shares)
+            sure[:, plane] = 1
+            total = total + share[:, None, None, None] * decoder._scene(phase, windows, sure, gains)
+        return total
 
-    torch.testing.assert_close(found.planes, laid_over_each_other(decoder, size, likelihood))
+    torch.testing.assert_close(found.planes, laid_over_each_other(decoder, size, likelihood, reach))
     slow = laid_over_each_other(decoder, size, spectrum).clamp_min(0)
     torch.testing.assert_close(found.estimate, slow, atol=1e-9, rtol=1e-9)
     assert decoder(taken, planes=False).planes.numel() == 0

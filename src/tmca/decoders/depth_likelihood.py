@@ -1,8 +1,8 @@
-"""Depth by maximum likelihood of patches, and the spectrum by linear MMSE at that depth: no training run.
+"""Depth by the likelihood of patches, and the spectrum by linear MMSE at the depths that are likely: no training run.
 
-Under a Gaussian prior of scenes a window of the snapshot is Gaussian at every depth. The plane whose Gaussian explains
-the window best is its depth; how bright and how rich in contrast the scene is there tells nothing about depth and is
-fitted window by window.
+Under a Gaussian prior of scenes a window of the snapshot is Gaussian at every depth. How well each plane explains the
+windows around a pixel is how likely it is there; how bright and how rich in contrast the scene is tells nothing about
+depth and is fitted window by window.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.decoding import Decoded, Progress, check_bands
-from tmca.decoders.window_rows import RowBlend, WindowRows
+from tmca.decoders.depth_posterior import DepthPosterior
+from tmca.decoders.window_rows import RowBlend, RowMean, WindowRows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
@@ -25,6 +26,15 @@ from tmca.priors.spectral_depth import snapshot_moments
 WINDOW = 12
 GAINS = tuple(4.0**power for power in range(-4, 4))
 """Variances of a window over the prior's that are tried."""
+TEMPERATURE = 12.0
+"""What the likelihood of a window is divided by. Real windows are not Gaussian, have edges of depth, and overlap: taken
+at its word the likelihood is far too sure."""
+REACH = 24
+"""Pixels beyond its rim at which a window still has a say in the depth.
+
+This and the temperature have the least error of depth on training scenes (``benchmarks/depth_likelihood.py``)."""
+_LEAST_SHARE = 0.05
+"""Of the likeliest plane in the middle of a window: less likely ones are left out of its spectrum."""
 _NOISE_STEP = 2**0.25
 """Ratio of neighbouring levels of the noise's variance: the same for every snapshot and every part of one."""
 
@@ -36,7 +46,7 @@ class DepthDecoded(Decoded):
     Args:
         depth: (B, 1, H, W) metres.
         confidence: (B, 1, H, W) probability that the depth is right within one bin.
-        planes: (B, D, H, W) log-likelihood of every plane, from far to near, up to a constant; empty if not asked for.
+        planes: (B, D, H, W) log-probability of every plane, from far to near, up to a constant; empty if not asked for.
     """
 
     depth: Tensor = field(default_factory=lambda: torch.empty(0))
@@ -55,22 +65,23 @@ class _Basis:
 
 @dataclass(frozen=True)
 class _Found:
-    """What is filled in row by row; ``best`` (B, H, W) is the most likely plane."""
+    """What is filled in row by row; ``shares`` (B, rows of windows, P, D) are the planes' probabilities in their
+    middles."""
 
     estimate: Tensor
     depth: Tensor
     confidence: Tensor
     planes: Tensor
-    best: Tensor
+    shares: Tensor
 
     @classmethod
-    def empty(cls, snapshot: Tensor, bands: int, planes: int) -> _Found:
+    def empty(cls, snapshot: Tensor, bands: int, planes: int, kept: bool, windows: WindowRows) -> _Found:
         batch, _, height, width = snapshot.shape
-        estimate, depth, confidence, kept = (
-            snapshot.new_empty(batch, count, height, width) for count in (bands, 1, 1, planes)
+        estimate, depth, confidence, every = (
+            snapshot.new_empty(batch, count, height, width) for count in (bands, 1, 1, planes if kept else 0)
         )
-        best = torch.empty(batch, height, width, dtype=torch.int16, device=snapshot.device)
-        return cls(estimate, depth, confidence, kept, best)
+        shares = snapshot.new_empty(batch, len(windows.tops), len(windows.lefts), planes)
+        return cls(estimate, depth, confidence, every, shares)
 
 
 class PatchLikelihood:
@@ -83,9 +94,12 @@ class PatchLikelihood:
         camera: with periodic shutter and filters.
         window: m, pixels.
         gains: variances over the prior's that are tried for every window.
+        temperature: what a window's log-likelihood is divided by before it counts as a probability.
+        reach: pixels beyond its rim at which a window still has a say in the depth.
 
     Raises:
-        SettingError: a camera without a period, a window larger than the sensor, or a prior of other bands.
+        SettingError: a camera without a period, a window larger than the sensor, a prior of other bands, a temperature
+            of 0 or less, or a negative reach.
         ShapeError: a prior that does not fit.
     """
 
@@ -95,13 +109,21 @@ class PatchLikelihood:
         camera: SpectralDepthCamera,
         window: int = WINDOW,
         gains: Sequence[float] = GAINS,
+        *,
+        temperature: float = TEMPERATURE,
+        reach: int = REACH,
     ) -> None:
         if window < camera.tile_size or window > min(camera.size):
             known = f"{camera.tile_size} (the tile) to {min(camera.size)} (the sensor) pixels"
             raise SettingError("window", f"{window} pixels", known)
+        if not temperature > 0 or reach < 0:
+            raise SettingError(
+                "temperature, reach", f"{temperature:g}, {reach} pixels", "above 0, and 0 pixels or more"
+            )
         check_bands(prior, camera.wavelengths)
         self.device = camera.response.device
         self.prior, self.camera, self.window = prior.to(self.device), camera, window
+        self.temperature, self.reach = temperature, reach
         self.gains = torch.tensor(list(gains), dtype=torch.float64, device=self.device)
         self._psf, self._bases = camera.psf().detach().double(), dict[tuple[int, int], _Basis]()
         self._colour, self._shutter = (part.detach().double() for part in camera.tile())
@@ -125,33 +147,42 @@ class PatchLikelihood:
         told, count = progress or (lambda share: None), self.camera.planes.count
         pixels, values = self._psf.shape[2] * self.window**2, len(self._colour) * self.window**2
         first = count * values / (count * values + values + pixels)  # of the work
-        found = _Found.empty(snapshot, self.camera.bands, count if planes else 0)
+        found = _Found.empty(snapshot, self.camera.bands, count, planes, self._rows)
         gains = list(self._search(snapshot, found, lambda share: told(first * share)))
         self._fill(snapshot, found, gains, lambda share: told(first + (1 - first) * share))
         return DepthDecoded(found.estimate, depth=found.depth, confidence=found.confidence, planes=found.planes)
 
     def _search(self, snapshot: Tensor, found: _Found, progress: Progress) -> Iterator[Tensor]:
         """Depth, confidence and planes of the frame; yields the gains, as indices (B, P, D), row by row."""
-        likelihood = RowBlend(self._rows, snapshot[..., :1, :1].double(), self.camera.planes.count)
+        mean = RowMean(self._rows, snapshot[..., :1, :1].double(), self.camera.planes.count, self.reach)
         for phases, tops in self._batches():
             parts = [self._log_likelihood(phase, self._cut(snapshot, tops, which)) for phase, which in phases]
             levels, gains = (torch.cat(part, 2) for part in zip(*parts, strict=True))
             for level in levels.unbind(1):
-                rows, planes = likelihood.add(level[..., None, None])
-                found.best[:, rows] = planes.argmax(1).to(found.best)
-                found.depth[..., rows, :], found.confidence[..., rows, :] = self._depth(planes)
-                if found.planes.numel():
-                    found.planes[..., rows, :] = planes.to(found.planes)
+                self._keep(found, *mean.add(level / self.temperature))
             yield from gains.unbind(1)
             progress((tops[-1] + 1) / (self._rows.tops[-1] + 1))
 
+    def _keep(self, found: _Found, rows: slice, planes: Tensor) -> None:
+        """What the log-probabilities of planes in some rows say."""
+        here, half = DepthPosterior.of(planes, self.camera.planes), self.window // 2
+        found.depth[..., rows, :] = here.metres.to(found.depth)
+        found.confidence[..., rows, :] = here.confidence.to(found.confidence)
+        if found.planes.numel():
+            found.planes[..., rows, :] = planes.to(found.planes)
+        columns = torch.tensor(self._rows.lefts, device=planes.device) + half
+        for index, top in enumerate(self._rows.tops):
+            if rows.start <= top + half < rows.stop:
+                own = here.shares[:, :, top + half - rows.start, columns]
+                found.shares[:, index] = own.transpose(1, 2).to(found.shares)
+
     def _fill(self, snapshot: Tensor, found: _Found, gains: list[Tensor], progress: Progress) -> None:
-        """The spectrum at the planes that were found."""
+        """The spectrum at the planes that are likely."""
         scene, done = RowBlend(self._rows, snapshot[..., :1, :1], self.camera.bands), 0
         for phases, tops in self._batches():
-            gain, planes = torch.stack(gains[done : done + len(tops)], 1), self._at_middle(found.best, tops)
+            gain, shares = torch.stack(gains[done : done + len(tops)], 1), found.shares[:, done : done + len(tops)]
             parts = [
-                self._scene(phase, self._cut(snapshot, tops, which), planes[:, :, which], gain[:, :, which], snapshot)
+                self._scene(phase, self._cut(snapshot, tops, which), shares[:, :, which], gain[:, :, which])
                 for phase, which in phases
             ]
             for values in torch.cat(parts, 2).unbind(1):
@@ -169,11 +200,6 @@ class PatchLikelihood:
     def _cut(self, snapshot: Tensor, tops: list[int], which: slice) -> Tensor:
         """(B, R, P, n)."""
         return torch.stack([self._rows.cut(snapshot, top, which) for top in tops], 1)
-
-    def _at_middle(self, best: Tensor, tops: list[int]) -> Tensor:
-        """(B, R, P) most likely plane in the middle of windows."""
-        rows, columns = (torch.tensor(axis, device=best.device) + self.window // 2 for axis in (tops, self._rows.lefts))
-        return best[:, rows[:, None], columns].long()
 
     def _basis(self, phase: tuple[int, int]) -> _Basis:
         if phase not in self._bases:
@@ -211,29 +237,18 @@ class PatchLikelihood:
         steps, level = (own.log() / log(_NOISE_STEP)).round().unique(return_inverse=True)
         return least * _NOISE_STEP**steps, level
 
-    def _scene(self, phase: tuple[int, int], windows: Tensor, plane: Tensor, gains: Tensor, like: Tensor) -> Tensor:
-        """(B, R, P, L, m, m) linear MMSE estimate of windows (B, R, P, n) at these planes (B, R, P)."""
+    def _scene(self, phase: tuple[int, int], windows: Tensor, shares: Tensor, gains: Tensor) -> Tensor:
+        """(B, R, P, L, m, m) mean of the linear MMSE estimates of windows (B, R, P, n) at planes of these probabilities
+        (B, R, P, D)."""
         basis, (levels, level) = self._basis(phase), self._noise(windows)
-        gain = self.gains[gains.gather(-1, plane[..., None]).long()]
-        estimate = like.new_zeros(*windows.shape[:-1], basis.scene.shape[1])
-        for index in plane.unique().tolist():
-            here = plane == index
-            own = gain[here] * (windows[here] @ basis.vectors[index])
-            own = own / (gain[here] * basis.values[index] + levels[level[here], None])
-            estimate[here] = own.to(like) @ basis.scene[index].T.to(like)
+        shares = shares * (shares >= _LEAST_SHARE * shares.amax(-1, keepdim=True))
+        shares = shares / shares.sum(-1, keepdim=True)
+        estimate = shares.new_zeros(*windows.shape[:-1], basis.scene.shape[1])
+        for index in shares.flatten(0, -2).any(0).nonzero().flatten().tolist():
+            here = shares[..., index] > 0
+            gain = self.gains[gains[..., index][here].long()][:, None]
+            own = (
+                gain * (windows[here] @ basis.vectors[index]) / (gain * basis.values[index] + levels[level[here], None])
+            )
+            estimate[here] += (shares[..., index][here][:, None] * own).to(shares) @ basis.scene[index].T.to(shares)
         return estimate.unflatten(-1, (self.camera.bands, self.window, self.window))
-
-    def _depth(self, planes: Tensor) -> tuple[Tensor, Tensor]:
-        """Metres between planes by a parabola through the best and its neighbours, and the probability of a bin."""
-        best = planes.argmax(1, keepdim=True)
-        inverse = self.camera.planes.inverse.to(planes)
-        place = inverse[best]
-        if len(inverse) > 2:
-            inner = best.clamp(1, len(inverse) - 2)
-            below, here, above = (planes.gather(1, inner + step) for step in (-1, 0, 1))
-            bend = (2 * here - below - above).clamp_min(1e-12)
-            moved = (0.5 * (above - below) / bend).clamp(-0.5, 0.5)
-            place = torch.where(best == inner, place + moved * self.camera.planes.step, place)
-        shares = planes.softmax(1)
-        around = (torch.arange(len(inverse), device=best.device)[:, None, None] - best).abs() <= 1
-        return 1 / place, (shares * around).sum(1, keepdim=True)

@@ -20,9 +20,7 @@ from tmca.optics import DepthPlanes
 from tmca.sensor import Noise
 
 DEPTH_STARTS = ("snapshot", "likelihood")
-_LEAST_LIKELY = -60.0
-_TRUST = 0.1
-"""Of the patch likelihood at first: windows that overlap are counted as if they were independent."""
+_LEAST_LIKELY = -10.0
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,8 @@ class TwoHeadedUNet(nn.Module):
     """A U-Net with one encoder and two heads, spectrum and depth (thesis 5.2).
 
     It sees the snapshot relative to its local brightness, the shutter and the filter over every pixel, and the noise.
-    With ``start="likelihood"`` it also sees a physics-based first stage: the log-likelihood of every depth plane under
-    the exact model and the linear MMSE cube of the most likely one (`PatchLikelihood`), and learns what to add.
+    With ``start="likelihood"`` it also sees a physics-based first stage: the log-probability of every depth plane under
+    the exact model and the linear MMSE cube at the depth that follows (`PatchLikelihood`), and learns what to add.
 
     Args:
         bands: L.
@@ -107,7 +105,7 @@ class TwoHeadedUNet(nn.Module):
         known = bands + planes if start == "likelihood" else 0
         inputs = channels + slots + filters + 2 + known
         self.body = TwoHeadedBody(inputs, (bands, planes), tuple(widths), blocks, gather)
-        self.trust = nn.Parameter(torch.tensor(_TRUST)) if known else None
+        self.trust = nn.Parameter(torch.tensor(1.0)) if known else None
         self.reach, self.multiple = self.body.reach + LEVEL_REACH, self.body.multiple
 
     def forward(
@@ -148,7 +146,7 @@ class TwoHeadedUNet(nn.Module):
 
 @torch.no_grad()
 def first_stage(likelihood: PatchLikelihood, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
-    """(B, L + D, H, W) LMMSE cube and log-likelihood of every plane, the likeliest at zero."""
+    """(B, L + D, H, W) LMMSE cube and log-probability of every plane, the likeliest at zero."""
     found = likelihood(snapshot, progress)
     relative = (found.planes - found.planes.amax(1, keepdim=True)).clamp_min(_LEAST_LIKELY)
     return torch.cat((found.estimate, relative), 1).to(snapshot)

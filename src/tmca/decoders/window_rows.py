@@ -1,4 +1,4 @@
-"""Overlapping windows of an image, row by row: where they are, and their blend in the memory of one row of windows."""
+"""Overlapping windows of an image, row by row: where they are, and their blend in the memory of a few rows of them."""
 
 from __future__ import annotations
 
@@ -82,9 +82,7 @@ class RowBlend:
 
     def __init__(self, rows: WindowRows, like: Tensor, channels: int) -> None:
         self.rows, self.next, window = rows, 0, rows.window
-        ramp = (
-            torch.sin(pi * (torch.arange(window, dtype=torch.float64, device=like.device) + 0.5) / window) ** _SHARPNESS
-        )
+        ramp = _ramp(window, like)
         self.share = torch.outer(ramp, ramp).to(like)
         covered = (rows.regular + -(-window // rows.step) - 1) * rows.step
         self.held = like.new_zeros(len(like), channels, window, max(covered, rows.size[1]))
@@ -94,8 +92,8 @@ class RowBlend:
         ]
 
     def add(self, values: Tensor) -> tuple[slice, Tensor]:
-        """Lay the next row of windows (B, P, C, m, m), or constants (B, P, C, 1, 1); returns the rows that are done
-        and what they are, (B, C, rows, W)."""
+        """Lay the next row of windows (B, P, C, m, m); returns the rows that are done and what they are,
+        (B, C, rows, W)."""
         self._lay((values * self.share).permute(0, 2, 3, 1, 4))
         tops, top = self.rows.tops, self.rows.tops[self.next]
         self.next += 1
@@ -116,6 +114,47 @@ class RowBlend:
             place[..., : part.shape[-1]] += part
         if count < len(self.rows.lefts):
             self.held[..., self.rows.lefts[-1] : self.rows.lefts[-1] + window] += values[..., -1, :]
+
+
+class RowMean:
+    """Mean of what windows say as a whole, with weights that fall with their distance from a pixel.
+
+    Rows of windows are added from top to bottom; rows of the image leave as soon as no later window reaches them.
+
+    Args:
+        rows: where the windows are.
+        like: a tensor (B, …) of the type that is summed in.
+        channels: C.
+        reach: pixels beyond its rim at which a window still counts.
+    """
+
+    def __init__(self, rows: WindowRows, like: Tensor, channels: int, reach: int = 0) -> None:
+        self.rows, self.reach, self.next, height = rows, reach, 0, rows.window + 2 * reach
+        self.ramp = _ramp(height, like)
+        lefts, across = (torch.tensor(rows.lefts), torch.arange(rows.size[1]))
+        place = (across - lefts[:, None] + reach).to(like.device)
+        spread = self.ramp[place.clamp(0, height - 1)] * ((place >= 0) & (place < height))
+        self.spread = (spread / spread.sum(0)).to(like)
+        self.weights = _total(self.ramp, rows.tops, rows.size[0] + 2 * reach).to(like)
+        self.held = like.new_zeros(len(like), channels, height, rows.size[1])
+
+    def add(self, values: Tensor) -> tuple[slice, Tensor]:
+        """Take the next row of windows, (B, P, C); returns the rows that are done and their means, (B, C, rows, W)."""
+        self.held += (values.transpose(1, 2) @ self.spread)[:, :, None] * self.ramp.to(values)[:, None]
+        tops, top = self.rows.tops, self.rows.tops[self.next]
+        self.next += 1
+        end = tops[self.next] if self.next < len(tops) else self.rows.size[0] + 2 * self.reach
+        first = max(top, self.reach)
+        last = max(first, min(end, self.rows.size[0] + self.reach))
+        image = self.held[..., first - top : last - top, :] / self.weights[first:last, None]
+        self.held = self.held.roll(-(end - top), -2)
+        self.held[..., self.held.shape[-2] - (end - top) :, :] = 0
+        return slice(first - self.reach, last - self.reach), image
+
+
+def _ramp(length: int, like: Tensor) -> Tensor:
+    """(length,) weights along an axis, float64."""
+    return torch.sin(pi * (torch.arange(length, dtype=torch.float64, device=like.device) + 0.5) / length) ** _SHARPNESS
 
 
 def _total(ramp: Tensor, starts: list[int], length: int) -> Tensor:
