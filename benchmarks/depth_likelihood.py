@@ -1,18 +1,20 @@
 """How far to trust the patch likelihood: ``python benchmarks/depth_likelihood.py TRAINING_SCENES … --prior FILE``.
 
-For temperatures and reaches of `PatchLikelihood`: mean absolute error of depth (m), share of pixels within a bin and a
-half, mean confidence, which should equal it, and minus the log-probability of the true plane, over training scenes
-behind a static and a time-multiplexed random mask.
+For contaminations, reaches and temperatures of `PatchLikelihood`: mean absolute error of depth (m), share of pixels
+within a bin and a half, mean confidence, which should equal it, minus the log-probability of the true plane, and PSNR
+of the cube (dB), over training scenes behind a static and a time-multiplexed random mask and behind those of ``--codes``.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from itertools import product
 
 import torch
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import read_phase_codes
 from tmca.decoders.depth_likelihood import PatchLikelihood
 from tmca.decoders.depth_posterior import DepthPosterior
 from tmca.experiments.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
@@ -23,7 +25,8 @@ from tmca.training.scenes import named_scenes
 
 SIZE = (96, 128)
 TEMPERATURES = (1.0, 4.0, 8.0, 12.0, 16.0, 24.0)
-REACHES = (0, 8, 16, 24, 32)
+CONTAMINATIONS = (0.0, 0.03, 0.1, 0.3)
+REACHES = (0, 24)
 
 
 def judged(
@@ -40,12 +43,23 @@ def judged(
     )
 
 
-def taken(camera: SpectralDepthCamera, scenes: tuple[str, ...]) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
-    """Snapshots and depths of the middles of scenes."""
+def cameras(codes: list[str]) -> Iterator[tuple[str, SpectralDepthCamera]]:
+    """Random codes and those of files."""
+    sensor = Sensor(read_noise=0.002)
+    for slots, shutter in ((1, "open"), (4, "one-hot")):
+        given = {"slots": slots, "shutter": shutter, "filters": "clear"}
+        yield f"random K = {slots}", SpectralDepthCamera.from_preset("quick", size=SIZE, sensor=sensor, **given)
+    for file in codes:
+        yield file, SpectralDepthCamera.from_preset("quick", size=SIZE, sensor=sensor, **read_phase_codes(file))
+
+
+def taken(camera: SpectralDepthCamera, scenes: tuple[str, ...]) -> Iterator[tuple[torch.Tensor, ...]]:
+    """Snapshots, depths and cubes of the middles of scenes."""
     for name in scenes:
         scene = load_any_depth_scene(name, camera, side=256, placed="random", from_rgb=True)
         scene = middle_of(scene, SIZE, name)
-        yield take_spectral_depth_snapshot(scene, camera).values, depth_tensor(scene)
+        cube = torch.from_numpy(scene["radiance"].values.copy())[None]
+        yield take_spectral_depth_snapshot(scene, camera).values, depth_tensor(scene), cube
 
 
 def main() -> None:
@@ -53,20 +67,21 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("scenes", nargs="+")
     asked.add_argument("--prior", required=True, help="of the quick preset's bands, learned from the same scenes")
+    asked.add_argument("--codes", nargs="*", default=[], help="files of masks for the quick preset")
     given = asked.parse_args()
     prior, scenes = load_prior(given.prior), named_scenes(given.scenes)
-    for slots, shutter in ((1, "open"), (4, "one-hot")):
-        codes = {"slots": slots, "shutter": shutter, "filters": "clear", "sensor": Sensor(read_noise=0.002)}
-        camera = SpectralDepthCamera.from_preset("quick", size=SIZE, **codes)
+    for name, camera in cameras(given.codes):
         known = list(taken(camera, scenes))
-        for reach in REACHES:
-            decoder = PatchLikelihood(prior, camera, temperature=1.0, reach=reach)
-            found = [(decoder(snapshot).planes, depth) for snapshot, depth in known]
+        for contamination, reach in product(CONTAMINATIONS, REACHES):
+            decoder = PatchLikelihood(prior, camera, temperature=1.0, reach=reach, contamination=contamination)
+            found = [(decoder(snapshot), depth, cube) for snapshot, depth, cube in known]
+            errors = torch.stack([(one.estimate - cube).square().mean() for one, _, cube in found])
+            print(f"{name}, contamination {contamination:g}, reach {reach}: PSNR {-10 * errors.log10().mean():.2f} dB")
             for temperature in TEMPERATURES:
-                every = torch.tensor([judged(planes, depth, camera, temperature) for planes, depth in found])
+                every = torch.tensor([judged(one.planes, depth, camera, temperature) for one, depth, _ in found])
                 error, hits, confidence, score = every.mean(0).tolist()
-                print(f"K = {slots}, reach {reach:2d}, temperature {temperature:4.0f}: MAE {error:.3f} m, within 1.5 "
-                      f"bins {hits:.2f}, confidence {confidence:.2f}, log score {score:.2f}", flush=True)  # fmt: skip
+                print(f"  temperature {temperature:4.0f}: MAE {error:.3f} m, within 1.5 bins {hits:.2f}, confidence "
+                      f"{confidence:.2f}, log score {score:.2f}", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

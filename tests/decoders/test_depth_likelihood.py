@@ -32,7 +32,9 @@ def test_one_window_is_scipys_gaussian_and_the_explicit_lmmse():
     source = torch.Generator().manual_seed(1)
     scene = mean + torch.linalg.cholesky(prior.covariance) @ torch.randn(len(mean), generator=source).double()
     snapshot = rows[2] @ scene + 0.02 * torch.randn(len(rows[2]), generator=source)
-    found = PatchLikelihood(prior, made, 4, gains=[1.0], temperature=1.0)(snapshot.reshape(1, 3, 4, 4))
+    found = PatchLikelihood(prior, made, 4, gains=[1.0], temperature=1.0, contamination=0.0)(
+        snapshot.reshape(1, 3, 4, 4)
+    )
     covariances = [A @ second @ A.T + (0.02**2 + 1e-9) * torch.eye(len(A)) for A in rows]
     own = torch.tensor([multivariate_normal.logpdf(snapshot, cov=c) for c in covariances])
     level = found.planes[0, :, 0, 0]
@@ -63,7 +65,9 @@ def test_a_textured_wall_is_found_at_its_depth_brighter_or_darker(size):
     source = torch.Generator().manual_seed(0)
     cubes = [torch.rand(2, 60, 60, generator=source) for _ in range(3)]
     prior = GaussianPrior.learn(cubes, needed_block(8, (13, 13)))
-    decoder = PatchLikelihood(prior, made, 8, temperature=1.0, reach=0)  # scenes are what the prior says
+    decoder = PatchLikelihood(
+        prior, made, 8, temperature=1.0, reach=0, contamination=0.0
+    )  # scenes are what the prior says
     for plane, brightness in ((0, 1.0), (3, 0.2)):
         depth = torch.full((1, 1, *size), float(made.planes.metres[plane]))
         scene = brightness * torch.rand(1, 2, *size, generator=source)

@@ -4,12 +4,13 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from tests.priors.test_spectral_depth import BENCH, camera, prior_of
+from tests.priors.test_spectral_depth import BENCH, camera, matrix, parts, prior_of
 from tmca.design.spectral_depth import (
     bhattacharyya,
     confusion,
     design_masks,
     fisher_information,
+    foretell,
     kullback_leibler,
     window_covariance,
 )
@@ -70,6 +71,25 @@ def test_noise_of_the_sensor_is_in_the_covariance():
     added = (noisy - clean).diagonal(dim1=-2, dim2=-1)
     torch.testing.assert_close(added, torch.full_like(added, 0.01))
     assert float((shot - clean).diagonal(dim1=-2, dim2=-1).min()) > 0
+
+
+@pytest.mark.parametrize("window", [3, 4])
+def test_the_foretold_spectral_error_is_that_of_the_explicit_lmmse(window):
+    sensor, prior = Sensor(read_noise=0.05), prior_of(needed_block(window, BENCH.window))
+    wide = camera(window, sensor=sensor)
+    _, _, _, colour, shutter = parts(wide, 2)
+    mean = prior.mean.flatten()
+    second = prior.covariance + torch.outer(mean, mean)
+    found = foretell(wide, prior, window, contamination=0)
+    torch.testing.assert_close(found.covariance, window_covariance(wide, prior, window, contamination=0))
+    middle = torch.zeros(2, *prior.block[1:], dtype=torch.bool)
+    top, left = ((side - 1) // 2 for side in BENCH.window)
+    middle[:, top : top + window, left : left + window] = True
+    for plane, error in enumerate(found.spectral_error):
+        A = matrix(wide, window, plane, colour, shutter)
+        seen = A @ second @ A.T + (0.05**2 + 1e-9) * torch.eye(len(A))
+        left_over = second - second @ A.T @ torch.linalg.solve(seen, A @ second)
+        assert float(error) == pytest.approx(float(left_over.diagonal()[middle.flatten()].mean()), rel=1e-6)
 
 
 def test_searched_masks_confuse_depths_less_and_the_best_is_kept():

@@ -69,6 +69,18 @@ def test_moments_are_those_of_the_explicit_matrix(window, tile):
         torch.testing.assert_close(found.cross[plane], (second @ A.T)[behind.flatten()], atol=1e-9, rtol=1e-7)
 
 
+def test_contamination_is_the_mean_over_scenes_of_which_a_share_is_at_any_plane():
+    made = camera(4)
+    psf, _, _, colour, shutter = parts(made, 2)
+    prior = prior_of(needed_block(4, BENCH.window))
+    own, mixed = (snapshot_moments(prior, psf, colour, shutter, 4, contamination=c, cross=True) for c in (0.0, 0.3))
+    for name in ("covariance", "cross"):
+        every = getattr(own, name)
+        for plane in range(3):
+            drawn = 0.7 * every[plane] + sum(0.1 * every[other] for other in range(3))
+            torch.testing.assert_close(getattr(mixed, name)[plane], drawn)
+
+
 def test_larger_blocks_of_the_prior_change_nothing():
     made = camera(4)
     psf, _, _, colour, shutter = parts(made, 2)

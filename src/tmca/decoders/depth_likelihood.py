@@ -2,7 +2,8 @@
 
 Under a Gaussian prior of scenes a window of the snapshot is Gaussian at every depth. How well each plane explains the
 windows around a pixel is how likely it is there; how bright and how rich in contrast the scene is tells nothing about
-depth and is fitted window by window.
+depth and is fitted window by window. A share of every window is expected to be of other depths, whichever: without it
+masks that are sharp at their best plane fail at edges of depth.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tmca.decoders.window_rows import RowBlend, RowMean, WindowRows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
-from tmca.priors.spectral_depth import snapshot_moments
+from tmca.priors.spectral_depth import CONTAMINATION, snapshot_moments
 
 WINDOW = 12
 GAINS = tuple(4.0**power for power in range(-4, 4))
@@ -96,6 +97,7 @@ class PatchLikelihood:
         gains: variances over the prior's that are tried for every window.
         temperature: what a window's log-likelihood is divided by before it counts as a probability.
         reach: pixels beyond its rim at which a window still has a say in the depth.
+        contamination: see ``snapshot_moments``.
 
     Raises:
         SettingError: a camera without a period, a window larger than the sensor, a prior of other bands, a temperature
@@ -112,6 +114,7 @@ class PatchLikelihood:
         *,
         temperature: float = TEMPERATURE,
         reach: int = REACH,
+        contamination: float = CONTAMINATION,
     ) -> None:
         if window < camera.tile_size or window > min(camera.size):
             known = f"{camera.tile_size} (the tile) to {min(camera.size)} (the sensor) pixels"
@@ -123,7 +126,7 @@ class PatchLikelihood:
         check_bands(prior, camera.wavelengths)
         self.device = camera.response.device
         self.prior, self.camera, self.window = prior.to(self.device), camera, window
-        self.temperature, self.reach = temperature, reach
+        self.temperature, self.reach, self.contamination = temperature, reach, contamination
         self.gains = torch.tensor(list(gains), dtype=torch.float64, device=self.device)
         self._psf, self._bases = camera.psf().detach().double(), dict[tuple[int, int], _Basis]()
         self._colour, self._shutter = (part.detach().double() for part in camera.tile())
@@ -205,8 +208,9 @@ class PatchLikelihood:
         if phase not in self._bases:
             begun = [part.roll((-phase[0], -phase[1]), (-2, -1)) for part in (self._colour, self._shutter)]
             found = snapshot_moments(
-                self.prior, self._psf, begun[0], begun[1], self.window, exposure=self.camera.exposure, cross=True
-            )
+                self.prior, self._psf, begun[0], begun[1], self.window, exposure=self.camera.exposure,
+                contamination=self.contamination, cross=True,
+            )  # fmt: skip
             assert found.cross is not None
             values, vectors = torch.linalg.eigh(found.covariance)
             self._bases[phase] = _Basis(vectors, values.clamp_min(0), found.cross @ vectors)

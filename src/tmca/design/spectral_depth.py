@@ -17,27 +17,81 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
-from tmca.priors.spectral_depth import snapshot_moments
+from tmca.priors.spectral_depth import CONTAMINATION, SnapshotMoments, snapshot_moments
 
 Progress = Callable[[int, int, float], None]
 """Called with (steps done, steps in all, confusion)."""
 
 
-def window_covariance(camera: SpectralDepthCamera, prior: GaussianPrior, window: int) -> Tensor:
+@dataclass(frozen=True)
+class Foretold:
+    """What the patch prior says of windows at every plane.
+
+    Args:
+        covariance: (D, n, n) second moments of recorded windows, scene and noise.
+        spectral_error: (D,) mean squared error of the linear MMSE cube of a window whose plane is known.
+    """
+
+    covariance: Tensor
+    spectral_error: Tensor
+
+
+def window_covariance(
+    camera: SpectralDepthCamera, prior: GaussianPrior, window: int, contamination: float = CONTAMINATION
+) -> Tensor:
     """(D, n, n) second moments of recorded windows at every plane: scene and noise of the camera's sensor.
 
     Shot noise is that of the prior's mean brightness.
 
+    Args:
+        camera: with periodic shutter and filters.
+        prior: of scenes, its blocks at least ``needed_block``.
+        window: m, pixels.
+        contamination: see ``snapshot_moments``.
+
     Raises:
         ShapeError, SettingError: see ``snapshot_moments``.
     """
+    return _moments(camera, prior, window, contamination).covariance + torch.diag(_noise(camera, prior, window))
+
+
+def foretell(
+    camera: SpectralDepthCamera, prior: GaussianPrior, window: int, contamination: float = CONTAMINATION
+) -> Foretold:
+    """How windows of a camera look at every plane, and how well their spectrum can be told.
+
+    Arguments as of ``window_covariance``.
+
+    Raises:
+        ShapeError, SettingError: see ``snapshot_moments``.
+    """
+    found = _moments(camera, prior, window, contamination, cross=True)
+    assert found.cross is not None
+    covariance = found.covariance + torch.diag(_noise(camera, prior, window))
+    told = torch.linalg.solve_triangular(torch.linalg.cholesky(covariance), found.cross.mT, upper=False)
+    rows, columns = (side - 1 for side in prior.block[1:])
+    mean = prior.mean[:, 0, 0].to(covariance)
+    power = prior.displaced[..., rows, columns].diagonal().to(mean) + mean.square()  # brightness as in the moments
+    return Foretold(covariance, power.mean() - told.square().sum((-2, -1)) / found.cross.shape[1])
+
+
+def _moments(
+    camera: SpectralDepthCamera, prior: GaussianPrior, window: int, contamination: float, cross: bool = False
+) -> SnapshotMoments:
     colour, shutter = (part.double() for part in camera.tile())
-    found = snapshot_moments(prior, camera.psf().double(), colour, shutter, window, exposure=camera.exposure)
+    psf = camera.psf().double()
+    return snapshot_moments(
+        prior, psf, colour, shutter, window, exposure=camera.exposure, contamination=contamination, cross=cross
+    )
+
+
+def _noise(camera: SpectralDepthCamera, prior: GaussianPrior, window: int) -> Tensor:
+    """(n,) variance of the noise of a window's samples."""
+    colour, shutter = (part.double() for part in camera.tile())
     noise, mean = camera.noise, prior.mean[:, 0, 0].to(colour)
     passed = shutter.sum(0) / (camera.slots if camera.exposure == "equal" else 1)
     level = torch.einsum("clij,l,ij->cij", colour, mean, passed).mean((1, 2))
-    variance = noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
-    return found.covariance + torch.diag(variance)
+    return noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
 
 
 def kullback_leibler(covariance: Tensor) -> Tensor:
@@ -68,15 +122,17 @@ def bhattacharyya(covariance: Tensor) -> Tensor:
     return found.index_put((rows, columns), distances).index_put((columns, rows), distances)
 
 
-def confusion(covariance: Tensor) -> Tensor:
+def confusion(covariance: Tensor, temperature: float = 1.0) -> Tensor:
     """Mean over planes of ``Σ_e ½ |d - e| exp(-distance)``: a bound on the mean error in bins of the most likely plane.
 
     Args:
         covariance: (D, n, n) of planes in order.
+        temperature: what distances are divided by, for windows that are less telling than the prior has it; above 1 it
+            is no bound but a figure.
     """
     planes = torch.arange(len(covariance), device=covariance.device, dtype=covariance.dtype)
     bins = (planes[:, None] - planes).abs()
-    return (0.5 * bins * torch.exp(-bhattacharyya(covariance))).sum(1).mean()
+    return (0.5 * bins * torch.exp(-bhattacharyya(covariance) / temperature)).sum(1).mean()
 
 
 def drawn_error(covariance: Tensor, draws: int = 500, seed: int = 0) -> float:

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+CONTAMINATION = 0.1
+"""Share of what a window sees that decoders and designs expect from any plane: the one with which the spectrum of
+training scenes is told best behind random masks and optimised ones (``benchmarks/depth_likelihood.py``)."""
+
+
 @dataclass(frozen=True)
 class SnapshotMoments:
     """Of windows (C, m, m) of a snapshot that begin at the first pixel of a tile, flattened to n = C·m·m.
@@ -88,6 +93,7 @@ def snapshot_moments(
     *,
     exposure: str = "equal",
     brightness: float = 1.0,
+    contamination: float = 0.0,
     cross: bool = False,
 ) -> SnapshotMoments:
     """Moments of windows of m pixels at every depth plane.
@@ -100,6 +106,8 @@ def snapshot_moments(
         window: m, pixels.
         exposure: ``"equal"`` or ``"per-slot"``.
         brightness: variance of the scene's overall brightness, in squares of its mean; 0 takes the mean as known.
+        contamination: share of what a window sees that is of any plane, all as likely, rather than of its own: around
+            every real window depth changes, and who does not expect it mistakes it for something else.
         cross: whether the moments with the scene are wanted.
 
     Raises:
@@ -125,7 +133,14 @@ def snapshot_moments(
             lags = _lags(with_scene, frame, window) + brightness * torch.outer(mean, level)[..., None, None]
             scene = torch.arange(len(mean), device=own.device).repeat_interleave(window**2)
             crosses.append(_gathered(lags, pairs, scene, own))
-    return SnapshotMoments(torch.stack(covariances), torch.stack(crosses) if cross else None, window)
+    with_scenes = _mixed(crosses, contamination) if cross else None
+    return SnapshotMoments(_mixed(covariances, contamination), with_scenes, window)
+
+
+def _mixed(moments: list[Tensor], contamination: float) -> Tensor:
+    """(D, …) moments of every plane with a share of the mean of all planes."""
+    own = torch.stack(moments)
+    return torch.lerp(own, own.mean(0, keepdim=True), contamination) if contamination else own
 
 
 def sensed_psf(psf: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
