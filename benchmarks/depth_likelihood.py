@@ -2,7 +2,7 @@
 
 For contaminations, reaches and temperatures of `PatchLikelihood`: mean absolute error of depth (m), share of pixels
 within a bin and a half, mean confidence, which should equal it, minus the log-probability of the true plane, and PSNR
-of the cube (dB), over training scenes behind a static and a time-multiplexed random mask and behind those of ``--codes``.
+of the cube (dB), over training scenes behind a static and a time-multiplexed random mask, and those of ``--codes``.
 """
 
 from __future__ import annotations

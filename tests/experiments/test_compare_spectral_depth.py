@@ -12,7 +12,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
 from tmca.experiments import compare_spectral_depth as comparison
 from tmca.experiments.spectral_depth_rows import CODES, CONSTANT, Sizes
-from tmca.experiments.spectral_depth_tables import margins, markdown
+from tmca.experiments.spectral_depth_tables import margins, markdown, order
 
 SHOWN = ("diffractive element only, optimised", "TMCA random K = 4")
 SMALL = Sizes(side=60, crop=(32, 36), window=8, patch=24, searched=4)
@@ -65,6 +65,8 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     assert {file.name for file in (tmp_path / "out").glob("*.png")} == {
         "spectral-depth_fisher.png", "spectral-depth_measured.png"
     }  # fmt: skip
+    assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN for n in noises}
+    assert all(row["confusion"] > 0 and row["psnr"] > 0 and row["fisher"] > 0 for row in found["foretold"])
     guess = rows[CONSTANT, "", CONSTANT]
     with xr.open_dataset(scenes[1]) as truth:
         inverse = 1 / truth["depth"].values
@@ -88,6 +90,17 @@ def test_margins_compare_the_best_of_each_kind():
     assert found["ratio"] == pytest.approx(0.5)
     assert found["alone"] == pytest.approx(-0.625)
     assert found["psnr"] == pytest.approx(0.2)
+
+
+def test_the_right_order_is_one_and_the_opposite_minus_one():
+    def told(code, mae, psnr):
+        right = {"confusion": mae, "fisher": -mae, "kullback_leibler": mae, "psnr": psnr + 10}
+        return {"code": code, "noise": "n", **right, "measured_depth_mae": mae, "measured_psnr": psnr}
+
+    (found,) = order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0), told("c", 0.2, 30.0)]})
+    assert found == {"noise": "n", "codes": 3, **dict.fromkeys(("confusion", "fisher", "psnr"), pytest.approx(1)),
+                     "kullback_leibler": pytest.approx(-1)}  # fmt: skip
+    assert order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0)]}) == []
 
 
 def test_networks_learn_from_no_scene_that_is_measured(tmp_path):

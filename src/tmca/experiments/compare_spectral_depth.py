@@ -110,7 +110,9 @@ def compare_spectral_depth(
     constant = {**common, "kind": "constant", "name": CONSTANT, "seed": seed, "decoder": CONSTANT, "noise": ""}
     found = run(_searches(common, own, effort or EFFORT, every)) + run([constant])
     codes = {(cell["code"], cell["seed"]): cell["codes"] for cell in found if "codes" in cell}
-    found += run(_untrained(common, own, codes, every) if "likelihood" in decoders else [])
+    if "likelihood" in decoders:
+        rows = _untrained(common, own, codes, every)
+        found += run(rows) + run(_foretold(rows, own))
     trained = run(_trainings(common, own, learned, codes, decoders, every, steps, work))
     found += trained + run(_behind_networks(common, own, trained))
     if not any("metrics" in cell for cell in found):
@@ -156,6 +158,16 @@ def _untrained(
          "codes": codes.get((code, seed)), "keep": seed == seeds[0] and noise == next(iter(NOISES))}
         for code in CODES for noise, sensor in NOISES.items() for seed in seeds
         if (code, seed) in codes or code not in DESIGNED
+    ]  # fmt: skip
+
+
+def _foretold(rows: Sequence[Settings], sizes: Sizes) -> list[Settings]:
+    """What is foretold of every row without a network."""
+    kept = ("source", "preset", "prior", "code", "noise", "sensor", "seed", "codes")
+    return [
+        {**{name: row[name] for name in kept}, "kind": "foretold", "window": sizes.searched,
+         "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}
+        for row in rows
     ]  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 def measure(cell: Settings, folder: str) -> Measured:
     """One cell of any kind; ``folder`` takes codes and estimates that are kept."""
-    kinds = {"search": search, "training": train, "rows": reconstruct, "constant": guess}
+    kinds = {"search": search, "training": train, "rows": reconstruct, "constant": guess, "foretold": foretold}
     return kinds[cell["kind"]](cell, Path(folder))
 
 
@@ -56,6 +57,23 @@ def search(cell: Settings, folder: Path) -> Measured:
         fisher = fisher_information(covariance, probe.planes.step)
         told[name] = {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
     return {"codes": str(file), "foretold": told, "seconds": found.seconds, "confusion": found.confusion}
+
+
+def foretold(cell: Settings, folder: Path) -> Measured:
+    """What the prior says of a code under a noise, before any scene is seen."""
+    from tmca.design.spectral_depth import confusion, fisher_information, foretell, kullback_leibler
+    from tmca.priors import load_prior
+
+    camera, prior = coded_camera(cell, (64, 64), cell["codes"]), load_prior(cell["prior"])
+    with torch.no_grad():
+        found = foretell(camera, prior, cell["window"])  # type: ignore[arg-type]
+        distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))
+        return {"figures": {
+            "confusion": float(confusion(found.covariance)),
+            "fisher": float(fisher_information(found.covariance, camera.planes.step).log().mean().exp()),
+            "kullback_leibler": float(distance.min(1).values.mean()),
+            "psnr": -10 * float(found.spectral_error.mean().log10()),
+        }}  # fmt: skip
 
 
 def train(cell: Settings, folder: Path) -> Measured:

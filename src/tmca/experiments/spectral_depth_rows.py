@@ -37,7 +37,7 @@ NETWORKS: dict[str, dict[str, Any]] = {
     "two-headed": {"kind": "two-headed", "start": "snapshot"},
     "physics": {"kind": "two-headed", "start": "likelihood"},
 }
-TRAINED = tuple(name for name in CODES if name != "TMCA random K = 4")
+TRAINED = tuple(name for name in CODES if name != "diffractive element only, random")
 """Codes that networks are trained behind: one network for all noises."""
 CONSTANT = "constant guess"
 """Row of a depth map that is the middle of the range, in inverse metres, everywhere."""
