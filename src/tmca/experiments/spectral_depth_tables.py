@@ -178,7 +178,7 @@ def _order(found: dict[str, Any]) -> list[str]:
         f"Of windows of {found['budget']['searched']} pixels whose plane is the same all over, means over planes "
         "(of Fisher information the geometric one), beside what the patch likelihood made of the test scenes.\n",
         markdown_table(found["foretold"], told),
-        "Rank correlation of each with the measured depth MAE, of the PSNR with the measured one; 1: the right order.\n",
+        "Rank correlation of each with the measured depth MAE, of PSNR with the measured one; 1: the right order.\n",
         markdown_table(order(found), ranked),
     ]
 
