@@ -59,6 +59,8 @@ def _smooth(least: int, multiple: int) -> int:
 def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Tensor:
     """Irradiance g (B, K, L, H, W) of every slot in the linear model (eq. 30), summed in the Fourier domain.
 
+    Band by band, so that the sums of all slots stay in the processor's cache.
+
     Args:
         scene: (B, L, H, W), or (B, K, L, H, W) where it changes from slot to slot.
         weights: ω (B, D, H, W).
@@ -70,23 +72,26 @@ def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Te
     """
     moving = scene if scene.ndim == 5 else scene[:, None]
     _check(moving, weights, transfer, frame)
-    total = None
-    for depth in _filled(weights):
-        spectrum = torch.fft.rfft2(moving * weights[:, None, None, depth], s=frame)
-        own = transfer[:, depth]
-        total = spectrum * own if total is None else total.addcmul_(spectrum, own)
-    assert total is not None
-    return torch.fft.irfft2(total, s=frame)[..., : scene.shape[-2], : scene.shape[-1]]
+    filled, bands = _filled(weights), list[Tensor]()
+    layers = weights[:, None, filled]
+    for own, passed in zip(moving.unbind(2), transfer.unbind(2), strict=True):
+        spectra, blurs = torch.fft.rfft2(own[:, :, None] * layers, s=frame).unbind(2), passed.unbind(1)
+        total = spectra[0] * blurs[filled[0]]
+        for spectrum, depth in zip(spectra[1:], filled[1:], strict=True):
+            total.addcmul_(spectrum, blurs[depth])
+        bands.append(torch.fft.irfft2(total, s=frame)[..., : scene.shape[-2], : scene.shape[-1]])
+    return torch.stack(bands, 2)
 
 
 def layered_adjoint(image: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Tensor:
     """The adjoint of ``layered`` in the scene: (B, L, H, W) of (B, K, L, H, W)."""
     _check(image, weights, transfer, frame)
-    spectrum, total = torch.fft.rfft2(image, s=frame), torch.zeros_like(image[:, 0])
-    for depth in range(transfer.shape[1]):
-        back = torch.fft.irfft2((spectrum * transfer[:, depth].conj()).sum(1), s=frame)
-        total = total + back[..., : image.shape[-2], : image.shape[-1]] * weights[:, depth, None]
-    return total
+    bands = []
+    for own, passed in zip(image.unbind(2), transfer.unbind(2), strict=True):
+        spectra = (torch.fft.rfft2(own, s=frame)[:, :, None] * passed.conj()).sum(1)
+        back = torch.fft.irfft2(spectra, s=frame)[..., : image.shape[-2], : image.shape[-1]]
+        bands.append((back * weights).sum(1))
+    return torch.stack(bands, 1)
 
 
 def composited(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Tensor:
