@@ -79,5 +79,6 @@ def test_the_spectral_camera_refuses_rgb(capsys, tmp_path):
     stem = scenes.open3d(tmp_path)
     for path in (stem, tmp_path / "room_color_3.png"):
         assert "an RGB picture with depth, expected a spectral scene" in refused(capsys, "simulate", "spectral", path)
+    assert "reflectances: --from-rgb" in refused(capsys, "simulate", "spectral-depth", stem)
     scenes.write_picture(tmp_path / "alone.png", scenes.picture())
     assert "colour channels, expected a spectral cube" in refused(capsys, "simulate", "spectral", "alone.png")

@@ -43,19 +43,8 @@ def test_contrast_squeezes_texture_and_keeps_means_and_depth(scenes):
 
 @pytest.mark.usefixtures("scenes")
 def test_depth_needs_texture(capsys, tmp_path):
-    main(
-        sweep(
-            "--vary",
-            "contrast=0.01,1",
-            "--set",
-            "slots=4",
-            "--set",
-            "noise=0.002",
-            "--set",
-            "shutter=one-hot",
-            "--json",
-        )
-    )
+    fixed = ("--set", "slots=4", "--set", "noise=0.002", "--set", "shutter=one-hot")
+    main(sweep("--vary", "contrast=0.01,1", *fixed, "--json", crop="56x60"))
     found = json.loads(capsys.readouterr().out)
     poor, rich = found["rows"]
     assert rich["depth_mae"] < 0.8 * poor["depth_mae"]
@@ -89,3 +78,13 @@ def test_files_of_codes_are_swept_and_say_their_own_settings(capsys, tmp_path):
 def test_what_makes_no_camera_is_refused(capsys, tmp_path, more, said):
     assert said in refused(capsys, *sweep(*more))
     assert not list(tmp_path.glob("sweep.*"))
+
+
+@pytest.mark.usefixtures("scenes")
+def test_scenes_that_cannot_be_read_so_are_refused_before_anything_is_measured(capsys, tmp_path):
+    with xr.open_dataset("measured.nc") as whole:
+        whole[["radiance"]].to_netcdf("bare.nc")
+    for name, remedy in (("bare.nc", "--placed random"), ("none.nc", "no such")):
+        assert remedy in refused(capsys, "sweep", "spectral-depth", name, "--vary", "slots=1,2", "--out", "found")
+    assert "--placed random" in refused(capsys, "simulate", "spectral-depth", "bare.nc")
+    assert not list(tmp_path.glob("found*"))

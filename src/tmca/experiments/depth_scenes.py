@@ -66,7 +66,11 @@ def load_spectral_depth(
         scene = place_cube(at_bands(read(source), wavelengths), near, far, seed, placed)  # type: ignore[arg-type]
     else:
         how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed} if from_rgb else {}
-        scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
+        try:
+            scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
+        except DataError:
+            check_depth_scene(source, placed, from_rgb)
+            raise
         reduce = 1
     scene = reduced_scene(scene, None if reduce == 1 else reduce, source)
     scene["radiance"] = at_bands(scene["radiance"], wavelengths)
@@ -99,15 +103,25 @@ def load_any_depth_scene(
 
     how: dict[str, Any] = {"near": camera.planes.near, "far": camera.planes.far}
     if Path(source).exists() or source not in rendered_names():
-        kind, least = _kind_and_side(source)
-        if kind == "cube" and placed is None:
-            raise DataError(source, "a cube without depth", "one with depth", 'put it at drawn ones: placed="random"')
-        if kind == "RGB-D scene" and not from_rgb:
-            remedy = "make them up of measured reflectances: from_rgb=True"
-            raise DataError(source, "an RGB picture with depth", "spectra and depth", remedy)
+        kind, least = check_depth_scene(source, placed, from_rgb)
         how |= {"reduce": max(1, least // side)}
         how |= {"placed": placed} if kind == "cube" else {"from_rgb": from_rgb and kind != "spectral-depth scene"}
     return load_spectral_depth(source, camera.wavelengths, **how)
+
+
+def check_depth_scene(source: str, placed: str | None, from_rgb: bool) -> tuple[str, int]:
+    """Kind and shorter side of a file or folder, in pixels.
+
+    Raises:
+        DataError: no scene, or one whose kind asks for ``placed`` or ``from_rgb``.
+    """
+    kind, least = _kind_and_side(source)
+    if kind == "cube" and placed is None:
+        raise DataError(source, "a cube without depth", "one with depth", 'put it at drawn ones: placed="random"')
+    if kind == "RGB-D scene" and not from_rgb:
+        remedy = "make them up of measured reflectances: from_rgb=True"
+        raise DataError(source, "an RGB picture with depth", "spectra and depth", remedy)
+    return kind, least
 
 
 def _kind_and_side(source: str) -> tuple[str, int]:

@@ -12,7 +12,7 @@ from tmca.decoders.depth_likelihood import WINDOW
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.depth_priors import learned_depth_prior
-from tmca.experiments.depth_scenes import load_any_depth_scene, middle_of
+from tmca.experiments.depth_scenes import check_depth_scene, load_any_depth_scene, middle_of
 from tmca.experiments.scenes import identity_of
 from tmca.experiments.spectral_depth import reconstruct_spectral_depth, take_spectral_depth_snapshot
 from tmca.experiments.sweep import Swept, Values, sweep
@@ -114,9 +114,14 @@ def sweep_spectral_depth(
         window: of the patch likelihood, pixels.
         how: further arguments of ``sweep``.
     """
+    from tmca.data import rendered_names
+
     reading: Settings = {"side": side, "placed": placed, "from_rgb": from_rgb}
 
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
+        for name in scenes:
+            if Path(name).exists() or name not in rendered_names():
+                check_depth_scene(name, placed, from_rgb)
         files = {str(point["codes"]) for point in points if "codes" in point}
         return {"prior": learned_depth_prior(train, work, preset, window, reading) if train else None,
                 "code_files": [identity_of(name) for name in sorted(files)]}  # fmt: skip
