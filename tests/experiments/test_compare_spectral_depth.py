@@ -11,10 +11,11 @@ from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
 from tmca.experiments import compare_spectral_depth as comparison
+from tmca.experiments import spectral_depth_plan as plan
 from tmca.experiments.spectral_depth_rows import CODES, CONSTANT, Sizes
 from tmca.experiments.spectral_depth_tables import margins, markdown, order
 
-SHOWN = ("diffractive element only, optimised", "TMCA random K = 4")
+SHOWN = ("diffractive element only, optimised", "TMCA random K = 4", "diffractive element only, learned")
 SMALL = Sizes(side=60, crop=(32, 36), window=8, patch=24, searched=4)
 
 
@@ -38,8 +39,8 @@ def scenes(tmp_path):
 def few(monkeypatch):
     for name in set(CODES) - set(SHOWN):
         monkeypatch.delitem(CODES, name)
-    monkeypatch.setattr(comparison, "DESIGNED", SHOWN[:1])
-    monkeypatch.setattr(comparison, "TRAINED", SHOWN[1:])
+    monkeypatch.setattr(plan, "DESIGNED", SHOWN[:1])
+    monkeypatch.setattr(plan, "TRAINED", SHOWN[1:])
 
 
 def compare(tmp_path, scenes, **changes):
@@ -56,8 +57,10 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     rows = {(row["code"], row["noise"], row["decoder"]): row for row in found["rows"]}
     noises = {row["noise"] for row in found["rows"]} - {""}
     wanted = {(code, noise, "likelihood") for code in SHOWN for noise in noises}
-    wanted |= {(SHOWN[1], noise, "two-headed") for noise in noises} | {(CONSTANT, "", CONSTANT)}
+    wanted |= {(code, noise, "two-headed") for code in SHOWN[1:] for noise in noises} | {(CONSTANT, "", CONSTANT)}
     assert set(rows) == wanted
+    moved, start = (rows[code, "σ = 0.002", "likelihood"]["psnr"] for code in (SHOWN[2], SHOWN[0]))
+    assert abs(moved - start) > 1e-3  # the learned masks are others than those they began with
     assert json.loads((tmp_path / "out" / "spectral-depth.json").read_text())["rows"] == found["rows"]
     page = (tmp_path / "out" / "spectral-depth.md").read_text()
     assert page == markdown(found)
@@ -65,7 +68,7 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     assert {file.name for file in (tmp_path / "out").glob("*.png")} == {
         "spectral-depth_fisher.png", "spectral-depth_measured.png"
     }  # fmt: skip
-    assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN for n in noises}
+    assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN[:2] for n in noises}
     assert all(row["confusion"] > 0 and row["psnr"] > 0 and row["fisher"] > 0 for row in found["foretold"])
     guess = rows[CONSTANT, "", CONSTANT]
     with xr.open_dataset(scenes[1]) as truth:
@@ -113,7 +116,7 @@ def test_networks_learn_from_no_scene_that_is_measured(tmp_path):
         "checksums": [],
         "scenes": {rendered[1]: "a"},
     }
-    cells = comparison._trainings(common, SMALL, ["own.nc"], {}, ["two-headed"], [0], 2, tmp_path)
+    cells = plan.trainings(common, SMALL, ["own.nc"], {}, ["two-headed"], [0], 2, tmp_path)
     learned = {name for cell in cells for part in ("train", "validation") for name in cell["training"]["data"][part]}
     assert learned == {"own.nc", *rendered} - {rendered[1]}
 

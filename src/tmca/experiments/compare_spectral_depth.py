@@ -7,28 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tmca.cameras import SpectralDepthCamera
 from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
+from tmca.experiments import spectral_depth_plan as plan
+from tmca.experiments.cells import Failures, Measured, Settings, Timed, run_cells, source_digest, timed
 from tmca.experiments.depth_priors import learned_depth_prior
 from tmca.experiments.depth_scenes import load_any_depth_scene
 from tmca.experiments.results import check_counts, check_decoders, check_new
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.spectral_depth_cells import measure
 from tmca.experiments.spectral_depth_comparison_figures import comparison_pictures, picture_files
-from tmca.experiments.spectral_depth_rows import (
-    CODES,
-    CONSTANT,
-    DECODER_NAMES,
-    DESIGNED,
-    NETWORKS,
-    NOISES,
-    TRAINED,
-    Sizes,
-    training_of,
-)
+from tmca.experiments.spectral_depth_rows import CONSTANT, DECODER_NAMES, NETWORKS, Sizes
 from tmca.experiments.spectral_depth_tables import markdown, results
 
 EFFORT = {"starts": 3, "steps": 40, "rate": 0.003}
@@ -108,13 +97,13 @@ def compare_spectral_depth(
         return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
 
     constant = {**common, "kind": "constant", "name": CONSTANT, "seed": seed, "decoder": CONSTANT, "noise": ""}
-    found = run(_searches(common, own, effort or EFFORT, every)) + run([constant])
+    found = run(plan.searches(common, own, effort or EFFORT, every)) + run([constant])
     codes = {(cell["code"], cell["seed"]): cell["codes"] for cell in found if "codes" in cell}
     if "likelihood" in decoders:
-        rows = _untrained(common, own, codes, every)
-        found += run(rows) + run(_foretold(rows, own))
-    trained = run(_trainings(common, own, learned, codes, decoders, every, steps, work))
-    found += trained + run(_behind_networks(common, own, trained))
+        rows = plan.untrained(common, own, codes, every)
+        found += run(rows) + run(plan.foretold(rows, own))
+    trained = run(plan.trainings(common, own, learned, codes, decoders, every, steps, work))
+    found += trained + run(plan.behind_networks(common, own, trained, "likelihood" in decoders))
     if not any("metrics" in cell for cell in found):
         failures.check()
     split = {"train": list(short_names(list(learned)).values()), "test": list(names.values()), **how}
@@ -137,72 +126,3 @@ def _check_apart(train: Sequence[str], test: Sequence[str]) -> None:
     both = sorted({place_of(name) for name in train} & {place_of(name) for name in test})
     if both:
         raise SettingError("--test", f"{both[0]}, a training scene", "other scenes")
-
-
-def _searches(common: Settings, sizes: Sizes, effort: dict[str, Any], seeds: Sequence[int]) -> list[Settings]:
-    noise, sensor = next(iter(NOISES.items()))
-    kept = {name: common[name] for name in ("source", "preset", "prior")}
-    return [
-        {**kept, "kind": "search", "name": f"search · {code} · seed {seed}", "code": code, "noise": noise,
-         "sensor": sensor, "seed": seed, "effort": effort, "window": sizes.searched}
-        for code in DESIGNED for seed in seeds
-    ]  # fmt: skip
-
-
-def _untrained(
-    common: Settings, sizes: Sizes, codes: dict[tuple[str, int], str], seeds: Sequence[int]
-) -> list[Settings]:
-    return [
-        {**common, "kind": "rows", "name": f"{code} · {noise} · likelihood · seed {seed}", "code": code, "noise": noise,
-         "sensor": sensor, "seed": seed, "decoder": "likelihood", "window": sizes.window,
-         "codes": codes.get((code, seed)), "keep": seed == seeds[0] and noise == next(iter(NOISES))}
-        for code in CODES for noise, sensor in NOISES.items() for seed in seeds
-        if (code, seed) in codes or code not in DESIGNED
-    ]  # fmt: skip
-
-
-def _foretold(rows: Sequence[Settings], sizes: Sizes) -> list[Settings]:
-    """What is foretold of every row without a network."""
-    kept = ("source", "preset", "prior", "code", "noise", "sensor", "seed", "codes")
-    return [
-        {**{name: row[name] for name in kept}, "kind": "foretold", "window": sizes.searched,
-         "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}
-        for row in rows
-    ]  # fmt: skip
-
-
-def _trainings(
-    common: Settings,
-    sizes: Sizes,
-    train: Sequence[str],
-    codes: dict[tuple[str, int], str],
-    decoders: Sequence[str],
-    seeds: Sequence[int],
-    steps: int,
-    work: Path,
-) -> list[Settings]:
-    from tmca.data import split_rendered
-
-    own = {*split_rendered()["train"]} - {*common["scenes"]}  # what is measured teaches nothing
-    kept = {name: common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
-    rendered, found = sorted(own), list[Settings]()
-    for decoder in (name for name in decoders if name in NETWORKS):
-        for code in TRAINED:
-            for seed in seeds:
-                training = training_of(code, decoder, seed, steps, sizes, list(NOISES), codes.get((code, seed)))
-                training["data"] |= {"train": [*train, *rendered[1:]], "validation": rendered[:1], "prior": list(train)}
-                cell = {**kept, "kind": "training", "name": f"training · {code} · {decoder} · seed {seed}"}
-                cell |= {"code": code, "decoder": decoder, "seed": seed, "training": training}
-                found.append({**cell, "folder": str(work / f"run-{cell_key(cell)}")})
-    return found
-
-
-def _behind_networks(common: Settings, sizes: Sizes, trained: Sequence[Measured]) -> list[Settings]:
-    first = min((cell["seed"] for cell in trained), default=0)
-    return [
-        {**common, "kind": "rows", "name": f"{cell['code']} · {noise} · {cell['decoder']} · seed {cell['seed']}",
-         "code": cell["code"], "noise": noise, "sensor": sensor, "seed": cell["seed"], "decoder": cell["decoder"],
-         "weights": cell["weights"], "window": sizes.window, "training_seconds": float(np.round(cell["seconds"], 3)),
-         "keep": cell["seed"] == first and noise == next(iter(NOISES))}
-        for cell in trained for noise, sensor in NOISES.items()
-    ]  # fmt: skip

@@ -122,8 +122,9 @@ def _camera(cell: Settings, size: tuple[int, int]) -> SpectralDepthCamera:
     """That of the weights, of a file of codes, or of the code's settings."""
     from tmca.decoders.depth_weights import DepthWeights
 
-    if cell.get("weights"):
-        return DepthWeights.load(cell["weights"]).sized_camera(size, sensor=Sensor(**cell["sensor"]))
+    weights = cell.get("weights") or cell.get("camera_of")
+    if weights:
+        return DepthWeights.load(weights).sized_camera(size, sensor=Sensor(**cell["sensor"]))
     return coded_camera(cell, size, cell.get("codes"))
 
 

@@ -18,10 +18,19 @@ CODES: dict[str, dict[str, Any]] = {
     "TMCA optimised K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
     "TMCA random K = 4": {**_MULTIPLEXED, **_CLEAR},
     "TMCA optimised K = 4": {**_MULTIPLEXED, **_CLEAR},
+    "diffractive element only, learned": {**_STATIC, **_CLEAR},
+    "TMCA learned K = 4": {**_MULTIPLEXED, **_CLEAR},
 }
 """Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes, equal exposure time."""
 DESIGNED = tuple(name for name in CODES if "optimised" in name)
 """Codes whose masks are searched for least confusion of depths, with the same effort."""
+LEARNED = {
+    "diffractive element only, learned": "diffractive element only, optimised",
+    "TMCA learned K = 4": "TMCA optimised K = 4",
+}
+"""Codes whose masks go on being learned together with a network, and the codes they start from."""
+LEARNED_WITH = "two-headed"
+"""The network: its gradient reaches the masks through the snapshot, and no first stage is made anew in every step."""
 STATIC_CODES = tuple(name for name, settings in CODES.items() if settings["slots"] == 1)
 DIFFRACTIVE = tuple(name for name in CODES if name.startswith("diffractive"))
 NOISES: dict[str, dict[str, Any]] = {
@@ -38,7 +47,7 @@ NETWORKS: dict[str, dict[str, Any]] = {
     "physics": {"kind": "two-headed", "start": "likelihood"},
 }
 TRAINED = tuple(name for name in CODES if name != "diffractive element only, random")
-"""Codes that networks are trained behind: one network for all noises."""
+"""Codes that networks are trained behind: one network for all noises. Learned ones have one of their own alone."""
 CONSTANT = "constant guess"
 """Row of a depth map that is the middle of the range, in inverse metres, everywhere."""
 
@@ -70,9 +79,15 @@ def training_of(
     """Settings of a trained row, without its scenes.
 
     Args:
-        codes: file of designed codes.
+        codes: file of designed codes, or those that learned ones start from.
     """
-    camera = {**CODES[code], "preset": sizes.preset, "size": [sizes.patch, sizes.patch], "seed": seed}
+    camera = {
+        **CODES[code],
+        "learn": ["mask"] if code in LEARNED else "none",
+        "preset": sizes.preset,
+        "size": [sizes.patch, sizes.patch],
+        "seed": seed,
+    }
     return {
         "camera": camera,
         "noise": [NOISES[name] for name in noises],
