@@ -17,8 +17,8 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.decoders.depth_likelihood import PatchLikelihood
 from tmca.decoders.depth_posterior import DepthPosterior
-from tmca.experiments.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
-from tmca.experiments.spectral_depth import take_spectral_depth_snapshot
+from tmca.experiments.spectral_depth.imaging import take_spectral_depth_snapshot
+from tmca.experiments.spectral_depth.scenes import depth_tensor, load_any_depth_scene, middle_of
 from tmca.priors import load_prior
 from tmca.sensor import Sensor
 from tmca.training.scenes import named_scenes

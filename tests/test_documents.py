@@ -8,7 +8,7 @@ import pytest
 
 from tmca.cameras.presets import LIGHT_FIELD_PRESETS as CAMERAS
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
-from tmca.experiments.light_field_tables import markdown
+from tmca.experiments.light_field.tables import markdown
 from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
 from tmca.training.spectral_depth import SPECTRAL_DEPTH_TRAININGS
 

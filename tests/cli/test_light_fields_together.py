@@ -10,7 +10,7 @@ from PIL import Image
 from tests.cli.refusals import refused
 from tests.cli.test_light_field_reading import smooth_views, write_views
 from tmca.cli import main
-from tmca.experiments.light_field_reading import Reading
+from tmca.experiments.light_field.reading import Reading
 
 NAMES = ["--pattern", "r{row}c{column}end.png"]
 SWEEP = ["sweep", "light-field", "--vary", "noise=0", "--decoder", "dagger", "--views", "3", "--set", "period=6"]
@@ -66,7 +66,7 @@ def test_codes_are_designed_for_any_naming(place, monkeypatch):
         learned.append(learn(lambda share, step: None))
         raise SystemExit
 
-    monkeypatch.setattr("tmca.experiments.design_light_field.design_codes", design_codes)
+    monkeypatch.setattr("tmca.experiments.design.light_field.design_codes", design_codes)
     for scenes in (["odd", "lens.png", *NAMES, "--lens", "3x3"], ["plain", "lens.png", "--lens", "3x3"]):
         with pytest.raises(SystemExit):
             main(["design", "light-field", *scenes, *DESIGN])

@@ -12,7 +12,7 @@ from tmca.decoders.neural import NeuralDecoder
 from tmca.decoders.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
 from tmca.decoders.start import first_estimate
 from tmca.errors import SettingError, ShapeError
-from tmca.experiments.light_field_rows import NETWORKS
+from tmca.experiments.light_field.rows import NETWORKS
 from tmca.operators import TapOperator, Taps
 from tmca.sensor import Noise
 from tmca.training.light_field import LIGHT_FIELD_PRESETS

@@ -18,7 +18,7 @@ from tmca.experiments.codes.tables import grid_rows, network_rows, scene_rows
 from tmca.experiments.codes.tables import test_rows as rows_of_tests
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.scenes import load_scene
-from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
+from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 

@@ -9,15 +9,15 @@ from PIL import Image
 
 from tests.cli.refusals import refused
 from tmca.decoders import Weights
-from tmca.experiments import light_field_rows as rows
-from tmca.experiments.compare_light_field import compare_light_field
-from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
-from tmca.experiments.light_field_cells import coded_camera, measure
-from tmca.experiments.light_field_comparison_figures import slug
-from tmca.experiments.light_field_learned import Learned
-from tmca.experiments.light_field_pages import left_out, pictures, thesis_table
-from tmca.experiments.light_field_reading import Reading
-from tmca.experiments.light_field_tables import margins, steps_between
+from tmca.experiments.light_field import rows
+from tmca.experiments.light_field.cells import coded_camera, measure
+from tmca.experiments.light_field.comparison import compare_light_field
+from tmca.experiments.light_field.comparison_figures import slug
+from tmca.experiments.light_field.imaging import load_light_field, reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.learned import Learned
+from tmca.experiments.light_field.pages import left_out, pictures, thesis_table
+from tmca.experiments.light_field.reading import Reading
+from tmca.experiments.light_field.tables import margins, steps_between
 from tmca.experiments.scenes import short_names
 
 SIZES = rows.Sizes(views=3, period=6, frame=(30, 36), rendered=(26, 30), crop=(20, 20), patch=16)
@@ -45,9 +45,9 @@ def small():
         for table, name in ((rows.NOISES, list(rows.NOISES)[2]), *((rows.CODES, list(rows.CODES)[i]) for i in (1, 3))):
             patch.delitem(table, name)
         patch.setattr(rows, "TRAINED", ("CLFP optimised", "CLFP E2E"))
-        patch.setattr("tmca.experiments.compare_light_field.TRAINED", rows.TRAINED)
+        patch.setattr("tmca.experiments.light_field.comparison.TRAINED", rows.TRAINED)
         patch.setattr(
-            "tmca.experiments.compare_light_field.scenes_of", lambda train: {"train": [*train], "prior": [*train]}
+            "tmca.experiments.light_field.comparison.scenes_of", lambda train: {"train": [*train], "prior": [*train]}
         )
         yield
 

@@ -10,10 +10,9 @@ import xarray as xr
 from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
-from tmca.experiments import compare_spectral_depth as comparison
-from tmca.experiments import spectral_depth_plan as plan
-from tmca.experiments.spectral_depth_rows import CODES, CONSTANT, Sizes
-from tmca.experiments.spectral_depth_tables import margins, markdown, order
+from tmca.experiments.spectral_depth import comparison, plan
+from tmca.experiments.spectral_depth.rows import CODES, CONSTANT, Sizes
+from tmca.experiments.spectral_depth.tables import margins, markdown, order
 
 SHOWN = ("diffractive element only, optimised", "TMCA random K = 4", "diffractive element only, learned")
 SMALL = Sizes(side=60, crop=(32, 36), window=8, patch=24, searched=4)

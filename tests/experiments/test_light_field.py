@@ -10,13 +10,13 @@ from tests.cli.refusals import refused
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.decoders import Weights
-from tmca.experiments.light_field import (
+from tmca.experiments.light_field.imaging import (
     load_light_field,
     reconstruct_light_field,
     take_light_field_snapshot,
     true_disparity,
 )
-from tmca.experiments.light_field_truth import evaluate_light_field
+from tmca.experiments.light_field.truth import evaluate_light_field
 from tmca.priors import GaussianPrior, PatchDictionary, learn_light_field_prior
 from tmca.priors.light_field import _MIXTURE
 
@@ -72,8 +72,8 @@ def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, cap
     main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
     found = json.loads(capsys.readouterr().out)["metrics"]
     drawn = {}
-    monkeypatch.setattr("tmca.experiments.light_field_truth.light_field_figure", lambda e, t: drawn.update(e, truth=t))
-    monkeypatch.setattr("tmca.experiments.light_field_truth.save_figure", lambda *a, **k: None)
+    monkeypatch.setattr("tmca.experiments.light_field.truth.light_field_figure", lambda e, t: drawn.update(e, truth=t))
+    monkeypatch.setattr("tmca.experiments.light_field.truth.save_figure", lambda *a, **k: None)
     again = evaluate_light_field("e.nc", "coffee", figure=tmp_path / "e.png")
     assert again["psnr"] == pytest.approx(found["psnr"], abs=1e-4)
     assert again["ssim"] == pytest.approx(found["ssim"], abs=1e-5)

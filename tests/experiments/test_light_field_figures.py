@@ -8,11 +8,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tmca.data import label_light_field
 from tmca.errors import OutputError
-from tmca.experiments.animation import border_walk, views_gif
-from tmca.experiments.light_field_figures import disparity_figure, light_field_figure, view_psnr_figure
-from tmca.experiments.refocus import focus_steps, refocus, refocus_strip
-from tmca.experiments.sub_images import sub_images, sub_images_figure
-from tmca.experiments.views import colour_views, horizontal_slice, liveliest, vertical_slice
+from tmca.experiments.light_field.animation import border_walk, views_gif
+from tmca.experiments.light_field.figures import disparity_figure, light_field_figure, view_psnr_figure
+from tmca.experiments.light_field.refocus import focus_steps, refocus, refocus_strip
+from tmca.experiments.light_field.sub_images import sub_images, sub_images_figure
+from tmca.experiments.light_field.views import colour_views, horizontal_slice, liveliest, vertical_slice
 
 
 def dot_field(views=(3, 5), size=(15, 21), disparity=1, place=(7, 10)):

@@ -8,14 +8,14 @@ import xarray as xr
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene
 from tmca.errors import DataError, SettingError
-from tmca.experiments.depth_scenes import load_spectral_depth
 from tmca.experiments.figures import save_figure, spread_points
-from tmca.experiments.spectral_depth import (
+from tmca.experiments.spectral_depth.figures import psf_figure
+from tmca.experiments.spectral_depth.imaging import (
     reconstruct_spectral_depth,
     spectral_depth_pictures,
     take_spectral_depth_snapshot,
 )
-from tmca.experiments.spectral_depth_figures import psf_figure
+from tmca.experiments.spectral_depth.scenes import load_spectral_depth
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block

@@ -9,9 +9,9 @@ from tmca.cameras import LightFieldCamera
 from tmca.data import rendered_scene, select_bands, write_dataset
 from tmca.errors import SettingError
 from tmca.experiments.cells import CellsFailed
-from tmca.experiments.light_field import load_light_field, reconstruct_light_field, take_light_field_snapshot
-from tmca.experiments.sweep_light_field import sweep_light_field
-from tmca.experiments.sweep_spectral import sweep_spectral
+from tmca.experiments.light_field.imaging import load_light_field, reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.sweep import sweep_light_field
+from tmca.experiments.spectral.sweep import sweep_spectral
 
 
 def sweep(folder, vary, scenes=("coffee",), **changes):
@@ -138,7 +138,7 @@ def test_light_fields_are_swept_with_named_codes(tmp_path):
 
 
 def test_codes_are_searched_for_every_combination(tmp_path, monkeypatch):
-    monkeypatch.setattr("tmca.experiments.sweep_light_field.EFFORT", {"descents": 1, "steps": 20, "flips": 100})
+    monkeypatch.setattr("tmca.experiments.light_field.sweep.EFFORT", {"descents": 1, "steps": 20, "flips": 100})
     found = light_fields(tmp_path, {"noise": [0.0, 1.0]}, fixed={"slots": 2, "design": "one-hot"})
     assert len(list((tmp_path / "work" / "designs").glob("one-hot-2-*.nc"))) == 2
     quiet, loud = (row["throughput"] for row in found["rows"])

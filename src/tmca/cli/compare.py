@@ -50,7 +50,7 @@ def spectral(
         seeds: how many codes and trainings, from --seed on (ADMM-TV: one).
         steps: optimiser steps of the unrolled network with fixed codes; others take as many minutes.
     """
-    from tmca.experiments.compare_spectral import compare_spectral
+    from tmca.experiments.spectral.comparison import compare_spectral
 
     results = compare_spectral(
         train, test, out, work, bands=bands, decoders=decoders.split(","), validation=validation,
@@ -97,8 +97,8 @@ def light_field(
         steps: optimiser steps of every network.
     """
     from tmca.cli.options import size
-    from tmca.experiments.compare_light_field import compare_light_field
-    from tmca.experiments.light_field_rows import Sizes
+    from tmca.experiments.light_field.comparison import compare_light_field
+    from tmca.experiments.light_field.rows import Sizes
 
     middle = size(frame, "--frame")
     assert middle is not None
@@ -150,8 +150,8 @@ def spectral_depth(
         steps: optimiser steps of a training.
     """
     from tmca.cli.options import size
-    from tmca.experiments.compare_spectral_depth import compare_spectral_depth
-    from tmca.experiments.spectral_depth_rows import Sizes
+    from tmca.experiments.spectral_depth.comparison import compare_spectral_depth
+    from tmca.experiments.spectral_depth.rows import Sizes
 
     sizes = Sizes(preset=preset, side=side, crop=size(crop, "--crop") or Sizes.crop)
     found = compare_spectral_depth(

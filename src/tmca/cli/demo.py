@@ -36,9 +36,9 @@ def demo(
     assert wanted is not None
     print("tmca demo: loading", file=sys.stderr)
     from tmca.experiments.demo import COLUMNS, run_demo
-    from tmca.experiments.demo_light_field import COLUMNS as LIGHT_FIELD_COLUMNS
-    from tmca.experiments.demo_spectral_depth import COLUMNS as SPECTRAL_DEPTH_COLUMNS
+    from tmca.experiments.light_field.demo import COLUMNS as LIGHT_FIELD_COLUMNS
     from tmca.experiments.results import markdown_table
+    from tmca.experiments.spectral_depth.demo import COLUMNS as SPECTRAL_DEPTH_COLUMNS
 
     with progress_bar("demo") as progress:
         found = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)

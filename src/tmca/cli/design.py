@@ -49,7 +49,7 @@ def spectral(
     """
     from tmca.cli.options import numbers
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.design_spectral import design_spectral
+    from tmca.experiments.design.spectral import design_spectral
 
     camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}
     if dispersion is not None:
@@ -87,7 +87,7 @@ def light_field(
     """
     from tmca.cli.cameras import shear_argument
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.design_light_field import design_light_field
+    from tmca.experiments.design.light_field import design_light_field
 
     sheet, named = sensor.sheet(), search.scenes(scenes)
     with progress_bar(f"design {out.name}") as progress:
@@ -118,8 +118,8 @@ def spectral_depth(
         json: print JSON instead of text.
     """
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.design_depth_page import COLUMNS
-    from tmca.experiments.design_spectral_depth import design_spectral_depth
+    from tmca.experiments.design.depth_page import COLUMNS
+    from tmca.experiments.design.spectral_depth import design_spectral_depth
     from tmca.experiments.results import markdown_table
 
     with progress_bar(f"design {out.name}") as progress:
@@ -135,7 +135,7 @@ def spectral_depth(
 
 def _say(advice: Any, found: dict[str, Any], out: Path, json: bool) -> None:
     """The advice as a table and a sentence, or as JSON."""
-    from tmca.experiments.design_codes import COLUMNS
+    from tmca.experiments.design.codes import COLUMNS
     from tmca.experiments.results import markdown_table
 
     if json:
@@ -173,7 +173,7 @@ def judge(
         json: print JSON, with all levels, correlations and singular values.
     """
     from tmca.cli.options import check_figure, numbers
-    from tmca.experiments.judged_codes import judge_codes
+    from tmca.experiments.design.judged import judge_codes
 
     check_figure(figure, overwrite, codes)
     camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}

@@ -40,9 +40,9 @@ def evaluate(
         json: print JSON instead of text.
     """
     from tmca.data import describe
-    from tmca.experiments.light_field_truth import evaluate_light_field
-    from tmca.experiments.spectral import evaluate_files
-    from tmca.experiments.spectral_depth_truth import evaluate_spectral_depth
+    from tmca.experiments.light_field.truth import evaluate_light_field
+    from tmca.experiments.spectral.imaging import evaluate_files
+    from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth
 
     check_figure(figure, overwrite, estimate)
     about = describe(estimate)

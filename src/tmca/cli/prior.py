@@ -100,7 +100,7 @@ def learn_views(
         seed: of the patches that a dictionary or a mixture learns from.
     """
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.light_field_priors import learn_views_to_file
+    from tmca.experiments.light_field.priors import learn_views_to_file
 
     check_figure(figure, overwrite)
     if dictionary and mixture:

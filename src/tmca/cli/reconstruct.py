@@ -82,7 +82,7 @@ def _spectral(
     output: OutputOptions,
     how: dict[str, Any],
 ) -> tuple[Any, list[Path]]:
-    from tmca.experiments.spectral import (
+    from tmca.experiments.spectral.imaging import (
         reconstruct_snapshot,
         reconstruction_files,
         reconstruction_pictures,
@@ -109,12 +109,12 @@ def _light_field(
     output: OutputOptions,
     how: dict[str, Any],
 ) -> tuple[Any, list[Path]]:
-    from tmca.experiments.light_field import (
+    from tmca.experiments.light_field.imaging import (
         light_field_files,
         light_field_pictures,
         reconstruct_light_field,
     )
-    from tmca.experiments.light_field_truth import true_light_field
+    from tmca.experiments.light_field.truth import true_light_field
 
     check_targets(light_field_files(target, output.figures), output.overwrite, snapshot)
     given = reading.views_reading()

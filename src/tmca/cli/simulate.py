@@ -56,7 +56,7 @@ def spectral(
     """
     from tmca.experiments.scenes import load_scene
     from tmca.experiments.snapshots import snapshot_files
-    from tmca.experiments.spectral import take_snapshot
+    from tmca.experiments.spectral.imaging import take_snapshot
 
     kept = None if all_bands else bands
     if not scenes:
@@ -91,7 +91,7 @@ def light_field(
         scene: a folder of views, a lenslet picture, a labelled file, or a rendered scene such as coffee, or coffee:3.
         crop: HEIGHTxWIDTH, the middle of the scene; the size of a rendered one.
     """
-    from tmca.experiments.light_field import load_light_field, take_light_field_snapshot
+    from tmca.experiments.light_field.imaging import load_light_field, take_light_field_snapshot
     from tmca.experiments.snapshots import snapshot_files
 
     field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())
@@ -124,7 +124,7 @@ def spectral_depth(
             --from-rgb, or a cube with --placed.
         crop: HEIGHTxWIDTH, the middle of the scene.
     """
-    from tmca.experiments.spectral_depth import depth_snapshot_pictures
+    from tmca.experiments.spectral_depth.imaging import depth_snapshot_pictures
 
     taken, target = take(scene, crop, reading, camera, sensor, output)
     about = {"bands": taken.camera.bands, "unknown_depth_pixels": taken.notes["unknown_depth_pixels"]}

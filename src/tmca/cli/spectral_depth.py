@@ -38,7 +38,7 @@ class DepthSceneOptions:
 
     def load(self, source: str, camera: SpectralDepthCamera, crop: tuple[int, int] | None) -> xr.Dataset:
         """The scene at bands and depth range of a camera."""
-        from tmca.experiments.depth_scenes import load_spectral_depth
+        from tmca.experiments.spectral_depth.scenes import load_spectral_depth
 
         if self.reduce < 1:
             raise SettingError("--reduce", str(self.reduce), "1 or more")
@@ -141,7 +141,7 @@ def take(
     output: OutputOptions,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
-    from tmca.experiments.spectral_depth import depth_snapshot_files, take_spectral_depth_snapshot
+    from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
 
     probe = options.camera(sensor, (32, 32))
     loaded = reading.load(scene, probe, size(crop, "--crop"))
@@ -171,12 +171,12 @@ def reconstruct(
     weights: str | None = None,
 ) -> tuple[Any, list[Path]]:
     """Cube and depth of a snapshot, and the files that were written."""
-    from tmca.experiments.depth_scenes import true_spectral_depth
-    from tmca.experiments.spectral_depth import (
+    from tmca.experiments.spectral_depth.imaging import (
         reconstruct_spectral_depth,
         spectral_depth_files,
         spectral_depth_pictures,
     )
+    from tmca.experiments.spectral_depth.scenes import true_spectral_depth
 
     check_targets(spectral_depth_files(target, output.figures), output.overwrite, snapshot)
     scene = None if truth is None else true_spectral_depth(truth, taken)

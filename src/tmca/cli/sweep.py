@@ -57,7 +57,7 @@ def spectral(
     """
     from tmca.cli.options import size
     from tmca.data import read_split, split_rendered
-    from tmca.experiments.sweep_spectral import sweep_spectral
+    from tmca.experiments.spectral.sweep import sweep_spectral
 
     named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
     axes, fixed = _axes(vary, set_)
@@ -103,7 +103,7 @@ def light_field(
     """
     from tmca.cli.options import size
     from tmca.data import read_split, split_rendered_light_fields
-    from tmca.experiments.sweep_light_field import sweep_light_field
+    from tmca.experiments.light_field.sweep import sweep_light_field
 
     given = [*scenes, *(map(str, read_split(test)) if test else ())]
     named = given or sorted(split_rendered_light_fields()["test"])
@@ -155,7 +155,7 @@ def spectral_depth(
     """
     from tmca.cli.options import size
     from tmca.data import read_split, split_rendered
-    from tmca.experiments.sweep_spectral_depth import sweep_spectral_depth
+    from tmca.experiments.spectral_depth.sweep import sweep_spectral_depth
 
     named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
     axes, fixed = _axes(vary, set_)

@@ -86,7 +86,7 @@ def light_field(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.light_field_reading import training_loader
+    from tmca.experiments.light_field.reading import training_loader
     from tmca.training import light_field_settings, train_light_field
 
     files = {f"data.{name}": value for name, value in reading.files().items()}
@@ -127,7 +127,7 @@ def spectral_depth(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.depth_scenes import load_any_depth_scene
+    from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
     from tmca.training import spectral_depth_settings, train_spectral_depth
     from tmca.training.spectral_depth import training_camera
 

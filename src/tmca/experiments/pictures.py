@@ -10,9 +10,9 @@ import numpy as np
 from tmca.cameras.snapshots import Snapshot, holds_snapshot
 from tmca.errors import DataError
 from tmca.experiments.camera_figures import snapshot_figure
-from tmca.experiments.depth_views import rgbd_picture, spectral_depth_picture
 from tmca.experiments.figures import cube_figure, image_figure, save_figure
-from tmca.experiments.light_field_views import light_field_picture
+from tmca.experiments.light_field.picture import light_field_picture
+from tmca.experiments.spectral_depth.maps import rgbd_picture, spectral_depth_picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

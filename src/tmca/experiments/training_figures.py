@@ -11,7 +11,7 @@ from tmca.decoders.neural import Weights
 from tmca.decoders.weights_file import read_weights
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.figures import plain_axes, save_figure
-from tmca.experiments.spectral_depth_figures import phase_codes_figure, psf_figure
+from tmca.experiments.spectral_depth.figures import phase_codes_figure, psf_figure
 from tmca.training.log import TrainingLog
 
 if TYPE_CHECKING:

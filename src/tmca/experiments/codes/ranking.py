@@ -91,7 +91,7 @@ def coded(task: Task, code: dict[str, Any]) -> CodedCamera:
 
 def _measured(task: Task, cell: Settings, camera: CodedCamera, decoder: str, **with_: Any) -> dict[str, float]:
     """PSNR on the middle of each test scene."""
-    from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
+    from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 
     size, found = (int(cell["size"][0]), int(cell["size"][1])), {}
     for path in cell["test"]:
@@ -105,7 +105,7 @@ def _measured(task: Task, cell: Settings, camera: CodedCamera, decoder: str, **w
 def _trained(task: Task, cell: Settings, camera: CodedCamera) -> Path:
     """Weights of an unrolled network trained for these codes and this noise alone, with the codes if they are tuned."""
     from tmca.data import make_folder
-    from tmca.experiments.spectral_rows import FROZEN, RATE, scenes_of
+    from tmca.experiments.spectral.rows import FROZEN, RATE, scenes_of
     from tmca.training import settings_from, train_spectral
 
     folder, codes = make_folder(Path(cell["folder"])), camera.multiplexed

@@ -95,7 +95,7 @@ def _compared(
 
 
 def _measured(cell: Settings, camera: CodedCamera, prior: GaussianPrior) -> dict[str, float]:
-    from tmca.experiments.spectral import reconstruct_snapshot, take_snapshot
+    from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 
     scene = load_scene(cell["path"], bands=cell["bands"])
     size = (scene.sizes["y"], scene.sizes["x"])

@@ -15,7 +15,7 @@ from tmca.experiments.codes.learned import examples_folder, mixture_file, prior_
 from tmca.experiments.codes.ranking import RANKED, correlations, networks, ranked_there, ranking
 from tmca.experiments.codes.searches import design_ahead, grid, in_the_light, on_test_scene
 from tmca.experiments.codes.tables import study_markdown
-from tmca.experiments.design_checks import check_size
+from tmca.experiments.design.checks import check_size
 from tmca.experiments.results import check_new, repository_commit
 from tmca.experiments.scenes import identity_of
 

@@ -1,0 +1,1 @@
+"""What `tmca design` does: codes and masks for a sensor, with a page about them."""

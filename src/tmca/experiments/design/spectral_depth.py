@@ -1,0 +1,178 @@
+"""Phase masks of a spectral-depth camera for a sensor: searched, judged, written as files with a page about them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from tmca.cameras.checks import choice
+from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
+from tmca.design import SensorSheet
+from tmca.design.mask_advice import MaskAdvice
+from tmca.design.mask_search import MaskEffort, MaskTask, Told, search_masks
+from tmca.errors import DataError, SettingError
+from tmca.experiments.design.checks import named_once
+from tmca.experiments.design.depth_page import described, design_files, write_design
+from tmca.experiments.results import check_new
+from tmca.experiments.scenes import at_bands
+from tmca.optics import PhaseMaskBench, Stroke
+from tmca.priors import GaussianPrior
+from tmca.priors.spectral_depth import needed_block
+
+SLOTS = (1, 2, 4)
+"""Numbers of slots that are tried."""
+
+
+def design_spectral_depth(
+    sheet: SensorSheet,
+    out: Path,
+    *,
+    scenes: Sequence[str] = (),
+    prior: str | Path | GaussianPrior | None = None,
+    preset: str = "quick",
+    bands: int = 4,
+    bench: Mapping[str, Any] | None = None,
+    camera: Mapping[str, Any] | None = None,
+    slots: Sequence[int] | None = None,
+    shutter: str = "one-hot",
+    mask: str = "zernike",
+    rms: float | None = None,
+    stroke: float | None = None,
+    levels: int | None = None,
+    learn: Collection[str] = ("mask",),
+    window: int = 8,
+    effort: MaskEffort | None = None,
+    seed: int = 0,
+    overwrite: bool = False,
+    progress: Told | None = None,
+    command: Sequence[str] = (),
+) -> tuple[MaskAdvice, dict[str, Any]]:
+    """Search phase masks that tell depths apart, static and time-multiplexed with the same effort, into a folder.
+
+    Args:
+        sheet: sensor and modulator.
+        out: folder of ``design.json``, ``design.html``, ``fisher.png``, ``distances.png``, and for every number of
+            slots K ``codes_kK.nc``, ``masks_kK.png`` and ``psf_kK.png``; ``codes.nc`` are the recommended ones.
+        scenes: cubes or rendered scenes that the prior is learned from; the rendered training scenes without any.
+        prior: a stationary Gaussian prior of the searched bands, or its file, instead of scenes.
+        preset: name of the camera that the other arguments change.
+        bands: that are searched, evenly over those of the preset.
+        bench: arguments of ``PhaseMaskBench`` to replace.
+        camera: arguments of ``SpectralDepthCamera`` to replace: ``depth``, ``planes``, ``period``, and ``filters`` and
+            ``channels`` by name, which are clear and monochrome without.
+        slots: numbers of slots to try; those of ``SLOTS`` that fit the exposure without. One slot is always tried.
+        shutter: family of the shutter beside several slots.
+        mask, rms, learn, window: see ``MaskTask``.
+        stroke: largest height range of the device, metres; any without.
+        levels: heights that it can show; any without.
+        effort: of every search.
+        seed: of masks, shutter and filters.
+        overwrite: replace files that exist.
+        progress: told the share that is done and what is done.
+        command: how it was called, kept in the files.
+
+    Returns:
+        The advice, and what ``design.json`` holds.
+
+    Raises:
+        SettingError, ShapeError, DataError: what cannot be searched, or scenes or a prior that do not fit.
+        OutputError: files exist, or none can be written.
+    """
+    from tmca.data import check_folder
+
+    counts = _counts(sheet, slots)
+    check_new((out / name for name in design_files(counts)), overwrite)
+    settings = _camera(preset, bands, {**(camera or {}), "sensor": sheet.sensor()})
+    task = MaskTask(
+        _bench(preset, bench or {}), settings, shutter, mask, rms, _stroke(stroke, levels), learn, window, seed
+    )
+    for count in counts:
+        task.made(count, 0)
+    named_once(scenes)
+    check_folder(out)
+    told, effort = progress or (lambda share, step: None), effort or MaskEffort()
+    known = _prior(scenes, prior, task, lambda share, step: told(0.3 * share, step))
+    advice = search_masks(task, known, counts, effort, lambda share, step: told(0.3 + 0.68 * share, step))
+    found = described(advice, task, effort, known, {"preset": preset, "sensor": asdict(sheet)}, command)
+    write_design(advice, found, out, overwrite)
+    return advice, found
+
+
+def _counts(sheet: SensorSheet, slots: Sequence[int] | None) -> list[int]:
+    most = sheet.most_slots
+    asked = [k for k in SLOTS if most is None or k <= most] if slots is None else list(slots)
+    return sorted({1, *sheet.allowed(asked)})
+
+
+def _bench(preset: str, changes: Mapping[str, Any]) -> PhaseMaskBench:
+    own: PhaseMaskBench = SPECTRAL_DEPTH_PRESETS[preset]["bench"]
+    return replace(own, **changes)
+
+
+def _stroke(reach: float | None, levels: int | None) -> Stroke | None:
+    if reach is None:
+        if levels is not None:
+            raise SettingError("--levels", f"{levels} without a stroke", "the device's --stroke beside it")
+        return None
+    if not 0 < reach < float("inf"):
+        raise SettingError("--stroke", f"{reach:g} m", "metres above 0")
+    return Stroke(-reach / 2, reach / 2, levels)
+
+
+def _camera(preset: str, bands: int, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of the searched cameras."""
+    own = SPECTRAL_DEPTH_PRESETS[choice("preset", preset, tuple(SPECTRAL_DEPTH_PRESETS))]
+    if bands < 2:
+        raise SettingError("--bands", str(bands), "2 or more")
+    waves = tuple(np.linspace(own["bands"][0], own["bands"][-1], bands).tolist())
+    kept = {name: own[name] for name in ("depth", "planes", "period")}
+    return {**kept, "filters": "clear", "channels": "monochrome", **changes, "bands": waves}
+
+
+def _prior(
+    scenes: Sequence[str], prior: str | Path | GaussianPrior | None, task: MaskTask, told: Told
+) -> GaussianPrior:
+    from tmca.priors import load_prior, rendered_prior
+
+    waves, block = task.camera["bands"], needed_block(task.window, task.bench.window)
+    if prior is not None:
+        if scenes:
+            raise SettingError("--prior", "scenes beside it", "one of them")
+        known = load_prior(prior) if isinstance(prior, (str, Path)) else prior
+        return _fitting(known, waves, "prior" if isinstance(prior, GaussianPrior) else str(prior))
+    if not scenes:
+        return _fitting(rendered_prior(waves, 0, block=block, progress=told), waves, "prior")
+    cubes = []
+    for place, name in enumerate(scenes):
+        told(place / len(scenes), f"reading {name}")
+        cubes.append(torch.from_numpy(np.ascontiguousarray(_cube(name, waves))))
+    told(0.9, "learning what the scenes have in common")
+    return GaussianPrior.learn(cubes, block, wavelengths=waves, sources=[Path(name).stem for name in scenes])
+
+
+def _fitting(prior: Any, waves: Sequence[float], where: str) -> GaussianPrior:
+    """The prior, unless it is of another kind or of other bands."""
+    if not isinstance(prior, GaussianPrior):
+        raise SettingError(where, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
+    own = prior.wavelengths
+    if own is not None and (len(own) != len(waves) or not np.allclose(own, waves, rtol=1e-6)):
+        found, wanted = (", ".join(f"{w * 1e9:.0f}" for w in bands) for bands in (own, waves))
+        raise DataError(where, f"bands at {found} nm", f"{wanted} nm", "learn it at these, or change --bands")
+    return prior
+
+
+def _cube(name: str, waves: Sequence[float]) -> np.ndarray:
+    """(L, H, W) of an example scene at these bands."""
+    from tmca.data import read, rendered_names, rendered_scene
+
+    if not Path(name).exists() and name in rendered_names():
+        return np.asarray(rendered_scene(name, wavelengths=list(waves), size=(256, 256))["radiance"].values)
+    cube = at_bands(read(name), waves)
+    if not cube.values.any():
+        raise DataError(name, "no light, every pixel is zero", "a lit scene", "leave it out")
+    return np.asarray(cube.values, dtype=np.float32)

@@ -1,0 +1,1 @@
+"""The light-field camera: snapshots and reconstructions, its comparison and sweeps."""

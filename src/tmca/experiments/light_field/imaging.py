@@ -1,0 +1,264 @@
+"""The light-field camera's main job: views → snapshot → views again, with files, metrics and pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.cameras import LightFieldCamera, Snapshot
+from tmca.decoders import Decoded, Weights, decode_light_field
+from tmca.errors import DataError, SettingError
+from tmca.experiments.figures import save_figure
+from tmca.experiments.light_field.animation import views_gif
+from tmca.experiments.light_field.figures import light_field_figure
+from tmca.experiments.light_field.refocus import focus_steps, refocus_strip
+from tmca.experiments.reconstructions import write_reconstruction
+from tmca.experiments.snapshots import NOISE_STREAM
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.priors import GaussianPrior, PatchDictionary, Prior
+
+READING = "scene_reading"
+"""Attribute of light fields, snapshots and estimates: how the scene was read, as JSON."""
+
+
+@dataclass
+class LightFieldReconstruction:
+    """A reconstructed light field with its coordinates.
+
+    Args:
+        light_field: (view_v, view_u, y, x) estimate, with colours first if there are any.
+        deviation: of the same shape, predicted standard deviation, if known.
+        decoder: which one.
+        seconds: wall time.
+        metrics: against the truth, if it is known.
+        notes: settings and provenance, kept as attributes.
+    """
+
+    light_field: xr.DataArray
+    deviation: xr.DataArray | None
+    decoder: str
+    seconds: float
+    metrics: dict[str, float] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write ``estimate`` and ``deviation`` to a NetCDF file.
+
+        Raises:
+            OutputError: the file exists, or cannot be written.
+        """
+        return write_reconstruction(self, self.light_field, path, overwrite)
+
+
+def load_light_field(
+    source: str,
+    *,
+    views: int | None = 5,
+    size: tuple[int, int] | None = None,
+    scale: int | None = None,
+    colour: bool = False,
+    pattern: str | None = None,
+    lens: tuple[int, int] | None = None,
+) -> xr.DataArray:
+    """A light field from files, or a rendered one.
+
+    Args:
+        source: what ``tmca.data.read_light_field`` reads, or the name of a rendered scene, ``coffee`` or with the seed
+            of its arrangement ``coffee:3``.
+        views: n for the centre n×n views; all if None.
+        size: (H, W) centre crop.
+        scale: whole number of pixels per axis that are averaged into one.
+        colour: red, green and blue instead of their luminance.
+        pattern: of the file names of a folder.
+        lens: (rows, columns) of the views under a lens of a lenslet picture; 14×14 without.
+
+    Returns:
+        (view_v, view_u, y, x), or (colour, view_v, view_u, y, x), with an attribute ``name``, and ``scene_reading``: a
+        JSON object with ``source`` and these arguments.
+
+    Raises:
+        DataError, SettingError: no such light field, or one that cannot be used so.
+    """
+    from tmca.data import read_light_field, rendered_names
+
+    asked: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
+    if Path(source).exists():
+        found = read_light_field(source, crop=size, **asked)
+    elif source.partition(":")[0] in rendered_names():
+        _refuse_files(pattern=pattern, lens=lens)
+        found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
+    else:
+        wanted = f"a path, or one of {', '.join(rendered_names())}"
+        raise DataError(source, "no such file, folder or rendered scene", wanted)
+    noted = {"source": source, "size": size, **asked, "scale": scale or 1}
+    return found.assign_attrs({READING: json.dumps(noted, default=int)})
+
+
+def _refuse_files(**asked: Any) -> None:
+    """Refuse what only files have."""
+    for name, value in asked.items():
+        if value is not None:
+            text = "×".join(map(str, value)) if isinstance(value, tuple) else value
+            raise SettingError(name, f"{text} of a rendered scene", "a light field from files", "leave it out")
+
+
+def true_disparity(
+    source: str, like: xr.DataArray, scale: int | None = None, pattern: str | None = None
+) -> xr.DataArray | None:
+    """Disparity (y, x) of the centre view in px per view step, brought to the pixels of ``like``; None without."""
+    from tmca.data import find_disparity, read_disparity
+
+    size = (like.sizes["y"], like.sizes["x"])
+    if not Path(source).exists():
+        return _rendered(source, like.sizes["view_v"], size, scale or 1, False)["disparity"]
+    if find_disparity(source) is None:
+        return None
+    return read_disparity(source, crop=size, scale=scale, pattern=pattern)
+
+
+def _rendered(source: str, views: int, size: tuple[int, int] | None, scale: int, colour: bool) -> xr.Dataset:
+    from tmca.data import rendered_light_field
+
+    name, _, seed = source.partition(":")
+    if seed and not seed.isdigit():
+        raise SettingError(source, f"seed {seed!r}", "a whole number, such as coffee:3")
+    if scale != 1:
+        raise SettingError("scale", f"{scale} of a rendered scene", "1: choose its size instead", "leave it out")
+    return rendered_light_field(name, views=views, size=size, seed=int(seed or 0), colour=colour)
+
+
+def as_batch(light_field: xr.DataArray) -> Tensor:
+    """(B, V, U, H, W), B the colours."""
+    values = torch.from_numpy(np.ascontiguousarray(light_field.values, dtype=np.float32))
+    return values if values.ndim == 5 else values[None]
+
+
+def take_light_field_snapshot(
+    light_field: xr.DataArray, camera: LightFieldCamera, seed: int = 0
+) -> Snapshot[LightFieldCamera]:
+    """Image a light field.
+
+    Args:
+        light_field: (view_v, view_u, y, x), or with colours first: one snapshot of each.
+        camera: of its views and size.
+        seed: of the sensor's noise, whose stream no code shares.
+    """
+    with torch.no_grad():
+        values = camera(as_batch(light_field), NOISE_STREAM + seed)
+    notes = {"scene": str(light_field.attrs.get("name", "")), "noise_seed": seed}
+    noted = {READING: light_field.attrs[READING]} if READING in light_field.attrs else {}
+    return Snapshot(values, camera, notes | noted)
+
+
+def reconstruct_light_field(
+    snapshot: Snapshot[LightFieldCamera],
+    decoder: str = "lmmse",
+    *,
+    prior: str | Path | GaussianPrior | None = None,
+    dictionary: str | Path | PatchDictionary | None = None,
+    tv_weight: float | None = None,
+    weights: str | Path | Weights | None = None,
+    uncertainty: bool = False,
+    truth: xr.DataArray | None = None,
+    progress: Callable[..., None] | None = None,
+) -> LightFieldReconstruction:
+    """Recover the light field of a snapshot.
+
+    Args:
+        snapshot: with its camera.
+        decoder: one of ``tmca.decoders.LIGHT_FIELD_METHODS``.
+        prior: a prior, its file, or None for the rendered light fields' one.
+        dictionary: a dictionary or its file.
+        tv_weight: of the total variation.
+        weights: of a trained network, their file, or the folder of their run.
+        uncertainty: also estimate the standard deviation of every entry.
+        truth: the light field, for metrics.
+        progress: told the share that is done and, while a prior is learned, what is done next.
+    """
+    from tmca.priors import PatchDictionary
+
+    if isinstance(weights, str) and weights == "default":
+        missing = "'default', of which none come with tmca for light fields"
+        raise SettingError("weights", missing, "a file or run of `tmca train light-field`")
+    chosen = None
+    if decoder == "lmmse" or prior is not None:
+        chosen = find_light_field_prior(prior, snapshot.camera, progress)
+    found = decode_light_field(
+        snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress,
+        dictionary=PatchDictionary.load(dictionary) if isinstance(dictionary, str | Path) else dictionary,
+        weights=Weights.load(weights) if isinstance(weights, str | Path) else weights,
+    )  # fmt: skip
+    return _labelled(found, decoder, snapshot, truth)
+
+
+def find_light_field_prior(
+    prior: str | Path | GaussianPrior | None, camera: LightFieldCamera, progress: Callable[..., None] | None = None
+) -> Prior:
+    """The prior that a decoder shall use: given, from a file, or of the rendered light fields."""
+    from tmca.priors import load_prior, rendered_light_field_prior
+
+    if prior is not None:
+        return load_prior(prior) if isinstance(prior, (str, Path)) else prior
+    if camera.views[0] != camera.views[1]:
+        found = f"{camera.views[0]}×{camera.views[1]} views"
+        raise SettingError("prior", f"none for {found}", "one: the rendered light fields are square", "learn one")
+    return rendered_light_field_prior(camera.views[0], progress=progress)
+
+
+def light_field_files(path: Path, figures: bool) -> list[Path]:
+    """What a reconstruction and its pictures will be called."""
+    if not figures:
+        return [path]
+    return [path, path.with_suffix(".png"), path.with_name(f"{path.stem}_refocus.png"), path.with_suffix(".gif")]
+
+
+def light_field_pictures(
+    result: LightFieldReconstruction,
+    path: Path,
+    *,
+    snapshot: Snapshot[LightFieldCamera],
+    truth: xr.DataArray | None = None,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Centre view with epipolar slices, refocused images, and a walk over the views beside a reconstruction file."""
+    values, taken = result.light_field.values, snapshot.values[:, 0].numpy()
+    _, picture, strip, walk = light_field_files(path, figures=True)
+    shown = taken if len(taken) > 1 else taken[0]
+    drawing = light_field_figure({result.decoder: values}, None if truth is None else truth.values, shown)
+    title = f"{path.stem}: refocused, disparity in px per view"
+    return [
+        save_figure(drawing, picture, overwrite=overwrite),
+        save_figure(refocus_strip(values, focus_steps(result.light_field), title), strip, overwrite=overwrite),
+        views_gif(values, walk, overwrite=overwrite),
+    ]
+
+
+def _labelled(
+    found: Decoded, decoder: str, snapshot: Snapshot[LightFieldCamera], truth: xr.DataArray | None
+) -> LightFieldReconstruction:
+    from tmca.data import label_light_field
+    from tmca.metrics import light_field_metrics
+
+    def labelled(values: Tensor, meaning: str) -> xr.DataArray:
+        array = values.numpy() if len(values) > 1 else values[0].numpy()
+        return label_light_field(array, {"long_name": meaning})
+
+    estimate = labelled(found.estimate, f"light field estimated by {decoder}")
+    return LightFieldReconstruction(
+        light_field=estimate,
+        deviation=None if found.deviation is None else labelled(found.deviation, "predicted standard deviation"),
+        decoder=decoder,
+        seconds=found.seconds,
+        metrics={} if truth is None else light_field_metrics(estimate.values, truth.values),
+        notes={**snapshot.notes, **found.notes},
+    )

@@ -1,0 +1,87 @@
+"""What experiments learn of light fields, once each: priors, a dictionary, examples to design codes for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.experiments.cells import Settings, cell_key, source_digest
+from tmca.experiments.light_field.reading import Reading, read
+from tmca.experiments.scenes import identity_of, short_names
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Learned:
+    """Files of what is learned from training light fields, made when they are first asked for.
+
+    Args:
+        names: of the light fields, what ``load_light_field`` reads.
+        work: folder of the files.
+        views: n for the centre n×n views.
+        reading: of those from files.
+    """
+
+    def __init__(self, names: Sequence[str], work: Path, views: int, reading: Reading) -> None:
+        self.names, self.work, self.views, self.reading = list(names), work, views, reading
+
+    @cached_property
+    def light_fields(self) -> list[xr.DataArray]:
+        """All of them."""
+        return [read(name, self.views, self.reading) for name in self.names]
+
+    @cached_property
+    def identity(self) -> Settings:
+        """What a file is made of."""
+        scenes = [[identity_of(name) or name, self.reading.of(name)] for name in self.names]
+        return {"scenes": scenes, "source": source_digest(), "views": self.views}
+
+    def prior(self) -> str:
+        """The Gaussian prior of the patch LMMSE."""
+        from tmca.priors import learn_light_field_prior
+
+        return self._kept("prior", lambda: learn_light_field_prior(self.light_fields))
+
+    def mixture(self) -> str:
+        """The Gaussian mixture."""
+        from tmca.priors import learn_light_field_mixture
+
+        return self._kept("mixture", lambda: learn_light_field_mixture(self.light_fields))
+
+    def dictionary(self, atoms: int) -> str:
+        """A dictionary of patches."""
+        from tmca.priors import PatchDictionary
+        from tmca.priors.light_field import views_of
+
+        def learn() -> Any:
+            own = [views for field in self.light_fields for views in views_of(field)]
+            return PatchDictionary.learn(own, atoms=atoms, sources=self.names)
+
+        return self._kept(f"dictionary-{atoms}", learn)
+
+    def examples(self) -> str:
+        """Folder of examples that codes are designed for; ``load_examples`` reads them."""
+        from tmca.cameras import LightFieldCamera
+        from tmca.data import make_folder
+        from tmca.design import design_model, designable, learn_examples
+        from tmca.experiments.codes.task import save_examples
+        from tmca.priors.light_field import views_of
+
+        folder, grid = self.work / f"examples-{cell_key(self.identity)}", (self.views, self.views)
+        if not (folder / "examples.json").exists():
+            one = designable("static", 1, (8, 8), camera_type=LightFieldCamera, views=grid)
+            cubes = {
+                name.replace("/", "-"): views_of(field)[0].flatten(0, 1)
+                for name, field in zip(short_names(self.names).values(), self.light_fields, strict=True)
+            }
+            save_examples(learn_examples(cubes, design_model(one.taps()), None, views=grid), make_folder(folder))
+        return str(folder)
+
+    def _kept(self, kind: str, learn: Callable[[], Any]) -> str:
+        file = self.work / f"{kind}-{cell_key(self.identity)}.nc"
+        if not file.exists():
+            learn().save(file)
+        return str(file)

@@ -1,0 +1,1 @@
+"""The spectral-depth camera: snapshots and reconstructions, its comparison and sweeps."""

@@ -1,0 +1,140 @@
+"""The cells of the spectral-depth table: searches of masks, trainings, measurements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
+from tmca.experiments.cells import Measured, Settings, cell_key
+from tmca.experiments.spectral_depth.imaging import (
+    reconstruct_spectral_depth,
+    spectral_depth_metrics,
+    take_spectral_depth_snapshot,
+)
+from tmca.experiments.spectral_depth.rows import CODES, CONSTANT
+from tmca.experiments.spectral_depth.scenes import load_any_depth_scene, middle_of
+from tmca.sensor import Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def measure(cell: Settings, folder: str) -> Measured:
+    """One cell of any kind; ``folder`` takes codes and estimates that are kept."""
+    kinds = {"search": search, "training": train, "rows": reconstruct, "constant": guess, "foretold": foretold}
+    return kinds[cell["kind"]](cell, Path(folder))
+
+
+def coded_camera(cell: Settings, size: tuple[int, int], codes: str | None = None) -> SpectralDepthCamera:
+    """The camera of a cell: the code's settings, or the codes of a file."""
+    given: dict[str, Any] = {**CODES[cell["code"]], "seed": cell["seed"], "sensor": Sensor(**cell["sensor"])}
+    given |= {} if codes is None else read_phase_codes(codes)
+    return SpectralDepthCamera.from_preset(cell["preset"], size=size, **given)
+
+
+def search(cell: Settings, folder: Path) -> Measured:
+    """Masks that are searched under one noise; how well they and random ones tell depths apart."""
+    from tmca.design.mask_search import MaskEffort, MaskTask, search_masks
+    from tmca.design.spectral_depth import fisher_information, kullback_leibler
+    from tmca.priors import load_prior
+
+    probe, settings = coded_camera(cell, (64, 64)), CODES[cell["code"]]
+    camera = {"bands": probe.wavelengths, "depth": (probe.planes.near, probe.planes.far), "planes": probe.planes.count}
+    camera |= {"filters": settings["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
+    task = MaskTask(probe.bench, camera, settings["shutter"], window=cell["window"], seed=cell["seed"])
+    prior: Any = load_prior(cell["prior"])
+    advice = search_masks(task, prior, [settings["slots"]], MaskEffort(**cell["effort"]))
+    found = advice.candidates[-1]
+    file = folder / f"codes-{cell_key(cell)}.nc"
+    write_phase_codes(found.camera, file, settings["filters"], "rgb", overwrite=True)
+    told = {}
+    for name, covariance in (("optimised", found.covariance), ("random", found.random_covariance)):
+        fisher = fisher_information(covariance, probe.planes.step)
+        told[name] = {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
+    return {"codes": str(file), "foretold": told, "seconds": found.seconds, "confusion": found.confusion}
+
+
+def foretold(cell: Settings, folder: Path) -> Measured:
+    """What the prior says of a code under a noise, before any scene is seen."""
+    from tmca.design.spectral_depth import confusion, fisher_information, foretell, kullback_leibler
+    from tmca.priors import load_prior
+
+    camera, prior = coded_camera(cell, (64, 64), cell["codes"]), load_prior(cell["prior"])
+    with torch.no_grad():
+        found = foretell(camera, prior, cell["window"])  # type: ignore[arg-type]
+        distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))
+        return {"figures": {
+            "confusion": float(confusion(found.covariance)),
+            "fisher": float(fisher_information(found.covariance, camera.planes.step).log().mean().exp()),
+            "kullback_leibler": float(distance.min(1).values.mean()),
+            "psnr": -10 * float(found.spectral_error.mean().log10()),
+        }}  # fmt: skip
+
+
+def train(cell: Settings, folder: Path) -> Measured:
+    """Train a row's network in a folder of its own, or go on with it."""
+    from tmca.training import spectral_depth_settings, train_spectral_depth
+    from tmca.training.spectral_depth import training_camera
+
+    settings = spectral_depth_settings(None, None, cell["training"])
+    camera = training_camera(settings)
+    how = {"side": cell["side"], "placed": cell["placed"], "from_rgb": cell["from_rgb"]}
+
+    def load(name: str) -> Any:
+        return load_any_depth_scene(name, camera, **how)
+
+    found = train_spectral_depth(settings, Path(cell["folder"]), load)
+    return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
+
+
+def scenes_of(cell: Settings, camera: SpectralDepthCamera) -> dict[str, xr.Dataset]:
+    """The middles of the test scenes, by name."""
+    how = {name: cell[name] for name in ("side", "placed", "from_rgb")}
+    size = (int(cell["crop"][0]), int(cell["crop"][1]))
+    return {
+        name: middle_of(load_any_depth_scene(path, camera, **how), size, path) for path, name in cell["scenes"].items()
+    }
+
+
+def reconstruct(cell: Settings, folder: Path) -> Measured:
+    """Snapshots of all test scenes behind one code with one noise, decoded and measured."""
+    size = (int(cell["crop"][0]), int(cell["crop"][1]))
+    camera = _camera(cell, size)
+    given = {"prior": cell["prior"], "window": cell["window"]} if cell["decoder"] == "likelihood" else {}
+    given |= {"weights": cell["weights"]} if cell.get("weights") else {}
+    metrics, seconds, kept = {}, {}, dict[str, str]()
+    method = "network" if cell.get("weights") else "likelihood"
+    for name, scene in scenes_of(cell, camera).items():
+        snapshot = take_spectral_depth_snapshot(scene, camera, seed=cell["seed"])
+        found = reconstruct_spectral_depth(snapshot, method, truth=scene, **given)
+        metrics[name], seconds[name] = found.metrics, found.seconds
+        if cell["keep"]:
+            kept[name] = str(found.save(folder / f"estimate-{cell_key(cell)}-{len(kept)}.nc", overwrite=True))
+    return {"metrics": metrics, "seconds": seconds, "throughput": camera.throughput(), "kept": kept}
+
+
+def _camera(cell: Settings, size: tuple[int, int]) -> SpectralDepthCamera:
+    """That of the weights, of a file of codes, or of the code's settings."""
+    from tmca.decoders.depth_weights import DepthWeights
+
+    weights = cell.get("weights") or cell.get("camera_of")
+    if weights:
+        return DepthWeights.load(weights).sized_camera(size, sensor=Sensor(**cell["sensor"]))
+    return coded_camera(cell, size, cell.get("codes"))
+
+
+def guess(cell: Settings, folder: Path) -> Measured:
+    """Depth errors of the middle of the range, in inverse metres, everywhere."""
+    camera = SpectralDepthCamera.from_preset(cell["preset"], size=(int(cell["crop"][0]), int(cell["crop"][1])))
+    middle = 2 / (1 / camera.planes.near + 1 / camera.planes.far)
+    metrics = {}
+    for name, scene in scenes_of(cell, camera).items():
+        depth = np.full(camera.size, middle, dtype=np.float32)
+        own = spectral_depth_metrics(scene["radiance"].values, depth, scene, camera.planes)
+        metrics[name] = {key: own[key] for key in ("depth_mae", "depth_rmse", "within_bin")}
+    return {"metrics": metrics, "code": CONSTANT}

@@ -1,0 +1,128 @@
+"""The table of the spectral-depth camera: codes × noises × decoders over test scenes, each cell computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.errors import SettingError
+from tmca.experiments.cells import Failures, Measured, Settings, Timed, run_cells, source_digest, timed
+from tmca.experiments.results import check_counts, check_decoders, check_new
+from tmca.experiments.scenes import identity_of, short_names
+from tmca.experiments.spectral_depth import plan
+from tmca.experiments.spectral_depth.cells import measure
+from tmca.experiments.spectral_depth.comparison_figures import comparison_pictures, picture_files
+from tmca.experiments.spectral_depth.priors import learned_depth_prior
+from tmca.experiments.spectral_depth.rows import CONSTANT, DECODER_NAMES, NETWORKS, Sizes
+from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
+from tmca.experiments.spectral_depth.tables import markdown, results
+
+EFFORT = {"starts": 3, "steps": 40, "rate": 0.003}
+"""Of every search of masks, static or not."""
+
+
+def compare_spectral_depth(
+    train: Sequence[str],
+    test: Sequence[str],
+    out: Path,
+    work: Path,
+    *,
+    decoders: Sequence[str] = ("likelihood",),
+    placed: str | None = None,
+    from_rgb: bool = False,
+    sizes: Sizes | None = None,
+    effort: dict[str, Any] | None = None,
+    seed: int = 0,
+    seeds: int = 1,
+    steps: int = 400,
+    jobs: int = 1,
+    cluster: Settings | None = None,
+    overwrite: bool = False,
+    progress: Timed | None = None,
+    command: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Measure every code, noise and decoder on the scenes of ``test``.
+
+    Args:
+        train: scenes or split files that the prior, the masks and the networks learn from.
+        test: scenes or split files that are measured; they choose nothing.
+        out: folder of ``spectral-depth.md``, ``spectral-depth.json`` and pictures.
+        work: folder of prior, codes and finished cells; a stopped run goes on there.
+        decoders: names of ``DECODER_NAMES``.
+        placed: how cubes without depth are put at drawn depths, a kind of ``tmca.data.place_cube``.
+        from_rgb: make up spectra for RGB-D scenes.
+        sizes: of scenes, windows and patches.
+        effort: arguments of `MaskEffort`, of every search, static or not.
+        seed: of codes, noise and trainings.
+        seeds: how many of them, from ``seed`` on.
+        steps: of a training.
+        jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
+        overwrite: replace results.
+        progress: told (done, all, name, seconds left) after each cell.
+        command: how the run was called, kept in the results.
+
+    Raises:
+        SettingError: unknown decoder, no scenes, or a scene in both lists.
+        OutputError: the results exist.
+        DataError: a scene that cannot be used.
+        CellsFailed: some cells failed; the others are kept.
+    """
+    from tmca.data import make_folder, write_json, write_text
+    from tmca.training.scenes import named_scenes
+
+    own = sizes or Sizes()
+    check_counts(seeds=seeds, steps=steps, jobs=jobs)
+    least = max(min(own.crop), own.patch if {*decoders} & {*NETWORKS} else 1)
+    if own.side < least:
+        raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches and --crop need")
+    check_decoders(decoders, DECODER_NAMES)
+    learned, measured_scenes = named_scenes(train), named_scenes(test)
+    _check_apart(learned, measured_scenes)
+    names = short_names(list(measured_scenes))
+    files = [out / "spectral-depth.json", out / "spectral-depth.md"]
+    check_new([*files, *picture_files(list(names.values()), out)], overwrite)
+    how: Settings = {"side": own.side, "placed": placed, "from_rgb": from_rgb}
+    prior = learned_depth_prior(learned, make_folder(work), own.preset, own.window, how, timed(progress))
+    make_folder(out)
+    common: Settings = {"source": source_digest(), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
+    common |= {**how, "scenes": names, "checksums": [identity_of(n) or n for n in (*learned, *names)]}
+    failures, every = Failures(work), range(seed, seed + seeds)
+
+    def run(part: list[Settings]) -> list[Measured]:
+        compute, told = partial(measure, folder=str(work)), timed(progress)
+        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
+
+    constant = {**common, "kind": "constant", "name": CONSTANT, "seed": seed, "decoder": CONSTANT, "noise": ""}
+    found = run(plan.searches(common, own, effort or EFFORT, every)) + run([constant])
+    codes = {(cell["code"], cell["seed"]): cell["codes"] for cell in found if "codes" in cell}
+    if "likelihood" in decoders:
+        rows = plan.untrained(common, own, codes, every)
+        found += run(rows) + run(plan.foretold(rows, own))
+    trained = run(plan.trainings(common, own, learned, codes, decoders, every, steps, work))
+    found += trained + run(plan.behind_networks(common, own, trained, "likelihood" in decoders))
+    if not any("metrics" in cell for cell in found):
+        failures.check()
+    split = {"train": list(short_names(list(learned)).values()), "test": list(names.values()), **how}
+    told = results(found, split, {**vars(own), "effort": dict(effort or EFFORT), "steps": steps}, command)
+    write_json(told, files[0], overwrite=overwrite)
+    write_text(markdown(told), files[1], overwrite=overwrite)
+    probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
+    scenes = {n: load_any_depth_scene(path, probe, **how) for path, n in names.items()}
+    comparison_pictures([c for c in found if c["seed"] == seed], scenes, probe, out, overwrite=overwrite)
+    failures.check()
+    return told
+
+
+def _check_apart(train: Sequence[str], test: Sequence[str]) -> None:
+    from tmca.training.scenes import place_of
+
+    for name, scenes in (("--train", train), ("--test", test)):
+        if not scenes:
+            raise SettingError(name, "no scenes", "scenes or split files")
+    both = sorted({place_of(name) for name in train} & {place_of(name) for name in test})
+    if both:
+        raise SettingError("--test", f"{both[0]}, a training scene", "other scenes")

@@ -1,0 +1,108 @@
+"""The spectral-depth part of the demonstration: a rendered scene with depth through two cameras and back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.experiments.figures import save_figure
+from tmca.experiments.report import Section
+from tmca.experiments.results import DEPTH_METRICS
+from tmca.experiments.spectral_depth.figures import depth_figure, psf_figure
+from tmca.experiments.spectral_depth.imaging import (
+    find_depth_prior,
+    reconstruct_spectral_depth,
+    take_spectral_depth_snapshot,
+)
+from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
+from tmca.sensor import Sensor
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCENE, WINDOW = "motorcycle", 12
+CODES: dict[str, dict[str, Any]] = {
+    "phase mask alone": {"slots": 1, "shutter": "open"},
+    "one-hot shutter, K = 4": {"slots": 4, "shutter": "one-hot"},
+}
+READ_NOISE, _REDUCE = 2e-3, 3
+COLUMNS = (
+    ("code", "code", ""),
+    *DEPTH_METRICS,
+    ("psnr", "PSNR (dB)", ".2f"),
+    ("sam", "SAM (°)", ".2f"),
+    ("throughput", "light", ".1%"),
+    ("seconds", "s", ".1f"),
+)
+
+
+def demo_spectral_depth(
+    out: Path, size: tuple[int, int], overwrite: bool, told: Callable[[float, str], None]
+) -> tuple[list[dict[str, Any]], Section]:
+    """Take and reconstruct snapshots of a rendered scene with depth; files and pictures go to ``out``.
+
+    Args:
+        out: folder that exists.
+        size: (H, W) of the scene, pixels.
+        overwrite: replace earlier results.
+        told: share of this part that is done, and what is next.
+
+    Returns:
+        Rows of the table, one for each code, and the report's section.
+    """
+    told(0.0, "a scene with depth")
+    cameras = {
+        code: SpectralDepthCamera.from_preset(
+            "quick", size=size, filters="clear", sensor=Sensor(read_noise=READ_NOISE), **settings
+        )
+        for code, settings in CODES.items()
+    }
+    first = next(iter(cameras.values()))
+    near, far = first.planes.near, first.planes.far
+    scene = load_spectral_depth(SCENE, first.wavelengths, near=near, far=far, reduce=_REDUCE)
+    truth = middle_of(scene, size, SCENE)
+    told(0.1, "the prior of rendered scenes at these bands")
+    prior = find_depth_prior(None, first, WINDOW)
+    rows, found = [], {}
+    for place, (code, camera) in enumerate(cameras.items()):
+        told(0.4 + 0.25 * place, f"spectrum and depth, {code}")
+        stem = f"spectral_depth_{'static' if camera.slots == 1 else 'onehot4'}"
+        snapshot = take_spectral_depth_snapshot(truth, camera)
+        snapshot.save(out / f"{stem}_snapshot.nc", overwrite=overwrite)
+        found[code] = reconstruct_spectral_depth(snapshot, prior=prior, window=WINDOW, truth=truth)
+        found[code].save(out / f"{stem}_likelihood.nc", overwrite=overwrite)
+        light = {"throughput": camera.throughput(), "seconds": found[code].seconds}
+        rows.append({"code": code, **found[code].metrics, **light})
+    told(0.9, "pictures of spectrum and depth")
+    figures: dict[str, Figure] = {
+        f"Colours, depth in metres, probability within a bin, and spectra: {code}; the truth above.": depth_figure(
+            result, first.planes, truth
+        )
+        for code, result in found.items()
+    }
+    figures["Point spread functions of the four slots over depth, and what points leave behind the shutter."] = (
+        psf_figure(cameras["one-hot shutter, K = 4"])
+    )
+    for figure, ending in zip(figures.values(), ("static", "onehot4", "psf"), strict=True):
+        save_figure(figure, out / f"spectral_depth_{ending}.png", overwrite=overwrite)
+    return rows, _section(rows, figures)
+
+
+def _section(rows: list[dict[str, Any]], figures: dict[str, Figure]) -> Section:
+    static, multiplexed = (row["depth_mae"] for row in rows)
+    return Section(
+        f"Spectrum and depth: {SCENE}",
+        text=(
+            "A random phase mask in the aperture blurs every depth and wavelength in its own way. It was still during "
+            "the exposure, or showed four masks, of which every pixel saw one, at equal exposure time and with read "
+            f"noise σ = {READ_NOISE:g} of one band. Depth is the plane that explains a window of the snapshot best "
+            "under a Gaussian prior of other rendered scenes, the spectrum its linear estimate there; time "
+            f"multiplexing changed the mean depth error from {static:.2f} to {multiplexed:.2f} m. tmca design "
+            "spectral-depth searches masks for a bench and a sensor.",
+        ),
+        table=rows,
+        columns=COLUMNS,
+        figures=figures,
+    )

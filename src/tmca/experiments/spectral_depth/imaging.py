@@ -1,0 +1,240 @@
+"""The spectral-depth camera's main job: a scene with depth → snapshot → both again, with files, metrics, pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+
+from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.decoders.decoding import OtherCodes
+from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
+from tmca.decoders.neural import same_bands
+from tmca.errors import SettingError
+from tmca.experiments.camera_figures import snapshot_figure
+from tmca.experiments.figures import save_figure
+from tmca.experiments.reconstructions import write_parts
+from tmca.experiments.snapshots import NOISE_STREAM
+from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
+from tmca.experiments.spectral_depth.scenes import READING, depth_tensor
+from tmca.optics import DepthPlanes
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.priors import GaussianPrior
+
+PLANES = "depth_planes"
+"""Attribute of a reconstruction, JSON: nearest and farthest plane in metres, and their number."""
+DEPTH_DECODERS = ("likelihood", "network")
+
+
+@dataclass
+class SpectralDepthReconstruction:
+    """A reconstructed cube and depth map with their coordinates.
+
+    Args:
+        cube: (wavelength, y, x) estimate.
+        depth: (y, x) metres.
+        confidence: (y, x) probability that the depth is right within one bin.
+        decoder: which one.
+        seconds: wall time.
+        metrics: against the truth, if it is known.
+        notes: settings and provenance, kept as attributes.
+    """
+
+    cube: xr.DataArray
+    depth: xr.DataArray
+    confidence: xr.DataArray
+    decoder: str
+    seconds: float
+    metrics: dict[str, float] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write ``radiance``, ``depth`` and ``confidence`` to a NetCDF file, notes and metrics as its attributes.
+
+        Raises:
+            OutputError: the file exists, or cannot be written.
+        """
+        parts = {"radiance": self.cube, "depth": self.depth, "confidence": self.confidence}
+        return write_parts(self, parts, path, overwrite)
+
+
+def take_spectral_depth_snapshot(
+    scene: xr.Dataset,
+    camera: SpectralDepthCamera,
+    seed: int = 0,
+    progress: Callable[..., None] | None = None,
+) -> Snapshot[SpectralDepthCamera]:
+    """Image a scene with depth.
+
+    Args:
+        scene: ``radiance`` (wavelength, y, x) and ``depth`` (y, x) of the camera's size.
+        camera: that takes it.
+        seed: of the sensor's noise, whose stream no code shares.
+        progress: told the share that is done.
+    """
+    cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
+    depth = depth_tensor(scene)
+    with torch.no_grad():
+        values = camera(cube, depth, NOISE_STREAM + seed, progress)
+    unknown = int((~camera.planes.known(depth)).sum())
+    notes = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, "unknown_depth_pixels": unknown}
+    notes |= {READING: scene.attrs[READING]} if READING in scene.attrs else {}
+    return Snapshot(values, camera, notes)
+
+
+def depth_snapshot_files(path: Path, figures: bool) -> list[Path]:
+    """What a snapshot and its pictures will be called."""
+    pictures = [path.with_name(f"{path.stem}{what}.png") for what in ("", "_codes", "_psf")]
+    return [path, *(pictures if figures else [])]
+
+
+def depth_snapshot_pictures(
+    snapshot: Snapshot[SpectralDepthCamera], path: Path, *, overwrite: bool = False
+) -> list[Path]:
+    """The snapshot, masks with shutter and filters, and the point spread functions as PNG beside a snapshot file."""
+    camera, title = snapshot.camera, f"{path.stem}: K = {snapshot.camera.slots}"
+    drawings = [
+        snapshot_figure(snapshot.values[0].mean(0).numpy(), camera, title),
+        phase_codes_figure(camera),
+        psf_figure(camera),
+    ]
+    files = depth_snapshot_files(path, figures=True)[1:]
+    return [save_figure(figure, file, overwrite=overwrite) for figure, file in zip(drawings, files, strict=True)]
+
+
+def reconstruct_spectral_depth(
+    snapshot: Snapshot[SpectralDepthCamera],
+    decoder: str = "likelihood",
+    *,
+    prior: str | Path | GaussianPrior | None = None,
+    weights: str | Path | DepthWeights | None = None,
+    window: int = WINDOW,
+    truth: xr.Dataset | None = None,
+    progress: Callable[..., None] | None = None,
+) -> SpectralDepthReconstruction:
+    """Recover spectrum and depth of a snapshot.
+
+    Args:
+        snapshot: with its camera.
+        decoder: one of ``DEPTH_DECODERS``.
+        prior: a stationary Gaussian prior of the camera's bands, its file, or None for the rendered scenes' one; a
+            network brings its own.
+        weights: of a network: a run or file of `tmca train spectral-depth`.
+        window: of the patch likelihood, pixels.
+        truth: the scene, for metrics.
+        progress: told the share that is done.
+
+    Raises:
+        SettingError: another decoder, or a prior or network that does not fit.
+
+    Warns:
+        OtherCodes: a network that was trained for other codes.
+    """
+    from time import perf_counter
+
+    if decoder not in DEPTH_DECODERS:
+        raise SettingError("decoder", repr(decoder), f"one of {', '.join(DEPTH_DECODERS)}")
+    if (decoder == "network") != (weights is not None):
+        given = "none" if weights is None else f"given for {decoder}"
+        raise SettingError("weights", given, "those of a network, for the network alone", "pass --weights RUN")
+    start = perf_counter()
+    if weights is not None:
+        found = _network(weights, prior, snapshot.camera)(snapshot.values, progress)
+    else:
+        known = find_depth_prior(prior, snapshot.camera, window)
+        found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress, planes=False)
+    found.seconds = perf_counter() - start
+    return _labelled(found, decoder, snapshot, truth)
+
+
+def _network(weights: str | Path | DepthWeights, prior: Any, camera: SpectralDepthCamera) -> TwoHeadedDecoder:
+    """The decoder of some weights for a camera."""
+    from warnings import warn
+
+    own = weights if isinstance(weights, DepthWeights) else DepthWeights.load(weights)
+    if prior is not None:
+        raise SettingError("prior", str(prior), "none beside weights, which bring their own", "leave it out")
+    check_fits(own.network, camera)
+    if not same_bands(own.camera.wavelengths, camera.wavelengths):
+        found, wanted = (_bands(one.wavelengths) for one in (own.camera, camera))
+        raise SettingError("weights", f"a network for {found}", f"the snapshot's {wanted}", "train one at these bands")
+    if other := own.differences(camera):
+        known = f"the network was trained for a camera with other {', '.join(other)} than the snapshot's"
+        warn(known.replace("_", " "), OtherCodes, stacklevel=3)
+    return own.decoder(camera)
+
+
+def _bands(wavelengths: Sequence[float]) -> str:
+    return f"{len(wavelengths)} bands of {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm"
+
+
+def find_depth_prior(prior: str | Path | GaussianPrior | None, camera: SpectralDepthCamera, window: int) -> Any:
+    """The prior that a decoder shall use: given, from a file, or of the rendered scenes."""
+    from tmca.priors import load_prior, rendered_prior
+    from tmca.priors.spectral_depth import needed_block
+
+    if prior is not None:
+        return load_prior(prior) if isinstance(prior, (str, Path)) else prior
+    return rendered_prior(camera.wavelengths, 0, block=needed_block(window, camera.bench.window))
+
+
+def spectral_depth_metrics(
+    cube: np.ndarray, depth: np.ndarray, truth: xr.Dataset, planes: DepthPlanes
+) -> dict[str, float]:
+    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known."""
+    from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
+
+    known = planes.known(torch.from_numpy(np.array(truth["depth"].values)))
+    real = np.where(known.numpy(), truth["depth"].values, np.nan)
+    found = dict(all_metrics(cube, truth["radiance"].values))
+    return found | {
+        "depth_mae": depth_mae(depth, real),
+        "depth_rmse": depth_rmse(depth, real),
+        "within_bin": within_bin(depth, real, planes.metres),
+    }
+
+
+def spectral_depth_files(path: Path, figures: bool) -> list[Path]:
+    """What a reconstruction and its picture will be called."""
+    return [path, path.with_suffix(".png")] if figures else [path]
+
+
+def spectral_depth_pictures(
+    result: SpectralDepthReconstruction,
+    path: Path,
+    *,
+    snapshot: Snapshot[SpectralDepthCamera],
+    truth: xr.Dataset | None = None,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Colour composites, depth maps, confidence and spectra beside a reconstruction file."""
+    figure = depth_figure(result, snapshot.camera.planes, truth)
+    return [save_figure(figure, spectral_depth_files(path, figures=True)[1], overwrite=overwrite)]
+
+
+def _labelled(
+    found: DepthDecoded, decoder: str, snapshot: Snapshot[SpectralDepthCamera], truth: xr.Dataset | None
+) -> SpectralDepthReconstruction:
+    import xarray as xr
+
+    waves = ("wavelength", np.array(snapshot.camera.wavelengths), {"units": "m"})
+    cube, depth, confidence = found.estimate[0].numpy(), found.depth[0, 0].numpy(), found.confidence[0, 0].numpy()
+    named, planes = {"long_name": f"estimated by {decoder}"}, snapshot.camera.planes
+    return SpectralDepthReconstruction(
+        cube=xr.DataArray(cube, dims=("wavelength", "y", "x"), coords={"wavelength": waves}, attrs=named),
+        depth=xr.DataArray(depth, dims=("y", "x"), attrs={**named, "units": "m"}),
+        confidence=xr.DataArray(confidence, dims=("y", "x"), attrs={**named, "units": "1"}),
+        decoder=decoder,
+        seconds=found.seconds,
+        metrics={} if truth is None else spectral_depth_metrics(cube, depth, truth, planes),
+        notes={**snapshot.notes, **found.notes, PLANES: json.dumps(asdict(planes))},
+    )

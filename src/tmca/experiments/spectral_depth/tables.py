@@ -1,0 +1,206 @@
+"""The spectral-depth table as JSON rows and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tmca.experiments.cells import Measured
+from tmca.experiments.results import DEPTH_METRICS, markdown_table, mean_over_scenes, repository_commit
+from tmca.experiments.spectral_depth.rows import (
+    CONSTANT,
+    DECODER_NAMES,
+    DIFFRACTIVE,
+    NOISES,
+    STATIC_CODES,
+)
+
+COLUMNS = (
+    *DEPTH_METRICS,
+    ("psnr", "PSNR (dB)", ".2f"),
+    ("sam", "SAM (°)", ".2f"),
+    ("uiqi", "UIQI", ".3f"),
+)
+_FIGURES = (
+    ("confusion", 1, "measured_depth_mae"),
+    ("fisher", -1, "measured_depth_mae"),
+    ("kullback_leibler", -1, "measured_depth_mae"),
+    ("psnr", 1, "measured_psnr"),
+)
+"""What is foretold, the sign of its correlation with what it foretells, and that."""
+_THESIS = """Thesis, table 7 (other scenes, bench and training): diffractive element only 37.14 dB, SAM 8.75, UIQI .976,
+depth MAE .377 m, RMSE .517 m; TMCA 37.92 dB, 8.15, .988, .258 m, .403 m."""
+
+
+def results(
+    measured: Sequence[Measured], split: dict[str, Any], sizes: dict[str, Any], command: Sequence[str]
+) -> dict[str, Any]:
+    """Rows of the table from measured cells: means over scenes of the means over seeds.
+
+    Args:
+        split: names of the scenes, and how they were read.
+        sizes: of scenes, windows and patches; ``effort`` of the searches.
+        command: how the run was called.
+    """
+    groups: dict[tuple[str, str, str], list[Measured]] = {}
+    for cell in measured:
+        if "metrics" in cell:
+            groups.setdefault((cell["code"], cell["noise"], cell["decoder"]), []).append(cell)
+    searches = [
+        {name: cell[name] for name in ("code", "noise", "seed", "confusion", "seconds", "foretold")}
+        for cell in measured if "foretold" in cell
+    ]  # fmt: skip
+    trainings = [
+        {"code": cell["code"], "decoder": cell["decoder"], "seed": cell["seed"], "cpu_seconds": cell["seconds"],
+         "validation": cell["best"]}
+        for cell in measured if "best" in cell
+    ]  # fmt: skip
+    rows = [_row(key, cells) for key, cells in groups.items()]
+    return {
+        "command": " ".join(command), "commit": repository_commit(), "split": split,
+        "budget": {**sizes, "training": trainings}, "searches": searches, "rows": rows,
+        "foretold": _foretold(measured, rows),
+    }  # fmt: skip
+
+
+def _foretold(measured: Sequence[Measured], rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What the prior says of every code and noise, means over seeds, beside what the patch likelihood made of it."""
+    groups: dict[tuple[str, str], list[dict[str, float]]] = {}
+    for cell in measured:
+        if "figures" in cell:
+            groups.setdefault((cell["code"], cell["noise"]), []).append(cell["figures"])
+    made = {(row["code"], row["noise"]): row for row in rows if row["decoder"] == "likelihood"}
+    return [
+        {"code": key[0], "noise": key[1], **mean_over_scenes({str(i): own for i, own in enumerate(figures)}),
+         "measured_depth_mae": made[key]["depth_mae"], "measured_psnr": made[key]["psnr"]}
+        for key, figures in groups.items() if key in made
+    ]  # fmt: skip
+
+
+def order(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Spearman's rank correlation over codes, noise by noise, of what is foretold with what was measured.
+
+    Its sign is such that 1 is the right order.
+    """
+    from scipy.stats import spearmanr
+
+    said = []
+    for noise in dict.fromkeys(row["noise"] for row in found["foretold"]):
+        own = [row for row in found["foretold"] if row["noise"] == noise]
+        if len(own) < 3:
+            continue
+        row = {"noise": noise, "codes": len(own)}
+        for name, sign, result in _FIGURES:
+            foretold, made = ([one[key] for one in own] for key in (name, result))
+            row[name] = sign * float(spearmanr(foretold, made).statistic)
+        said.append(row)
+    return said
+
+
+def _row(key: tuple[str, str, str], cells: Sequence[Measured]) -> dict[str, Any]:
+    code, noise, decoder = key
+    scenes = {
+        name: mean_over_scenes({str(i): cell["metrics"][name] for i, cell in enumerate(cells)})
+        for name in cells[0]["metrics"]
+    }
+    spent = [cell["training_seconds"] for cell in cells if "training_seconds" in cell]
+    row = {
+        "method": code if code == CONSTANT else f"{code} + {DECODER_NAMES[decoder]}", "exposure": "equal",
+        "code": code, "noise": noise, "decoder": decoder, "scenes": scenes, **mean_over_scenes(scenes),
+        "seed_depth_mae": [float(np.mean([m["depth_mae"] for m in cell["metrics"].values()])) for cell in cells],
+        "training_cpu_minutes": float(np.mean(spent)) / 60 if spent else 0.0,
+    }  # fmt: skip
+    for name in ("throughput", "seconds"):
+        known = [cell[name] for cell in cells if name in cell]
+        if known:
+            levels = [float(np.mean(list(k.values()))) if isinstance(k, dict) else float(k) for k in known]
+            row[name] = float(np.mean(levels))
+    return row
+
+
+def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Noise by noise and decoder by decoder: least depth error time-multiplexed, static, and of the mask alone."""
+    said = []
+    for decoder, noise in dict.fromkeys((row["decoder"], row["noise"]) for row in found["rows"]):
+        rows = [row for row in found["rows"] if (row["decoder"], row["noise"]) == (decoder, noise)]
+        static = [row for row in rows if row["code"] in STATIC_CODES]
+        own = [row for row in rows if row["code"] not in (*STATIC_CODES, CONSTANT)]
+        if not (static and own):
+            continue
+        best, base = (min(group, key=lambda row: row["depth_mae"]) for group in (own, static))
+        masks = [row for row in static if row["code"] in DIFFRACTIVE]
+        if not masks:  # their cells failed
+            continue
+        alone = min(masks, key=lambda row: row["depth_mae"])
+        said.append({
+            "decoder": DECODER_NAMES[decoder], "noise": noise, "best": best["code"], "static": base["code"],
+            "ratio": best["depth_mae"] / base["depth_mae"], "alone": best["depth_mae"] / alone["depth_mae"] - 1,
+            "psnr": best["psnr"] - alone["psnr"], "sam": best["sam"] - alone["sam"],
+        })  # fmt: skip
+    return said
+
+
+def markdown(found: dict[str, Any]) -> str:
+    """The page of the results."""
+    split, budget = found["split"], found["budget"]
+    crop = "×".join(map(str, budget["crop"]))
+    lines = [
+        "# The spectral-depth camera, measured\n",
+        f"Command: `{found['command']}` at commit `{found['commit']}`.\n",
+        f"Learned from {', '.join(split['train'])}; measured on the middle {crop} pixels of "
+        f"{', '.join(split['test'])}, averaged down to a shorter side of {split['side']} pixels or more. Inverse depth "
+        "of scenes from files is mapped affinely onto the range of the design; cubes without depth are put at drawn "
+        "depths, RGB-D scenes get made-up spectra of measured reflectances.\n",
+        f"Optimised masks: {budget['effort']['starts']} descents of {budget['effort']['steps']} steps on the foretold "
+        f"confusion of depths under {next(iter(NOISES))}, the same for static and time-multiplexed masks. Noise is in "
+        "units of one band of a white scene; all exposures last equally long.\n",
+    ]
+    for noise in NOISES:
+        lines += [f"## {noise}\n", _table(found, noise)]
+    lines += ["## Time-multiplexed against static\n", _margins(found)]
+    lines += _order(found) if found["foretold"] else []
+    return "\n".join([*lines, _THESIS, ""])
+
+
+def _order(found: dict[str, Any]) -> list[str]:
+    """What was foretold of the codes, and whether in the right order."""
+    figures = (
+        ("confusion", "foretold confusion (bins)", ".3f"), ("fisher", "Fisher information (m²)", ".0f"),
+        ("kullback_leibler", "nats from the nearest rival", ".1f"), ("psnr", "foretold PSNR (dB)", ".2f"),
+    )  # fmt: skip
+    told = [("noise", "noise", ""), ("code", "code", ""), *figures]
+    told += [("measured_depth_mae", "measured depth MAE (m)", ".3f"), ("measured_psnr", "measured PSNR (dB)", ".2f")]
+    ranked = (("noise", "noise", ""), ("codes", "codes", "d"), *((name, label, "+.2f") for name, label, _ in figures))
+    return [
+        "## What the prior foretells\n",
+        f"Of windows of {found['budget']['searched']} pixels whose plane is the same all over, means over planes "
+        "(of Fisher information the geometric one), beside what the patch likelihood made of the test scenes.\n",
+        markdown_table(found["foretold"], told),
+        "Rank correlation of each with the measured depth MAE, of PSNR with the measured one; 1: the right order.\n",
+        markdown_table(order(found), ranked),
+    ]
+
+
+def _table(found: dict[str, Any], noise: str) -> str:
+    rows = [row for row in found["rows"] if row["noise"] in (noise, "")]
+    shown = [{**row, "decoder": DECODER_NAMES.get(row["decoder"], "")} for row in rows]
+    scenes = found["split"]["test"]
+    for row in shown:
+        row |= {f"depth_{name}": row["scenes"][name]["depth_mae"] for name in scenes}
+        row["minutes"] = row["training_cpu_minutes"] or None
+    columns = [("code", "code", ""), ("decoder", "decoder", ""), *COLUMNS]
+    columns += [(f"depth_{name}", f"depth MAE {name}", ".3f") for name in scenes]
+    columns += [("throughput", "light", ".2f"), ("seconds", "seconds a scene", ".1f")]
+    return markdown_table(shown, [*columns, ("minutes", "training (CPU min)", ".1f")])
+
+
+def _margins(found: dict[str, Any]) -> str:
+    columns = (
+        ("decoder", "decoder", ""), ("noise", "noise", ""), ("best", "least depth error, time-multiplexed", ""),
+        ("static", "least depth error, static", ""), ("ratio", "ratio of depth MAE", ".2f"),
+        ("alone", "depth MAE against the mask alone", "+.0%"), ("psnr", "PSNR against it (dB)", "+.2f"),
+        ("sam", "SAM against it (°)", "+.2f"),
+    )  # fmt: skip
+    return markdown_table(margins(found), columns)
