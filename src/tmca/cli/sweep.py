@@ -122,8 +122,8 @@ def spectral_depth(
     vary: list[str],
     out: Path = Path("sweep"),
     work: Path = Path("runs/sweep-spectral-depth"),
-    test: Path | None = None,
-    train: Path | None = None,
+    test: list[str] | None = None,
+    train: list[str] | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     preset: str = "quick",
     crop: str = "96x128",
@@ -138,14 +138,15 @@ def spectral_depth(
     are kept in --work: a run that was stopped goes on.
 
     Args:
-        scenes: scenes with depth, RGB-D scenes, cubes or rendered scenes; the rendered test scenes without any.
+        scenes: scenes with depth, RGB-D scenes, cubes, rendered scenes, or split files (.txt) of them; the rendered
+            test scenes without any.
         vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
             slots, mask, rms (metres), shutter, filters, channels, planes, exposure, image_formation, period, seed,
             contrast of the scenes' texture (0 to 1), or codes: files of `tmca design spectral-depth`.
         out: results, without a suffix.
         work: folder of the prior and finished cells.
-        test: split file of scenes to add.
-        train: split file of the scenes that teach the prior; that of the rendered scenes without it.
+        test: more of them.
+        train: scenes or split files that teach the prior; that of the rendered scenes without any.
         set_: NAME=VALUE of the same names for all cells.
         preset: of the camera: quick, quick-diffractive, thesis or diffractive.
         crop: HEIGHTxWIDTH, the middle of the scenes.
@@ -154,15 +155,15 @@ def spectral_depth(
         placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
     """
     from tmca.cli.options import size
-    from tmca.data import read_split, split_rendered
+    from tmca.data import split_rendered
     from tmca.experiments.spectral_depth.sweep import sweep_spectral_depth
+    from tmca.training.scenes import named_scenes
 
-    named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
+    named = named_scenes([*scenes, *(test or ())]) or sorted(split_rendered()["test"])
     axes, fixed = _axes(vary, set_)
-    examples = [str(path) for path in read_split(train)] if train else []
     found = sweep_spectral_depth(
-        axes, named, out, work, fixed=fixed, train=examples, preset=preset, size=size(crop, "--crop"), side=side,
-        placed=placed, from_rgb=from_rgb, progress=_told, **grid.how(),
+        axes, named, out, work, fixed=fixed, train=named_scenes(train or ()), preset=preset, size=size(crop, "--crop"),
+        side=side, placed=placed, from_rgb=from_rgb, progress=_told, **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 
