@@ -103,3 +103,20 @@ def test_what_cannot_be_searched_is_refused(made, word):
 def test_a_prior_of_small_blocks_is_refused():
     with pytest.raises(ShapeError, match="larger blocks"):
         search_masks(TASK, prior_of((6, 6)), [1], MaskEffort(1, 1))
+
+
+def test_a_judge_chooses_among_descents_and_random_masks():
+    drawn = {slots: TASK.made(slots, 0).codes()[0].detach() for slots in (1, 2)}
+
+    def likes_random(camera):
+        return 5.0 * float((camera.codes()[0].detach() - drawn[camera.slots]).abs().max()) * 1e6 + camera.slots
+
+    found = search_masks(TASK, PRIOR, [2], MaskEffort(2, 2), judge=likes_random)
+    for own in found.candidates:
+        assert own.start == "random, as drawn"
+        assert own.judged == pytest.approx((own.slots, own.slots), abs=1e-6)
+        assert own.confusion == pytest.approx(own.row()["random_confusion"])
+        assert own.expected == own.row()["judged"]
+    assert not found.multiplex  # twice as wrong, says the judge
+    assert "100% above" in found.sentence()
+    assert "on the example scenes" in found.sentence()

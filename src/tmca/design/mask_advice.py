@@ -11,7 +11,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.design.spectral_depth import confusion, drawn_error, fisher_information
 
 WORTH = 0.1
-"""Share of the static mask's confusion that more slots have to save."""
+"""Share of the static mask's error that more slots have to save."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ class MaskCandidate:
         start: which descent found them.
         seconds: CPU time of the search.
         history: confusion after every step of that descent.
+        judged: error in bins that a judge found of these masks and of the random ones; None without a judge.
     """
 
     camera: SpectralDepthCamera
@@ -35,6 +36,7 @@ class MaskCandidate:
     start: str
     seconds: float
     history: tuple[float, ...] = field(repr=False)
+    judged: tuple[float, float] | None = None
 
     @property
     def slots(self) -> int:
@@ -46,10 +48,16 @@ class MaskCandidate:
         """Bound on the mean error, bins."""
         return float(confusion(self.covariance))
 
+    @property
+    def expected(self) -> float:
+        """What designs are ordered by, in bins: the judge's error, or the confusion."""
+        return self.confusion if self.judged is None else self.judged[0]
+
     def row(self) -> dict[str, Any]:
         """For tables and files."""
-        step = self.camera.planes.step
+        step, judged = self.camera.planes.step, self.judged or (None, None)
         return {
+            "judged": judged[0], "random_judged": judged[1],
             "slots": self.slots, "confusion": self.confusion,
             "random_confusion": float(confusion(self.random_covariance)),
             "error": drawn_error(self.covariance), "random_error": drawn_error(self.random_covariance),
@@ -75,12 +83,12 @@ class MaskAdvice:
         return self.candidates[0]
 
     def saved(self, candidate: MaskCandidate) -> float:
-        """Share of the static mask's confusion that is saved."""
-        return 1 - candidate.confusion / max(self.static.confusion, 1e-30)
+        """Share of the static mask's error that is saved."""
+        return 1 - candidate.expected / max(self.static.expected, 1e-30)
 
     @property
     def best(self) -> MaskCandidate:
-        """The fewest slots that save as much of the static mask's confusion as any, but for ``WORTH`` of it."""
+        """The fewest slots that save as much of the static mask's error as any, but for ``WORTH`` of it."""
         most = max(map(self.saved, self.candidates))
         return next(c for c in self.candidates if self.saved(c) > most - WORTH or self.saved(c) == most)
 
@@ -91,16 +99,17 @@ class MaskAdvice:
 
     def sentence(self) -> str:
         """The advice in words."""
-        static = f"the best static mask's ({self.static.confusion:.3g} bins)"
+        static = f"the best static mask's ({self.static.expected:.3g} bins)"
+        what = "foretold depth confusion" if self.static.judged is None else "depth error on the example scenes"
         if len(self.candidates) == 1:
             return "One slot is all that was tried or fits the exposure: take the static mask."
         if not self.multiplex:
             top = max(self.candidates[1:], key=self.saved)
             return (
-                f"A static mask is enough: the foretold depth confusion of K = {top.slots}, the best with more slots, "
+                f"A static mask is enough: the {what} of K = {top.slots}, the best with more slots, "
                 f"is {self._compared(top)} {static}; {WORTH:.0%} less would be worth it."
             )
-        return f"Use {self.best.slots} slots: the foretold depth confusion is {self._compared(self.best)} {static}."
+        return f"Use {self.best.slots} slots: the {what} is {self._compared(self.best)} {static}."
 
     def _compared(self, candidate: MaskCandidate) -> str:
         change = self.saved(candidate)

@@ -19,9 +19,13 @@ from tmca.priors import GaussianPrior
 
 SEARCHED = ("zernike", "free-form", "rotational")
 """Families of masks with random starts."""
-_SIZE, _OWN, _RMS = (64, 64), 0.05, 0.1e-6
-"""Pixels of the cameras, share of variance that slots have of their own when they start from one mask, metres."""
+SIZE = (64, 64)
+"""Pixels of the cameras."""
+_OWN, _RMS = 0.05, 0.1e-6
+"""Share of variance that slots have of their own when they start from one mask, metres."""
 Told = Callable[[float, str], None]
+Judge = Callable[[SpectralDepthCamera], float]
+"""From a camera to an error of depth, in bins."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ class MaskTask:
         shutter = "open" if slots == 1 else self.shutter
         learned = [part for part in self.learn if part != "shutter" or shutter != "open"]
         return SpectralDepthCamera(
-            **{**self.camera, "size": _SIZE, "slots": slots, "bench": self.bench, "mask": heights, "shutter": shutter},
+            **{**self.camera, "size": SIZE, "slots": slots, "bench": self.bench, "mask": heights, "shutter": shutter},
             seed=self.seed, learnable=learned,
         )  # fmt: skip
 
@@ -119,8 +123,12 @@ def search_masks(
     slots: Sequence[int],
     effort: MaskEffort | None = None,
     progress: Told | None = None,
+    judge: Judge | None = None,
 ) -> MaskAdvice:
     """Search masks for one slot and for every number of slots, with the same effort.
+
+    Descents go down the confusion. Which of them is taken, if not random masks, and which number of slots, is for the
+    judge, who may know what the prior does not.
 
     Args:
         task: the bench and what is searched.
@@ -128,6 +136,7 @@ def search_masks(
         slots: numbers of slots K; 1 is always among them.
         effort: starts and steps.
         progress: told the share that is done and what is done.
+        judge: how wrong depth is behind a camera; the confusion without.
 
     Raises:
         SettingError: no slots, or what ``MaskTask`` and ``design_masks`` refuse.
@@ -139,7 +148,8 @@ def search_masks(
     found: list[MaskCandidate] = []
     for place, count in enumerate(counts):
         told = _part(progress, place / len(counts), 1 / len(counts), f"masks, K = {count}")
-        found.append(_searched(task, prior, count, effort or MaskEffort(), found[0] if found else None, told))
+        static = found[0] if found else None
+        found.append(_searched(task, prior, count, effort or MaskEffort(), static, told, judge))
     return MaskAdvice(tuple(found))
 
 
@@ -164,8 +174,9 @@ def _searched(
     effort: MaskEffort,
     static: MaskCandidate | None,
     told: Callable[[float], None],
+    judge: Judge | None,
 ) -> MaskCandidate:
-    """The best of all descents, and of the static mask in all slots."""
+    """The best of all descents, and of the static mask in all slots; for a judge random masks are good enough, too."""
     begun, random, runs = time.process_time(), task.made(slots, 0), list[_Run]()
     for number in range(effort.starts):
         camera, start, last = task.made(slots, number), f"random {number + 1}", number == effort.starts - 1
@@ -183,9 +194,14 @@ def _searched(
             progress=lambda step, steps, _, done=number: told((done + step / steps) / effort.starts),  # type: ignore[misc]
         )  # fmt: skip
         runs.append(_Run(camera, start, found.confusion))
-    best, seconds = min(runs, key=lambda run: run.value), time.process_time() - begun
-    seen = task.covariance(best.camera, prior), task.covariance(random, prior)
-    return MaskCandidate(best.camera, seen[0], random, seen[1], best.start, seconds, best.history)
+    best, judged = min(runs, key=lambda run: run.value), list[float]()
+    if judge is not None:
+        runs.append(_Run(random, "random, as drawn", (float(confusion(task.covariance(random, prior))),)))
+        judged = [judge(run.camera) for run in runs]
+        best = runs[judged.index(min(judged))]
+    seconds, seen = time.process_time() - begun, (task.covariance(best.camera, prior), task.covariance(random, prior))
+    errors = (min(judged), judged[-1]) if judged else None
+    return MaskCandidate(best.camera, seen[0], random, seen[1], best.start, seconds, best.history, errors)
 
 
 def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, own: float = 0.0) -> None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 COLUMNS = (
     ("slots", "K", "d"),
+    ("judged", "error on example scenes (bins)", ".3f"),
+    ("random_judged", "of random masks", ".3f"),
     ("confusion", "depth confusion (bins)", ".3g"),
     ("random_confusion", "of random masks", ".3g"),
     ("saved", "below the static mask's", ".0%"),
@@ -32,10 +34,12 @@ COLUMNS = (
     ("seconds", "CPU seconds", ".0f"),
 )
 _CAVEAT = (
-    "The confusion is a bound on the mean error, in depth bins, of the most likely plane for one window; the drawn "
-    "error is that error for windows drawn from the prior. Both believe the Gaussian prior, one depth in a window and "
-    "exact point spread functions, so that they are far too optimistic (an optimised static mask that was foretold "
-    "0.06 bins left the decoder 1.03): they are for the order of designs, not for the error to expect."
+    "The error on example scenes is that of the patch likelihood on their middles, standing at every plane in turn: it "
+    "orders designs where it is known. The confusion, on which masks are searched, is a bound on the mean error, in "
+    "depth bins, of the most likely plane for one window; the drawn error is that error for windows drawn from the "
+    "prior. Both believe the Gaussian prior and exact point spread functions, so that they are far too optimistic, "
+    "most of all for static masks. None of them knows edges of depth: they are for the order of designs, not for the "
+    "error to expect."
 )
 
 

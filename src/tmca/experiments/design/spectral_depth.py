@@ -18,6 +18,7 @@ from tmca.design.mask_search import MaskEffort, MaskTask, Told, search_masks
 from tmca.errors import DataError, SettingError
 from tmca.experiments.design.checks import named_once
 from tmca.experiments.design.depth_page import described, design_files, write_design
+from tmca.experiments.design.flat_scenes import JUDGING, judge_on
 from tmca.experiments.results import check_new
 from tmca.experiments.scenes import at_bands
 from tmca.optics import PhaseMaskBench, Stroke
@@ -96,8 +97,12 @@ def design_spectral_depth(
     named_once(scenes)
     check_folder(out)
     told, effort = progress or (lambda share, step: None), effort or MaskEffort()
-    known = _prior(scenes, prior, task, lambda share, step: told(0.3 * share, step))
-    advice = search_masks(task, known, counts, effort, lambda share, step: told(0.3 + 0.68 * share, step))
+    cubes = (
+        [] if prior is not None else _cubes(scenes, task.camera["bands"], lambda share, step: told(0.1 * share, step))
+    )
+    known = _prior(scenes, prior, cubes, task, lambda share, step: told(0.1 + 0.2 * share, step))
+    searched = lambda share, step: told(0.3 + 0.68 * share, step)  # noqa: E731
+    advice = search_masks(task, known, counts, effort, searched, judge_on(cubes, known, window))
     found = described(advice, task, effort, known, {"preset": preset, "sensor": asdict(sheet)}, command)
     write_design(advice, found, out, overwrite)
     return advice, found
@@ -134,8 +139,23 @@ def _camera(preset: str, bands: int, changes: Mapping[str, Any]) -> dict[str, An
     return {**kept, "filters": "clear", "channels": "monochrome", **changes, "bands": waves}
 
 
+def _cubes(scenes: Sequence[str], waves: Sequence[float], told: Told) -> list[torch.Tensor]:
+    """Example scenes (L, H, W) at these bands; some of the rendered training scenes without any."""
+    from tmca.data import split_rendered
+
+    names, cubes = scenes or sorted(split_rendered()["train"])[:JUDGING], list[torch.Tensor]()
+    for place, name in enumerate(names):
+        told(place / len(names), f"reading {name}")
+        cubes.append(torch.from_numpy(np.ascontiguousarray(_cube(name, waves))))
+    return cubes
+
+
 def _prior(
-    scenes: Sequence[str], prior: str | Path | GaussianPrior | None, task: MaskTask, told: Told
+    scenes: Sequence[str],
+    prior: str | Path | GaussianPrior | None,
+    cubes: Sequence[torch.Tensor],
+    task: MaskTask,
+    told: Told,
 ) -> GaussianPrior:
     from tmca.priors import load_prior, rendered_prior
 
@@ -147,12 +167,8 @@ def _prior(
         return _fitting(known, waves, "prior" if isinstance(prior, GaussianPrior) else str(prior))
     if not scenes:
         return _fitting(rendered_prior(waves, 0, block=block, progress=told), waves, "prior")
-    cubes = []
-    for place, name in enumerate(scenes):
-        told(place / len(scenes), f"reading {name}")
-        cubes.append(torch.from_numpy(np.ascontiguousarray(_cube(name, waves))))
-    told(0.9, "learning what the scenes have in common")
-    return GaussianPrior.learn(cubes, block, wavelengths=waves, sources=[Path(name).stem for name in scenes])
+    told(0.5, "learning what the scenes have in common")
+    return GaussianPrior.learn(list(cubes), block, wavelengths=waves, sources=[Path(name).stem for name in scenes])
 
 
 def _fitting(prior: Any, waves: Sequence[float], where: str) -> GaussianPrior:

@@ -10,7 +10,9 @@ import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
+from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
+from tmca.experiments.design.flat_scenes import judge_on
 from tmca.experiments.spectral_depth.imaging import (
     reconstruct_spectral_depth,
     spectral_depth_metrics,
@@ -43,12 +45,13 @@ def search(cell: Settings, folder: Path) -> Measured:
     from tmca.design.spectral_depth import fisher_information, kullback_leibler
     from tmca.priors import load_prior
 
-    probe, settings = coded_camera(cell, (64, 64)), CODES[cell["code"]]
+    probe, settings = coded_camera(cell, SIZE), CODES[cell["code"]]
     camera = {"bands": probe.wavelengths, "depth": (probe.planes.near, probe.planes.far), "planes": probe.planes.count}
     camera |= {"filters": settings["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
     task = MaskTask(probe.bench, camera, settings["shutter"], window=cell["window"], seed=cell["seed"])
     prior: Any = load_prior(cell["prior"])
-    advice = search_masks(task, prior, [settings["slots"]], MaskEffort(**cell["effort"]))
+    judge = judge_on(examples_of(cell, probe), prior, cell["window"])
+    advice = search_masks(task, prior, [settings["slots"]], MaskEffort(**cell["effort"]), judge=judge)
     found = advice.candidates[-1]
     file = folder / f"codes-{cell_key(cell)}.nc"
     write_phase_codes(found.camera, file, settings["filters"], "rgb", overwrite=True)
@@ -59,16 +62,25 @@ def search(cell: Settings, folder: Path) -> Measured:
     return {"codes": str(file), "foretold": told, "seconds": found.seconds, "confusion": found.confusion}
 
 
+def examples_of(cell: Settings, camera: SpectralDepthCamera) -> list[torch.Tensor]:
+    """Some training scenes, at the bands of a camera."""
+    how = {name: cell[name] for name in ("side", "placed", "from_rgb")}
+    scenes = (load_any_depth_scene(name, camera, **how) for name in cell["examples"])
+    return [torch.from_numpy(scene["radiance"].values.copy()) for scene in scenes]
+
+
 def foretold(cell: Settings, folder: Path) -> Measured:
     """What the prior says of a code under a noise, before any scene is seen."""
     from tmca.design.spectral_depth import confusion, fisher_information, foretell, kullback_leibler
     from tmca.priors import load_prior
 
-    camera, prior = coded_camera(cell, (64, 64), cell["codes"]), load_prior(cell["prior"])
+    camera, prior = coded_camera(cell, SIZE, cell["codes"]), load_prior(cell["prior"])
+    judge = judge_on(examples_of(cell, camera), prior, cell["window"])  # type: ignore[arg-type]
     with torch.no_grad():
         found = foretell(camera, prior, cell["window"])  # type: ignore[arg-type]
         distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))
         return {"figures": {
+            **({} if judge is None else {"flat": judge(camera)}),
             "confusion": float(confusion(found.covariance)),
             "fisher": float(fisher_information(found.covariance, camera.planes.step).log().mean().exp()),
             "kullback_leibler": float(distance.min(1).values.mean()),

@@ -25,7 +25,7 @@ from tmca.experiments.spectral_depth.rows import (
 def searches(common: Settings, sizes: Sizes, effort: dict[str, Any], seeds: Sequence[int]) -> list[Settings]:
     """Masks that are searched for least confusion of depths under the first noise."""
     noise, sensor = next(iter(NOISES.items()))
-    kept = {name: common[name] for name in ("source", "preset", "prior")}
+    kept = {name: common[name] for name in ("source", "preset", "prior", "examples", "side", "placed", "from_rgb")}
     return [
         {**kept, "kind": "search", "name": f"search · {code} · seed {seed}", "code": code, "noise": noise,
          "sensor": sensor, "seed": seed, "effort": effort, "window": sizes.searched}
@@ -48,7 +48,8 @@ def untrained(
 
 def foretold(rows: Sequence[Settings], sizes: Sizes) -> list[Settings]:
     """What is foretold of every row without a network."""
-    kept = ("source", "preset", "prior", "code", "noise", "sensor", "seed", "codes")
+    shared = ("source", "preset", "prior", "examples", "side", "placed", "from_rgb")
+    kept = (*shared, "code", "noise", "sensor", "seed", "codes")
     return [
         {**{name: row[name] for name in kept}, "kind": "foretold", "window": sizes.searched,
          "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}

@@ -24,6 +24,7 @@ COLUMNS = (
     ("uiqi", "UIQI", ".3f"),
 )
 _FIGURES = (
+    ("flat", 1, "measured_depth_mae"),
     ("confusion", 1, "measured_depth_mae"),
     ("fisher", -1, "measured_depth_mae"),
     ("kullback_leibler", -1, "measured_depth_mae"),
@@ -92,7 +93,7 @@ def order(found: dict[str, Any]) -> list[dict[str, Any]]:
         if len(own) < 3:
             continue
         row = {"noise": noise, "codes": len(own)}
-        for name, sign, result in _FIGURES:
+        for name, sign, result in (figure for figure in _FIGURES if all(figure[0] in one for one in own)):
             foretold, made = ([one[key] for one in own] for key in (name, result))
             row[name] = sign * float(spearmanr(foretold, made).statistic)
         said.append(row)
@@ -167,6 +168,7 @@ def markdown(found: dict[str, Any]) -> str:
 def _order(found: dict[str, Any]) -> list[str]:
     """What was foretold of the codes, and whether in the right order."""
     figures = (
+        ("flat", "error on flat training scenes (bins)", ".2f"),
         ("confusion", "foretold confusion (bins)", ".3f"), ("fisher", "Fisher information (m²)", ".0f"),
         ("kullback_leibler", "nats from the nearest rival", ".1f"), ("psnr", "foretold PSNR (dB)", ".2f"),
     )  # fmt: skip
@@ -174,9 +176,10 @@ def _order(found: dict[str, Any]) -> list[str]:
     told += [("measured_depth_mae", "measured depth MAE (m)", ".3f"), ("measured_psnr", "measured PSNR (dB)", ".2f")]
     ranked = (("noise", "noise", ""), ("codes", "codes", "d"), *((name, label, "+.2f") for name, label, _ in figures))
     return [
-        "## What the prior foretells\n",
-        f"Of windows of {found['budget']['searched']} pixels whose plane is the same all over, means over planes "
-        "(of Fisher information the geometric one), beside what the patch likelihood made of the test scenes.\n",
+        "## What is foretold without a test scene\n",
+        "The patch likelihood's error on some training scenes that stand at every plane in turn; and under the prior "
+        f"alone, of windows of {found['budget']['searched']} pixels, means over planes (of Fisher information the "
+        "geometric one); beside what the patch likelihood made of the test scenes.\n",
         markdown_table(found["foretold"], told),
         "Rank correlation of each with the measured depth MAE, of PSNR with the measured one; 1: the right order.\n",
         markdown_table(order(found), ranked),

@@ -1,0 +1,57 @@
+"""How well masks tell depths apart on real textures: example scenes that stand at every plane in turn, decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.depth_likelihood import PatchLikelihood
+from tmca.design.mask_search import SIZE, Judge
+from tmca.priors import GaussianPrior
+
+JUDGING = 6
+"""Example scenes at most on which designs are judged."""
+
+
+def judge_on(cubes: Sequence[Tensor], prior: GaussianPrior, window: int) -> Judge | None:
+    """``flat_error`` on some of the scenes that are as large as searched cameras; None if none is.
+
+    Args:
+        cubes: (L, H, W) at the searched bands.
+        prior: of such scenes.
+        window: of the likelihood, pixels; at least a tile is taken.
+    """
+    large = [cube for cube in cubes if cube.shape[1] >= SIZE[0] and cube.shape[2] >= SIZE[1]]
+    if not large:
+        return None
+    chosen = large[:: -(-len(large) // JUDGING)]
+    return lambda camera: flat_error(camera, prior, chosen, max(window, camera.tile_size))
+
+
+@torch.no_grad()
+def flat_error(camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequence[Tensor], window: int) -> float:
+    """Mean absolute error, in depth bins, of the patch likelihood on scenes without edges of depth.
+
+    No expectation under the prior: it shows what a mask loses where textures are not what the prior has them to be.
+
+    Args:
+        camera: no larger than the scenes.
+        prior: of the scenes.
+        cubes: (L, H, W) at the camera's bands.
+        window: of the likelihood, pixels.
+    """
+    scenes = torch.stack([_middle(cube, camera.size) for cube in cubes]).float()
+    decoder, planes, errors = PatchLikelihood(prior, camera, window), camera.planes, list[Tensor]()
+    for place, inverse in enumerate(planes.inverse.tolist()):
+        depth = scenes.new_full((len(scenes), 1, *camera.size), 1 / inverse)
+        found = decoder(camera(scenes, depth, place), planes=False)
+        errors.append((1 / found.depth - inverse).abs().mean() / planes.step)
+    return float(torch.stack(errors).mean())
+
+
+def _middle(cube: Tensor, size: tuple[int, int]) -> Tensor:
+    top, left = ((length - own) // 2 for length, own in zip(cube.shape[1:], size, strict=True))
+    return cube[:, top : top + size[0], left : left + size[1]]
