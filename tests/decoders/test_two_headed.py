@@ -1,5 +1,6 @@
 """Two-headed networks: what they start from, tiles, depth in metres, weights as files."""
 
+import numpy as np
 import pytest
 import torch
 
@@ -122,3 +123,25 @@ def test_networks_of_other_cameras_are_refused(tmp_path, prior):
     (tmp_path / "weights.safetensors").write_bytes(b"none")
     with pytest.raises(DataError, match="no readable weights"):
         DepthWeights.load(tmp_path)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+def test_surprise_is_the_cross_entropy_of_the_planes_around_a_place(count):
+    source = torch.Generator().manual_seed(count)
+    logits, place = torch.randn(2, count, 3, 4, generator=source), torch.rand(2, 1, 3, 4, generator=source)
+    found = DepthEstimate(torch.empty(0), logits).surprise(place)
+    for sample, row, column in np.ndindex(2, 3, 4):
+        own = float(place[sample, 0, row, column]) * (count - 1)
+        below, share = int(own), own - int(own)
+        told = logits[sample, :, row, column].log_softmax(0)
+        expected = -(1 - share) * told[below] - (share * told[below + 1] if share else 0)
+        assert float(found[sample, 0, row, column]) == pytest.approx(float(expected), rel=1e-4, abs=1e-6)
+
+
+def test_a_network_that_is_sure_of_the_wrong_plane_still_feels_a_slope():
+    logits = torch.tensor([0.0, 0, 200, 0])[None, :, None, None].requires_grad_()
+    found, place = DepthEstimate(torch.empty(0), logits), torch.zeros(1, 1, 1, 1)
+    assert float(torch.autograd.grad((found.place() - place).abs().sum(), logits)[0].abs().max()) == 0
+    slope = torch.autograd.grad(found.surprise(place).sum(), logits)[0]
+    assert float(slope[0, 0]) < -0.9
+    assert float(slope[0, 2]) > 0.9

@@ -139,7 +139,7 @@ def test_channels_are_the_cube_and_the_share_of_the_range():
 
 def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
     from tmca.decoders.two_headed import build_depth_network
-    from tmca.training.depth_system import DepthSystem
+    from tmca.training.depth_system import SURPRISE, DepthSystem
 
     camera = training_camera(settings())
     network = build_depth_network(TINY["decoder"], camera)
@@ -148,7 +148,9 @@ def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
     scenes[:, -1, :12] = torch.nan
     logits = 40 * torch.eye(3)[2][None, :, None, None].expand(1, 3, 24, 24)
     loss = system._loss(DepthEstimate(scenes[:, :-1], logits), scenes)
-    assert float(loss) == pytest.approx(float((1 - scenes[:, -1, 12:]).mean()), rel=1e-5)
+    known = scenes[:, -1, 12:]  # of the range, the sure plane at 1
+    surprise = 40 * (1 - (2 * known - 1).clamp_min(0))
+    assert float(loss) == pytest.approx(float((1 - known + SURPRISE * surprise).mean()), rel=1e-5)
 
 
 @pytest.mark.parametrize(

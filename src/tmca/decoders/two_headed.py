@@ -40,6 +40,18 @@ class DepthEstimate:
         count = self.logits.shape[1]
         return (self.logits.softmax(1) * _places(count, self.logits)[:, None, None]).sum(1, keepdim=True)
 
+    def surprise(self, place: Tensor) -> Tensor:
+        """(B, 1, H, W) minus the log-probability of the planes around a true place (B, 1, H, W), in nats.
+
+        Between two planes both count by their nearness. Unlike the error of the mean it has a slope where the network
+        is sure of the wrong plane.
+        """
+        count = self.logits.shape[1]
+        own = (place * max(1, count - 1)).clamp(0, count - 1)
+        index = torch.arange(count, device=place.device)[:, None, None]
+        nearness = (1 - (index - own).abs()).clamp_min(0)
+        return -(nearness * self.logits.log_softmax(1)).sum(1, keepdim=True)
+
     def decoded(self, planes: DepthPlanes) -> DepthDecoded:
         """In metres, with the probability of the three planes around the estimate."""
         place, shares = self.place(), self.logits.softmax(1)

@@ -20,14 +20,17 @@ from tmca.training.patches import Patch
 
 _NOISE, _CHECK = 2, 3
 """Streams of random numbers: the sensor's noise in training, in validation."""
+SURPRISE = 0.1
+"""What a nat counts beside the error of depth, as a share of the range."""
 
 
 class DepthSystem(nn.Module):
     """A camera whose mask, shutter and filters may learn, and the network behind it (thesis 5.2).
 
-    The loss is that of the cube plus ``depth_weight`` times the mean absolute error of inverse depth, as a share of the
-    range, where it is known. The codes' gradient passes through the snapshot; a physics-based first stage is taken as
-    it is.
+    The loss is that of the cube plus ``depth_weight`` times what depth costs where it is known: the mean absolute error
+    of inverse depth, as a share of the range, and ``SURPRISE`` times the cross entropy of its planes, without which
+    networks got stuck at one plane. The codes' gradient passes through the snapshot; a physics-based first stage is
+    taken as it is.
 
     Args:
         camera: of the patches' size.
@@ -123,8 +126,9 @@ class DepthSystem(nn.Module):
 
     def _loss(self, found: DepthEstimate, scenes: Tensor) -> Tensor:
         known = torch.isfinite(scenes[:, -1:])
-        away = (found.place() - scenes[:, -1:].nan_to_num()).abs() * known
-        depth = away.sum() / known.sum().clamp_min(1)
+        place = scenes[:, -1:].nan_to_num()
+        away = (found.place() - place).abs() + SURPRISE * found.surprise(place)
+        depth = (away * known).sum() / known.sum().clamp_min(1)
         return self.loss(found.cube.float(), scenes[:, :-1]) + self.depth_weight * depth
 
     def _decode(self, snapshot: Tensor, sensor: Sensor, start: Tensor | None) -> DepthEstimate:
