@@ -93,6 +93,16 @@ def test_what_cannot_be_designed_is_one_line(capsys, tmp_path, prior, options, w
     assert not (tmp_path / "d").exists()
 
 
+def test_example_scenes_judge_designs_with_windows_of_a_tile_at_least(capsys, tmp_path):
+    scene = rendered_scene("chelsea", wavelengths=WAVES, size=(80, 90))
+    write_dataset(scene[["radiance"]], tmp_path / "large.nc")
+    main(["design", "spectral-depth", "large.nc", *SMALL, "--slots", "2", "--depth", "0.5,inf", "--out", "d", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert all(0 < row["judged"] <= row["random_judged"] for row in found["designs"])
+    assert "on the example scenes" in found["advice"]
+    assert found["caveat"].startswith("The error on example scenes")
+
+
 def test_scenes_of_other_bands_or_too_small_are_refused(capsys, tmp_path):
     blue = rendered_scene("chelsea", wavelengths=(420e-9, 440e-9), size=(60, 70))[["radiance"]]
     write_dataset(blue, tmp_path / "blue.nc")

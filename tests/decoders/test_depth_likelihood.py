@@ -84,8 +84,8 @@ def test_what_does_not_fit_is_refused():
     made, prior, _ = one_window()
     with pytest.raises(SettingError, match="window"):
         PatchLikelihood(prior, made, 5)
-    for odd in ({"temperature": 0.0}, {"reach": -1}):
-        with pytest.raises(SettingError, match="temperature, reach"):
+    for odd in ({"temperature": 0.0}, {"reach": -1}, {"contamination": 1.5}, {"contamination": float("nan")}):
+        with pytest.raises(SettingError, match="temperature, reach, contamination"):
             PatchLikelihood(prior, made, 4, **odd)
     with pytest.raises(SettingError, match="480 nm"):
         PatchLikelihood(replace(prior, wavelengths=(480e-9, 600e-9)), made, 4)
@@ -151,6 +151,9 @@ def test_a_frame_row_by_row_is_every_window_by_itself(size, sensor, reach):
     slow = laid_over_each_other(decoder, size, spectrum).clamp_min(0)
     torch.testing.assert_close(found.estimate, slow, atol=1e-9, rtol=1e-9)
     assert decoder(taken, planes=False).planes.numel() == 0
+    depth_alone = decoder(taken, spectrum=False)
+    assert depth_alone.estimate.numel() == 0
+    torch.testing.assert_close(depth_alone.depth, found.depth)
 
 
 @pytest.mark.parametrize("sensor", [Sensor(read_noise=1e-3), Sensor(full_well=2000)])

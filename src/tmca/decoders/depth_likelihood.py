@@ -36,6 +36,8 @@ REACH = 24
 This and the temperature have the least error of depth on training scenes (``benchmarks/depth_likelihood.py``)."""
 _LEAST_SHARE = 0.05
 """Of the likeliest plane in the middle of a window: less likely ones are left out of its spectrum."""
+_LIKELY = 2
+"""Planes of a window, about, that are not left out."""
 _NOISE_STEP = 2**0.25
 """Ratio of neighbouring levels of the noise's variance: the same for every snapshot and every part of one."""
 
@@ -46,7 +48,7 @@ class DepthDecoded(Decoded):
 
     Args:
         depth: (B, 1, H, W) metres.
-        confidence: (B, 1, H, W) probability that the depth is right within one bin.
+        confidence: (B, 1, H, W) probability of the bin of the depth and its two neighbours.
         planes: (B, D, H, W) log-probability of every plane, from far to near, up to a constant; empty if not asked for.
     """
 
@@ -101,7 +103,7 @@ class PatchLikelihood:
 
     Raises:
         SettingError: a camera without a period, a window larger than the sensor, a prior of other bands, a temperature
-            of 0 or less, or a negative reach.
+            of 0 or less, a negative reach, or a contamination that is no share.
         ShapeError: a prior that does not fit.
     """
 
@@ -119,10 +121,9 @@ class PatchLikelihood:
         if window < camera.tile_size or window > min(camera.size):
             known = f"{camera.tile_size} (the tile) to {min(camera.size)} (the sensor) pixels"
             raise SettingError("window", f"{window} pixels", known)
-        if not temperature > 0 or reach < 0:
-            raise SettingError(
-                "temperature, reach", f"{temperature:g}, {reach} pixels", "above 0, and 0 pixels or more"
-            )
+        if not temperature > 0 or reach < 0 or not 0 <= contamination <= 1:
+            given = f"{temperature:g}, {reach} pixels, {contamination:g}"
+            raise SettingError("temperature, reach, contamination", given, "above 0, 0 pixels or more, and 0 to 1")
         check_bands(prior, camera.wavelengths)
         self.device = camera.response.device
         self.prior, self.camera, self.window = prior.to(self.device), camera, window
@@ -133,13 +134,16 @@ class PatchLikelihood:
         self._rows = WindowRows(camera.size, window, camera.tile_size)
 
     @torch.no_grad()
-    def __call__(self, snapshot: Tensor, progress: Progress | None = None, *, planes: bool = True) -> DepthDecoded:
+    def __call__(
+        self, snapshot: Tensor, progress: Progress | None = None, *, planes: bool = True, spectrum: bool = True
+    ) -> DepthDecoded:
         """Decode snapshots (B, C, H, W).
 
         Args:
             snapshot: of the camera.
             progress: told the share that is done.
-            planes: whether the likelihoods of all planes are returned.
+            planes: whether the log-probabilities of all planes are returned.
+            spectrum: whether the cube is estimated, which is empty otherwise.
 
         Raises:
             ShapeError: snapshots of another size or number of channels.
@@ -149,10 +153,11 @@ class PatchLikelihood:
             raise ShapeError("snapshot", str(tuple(snapshot.shape)), wanted)
         told, count = progress or (lambda share: None), self.camera.planes.count
         pixels, values = self._psf.shape[2] * self.window**2, len(self._colour) * self.window**2
-        first = count * values / (count * values + values + pixels)  # of the work
-        found = _Found.empty(snapshot, self.camera.bands, count, planes, self._rows)
+        first = count * values / (count * values + _LIKELY * (values + pixels)) if spectrum else 1.0  # of the work
+        found = _Found.empty(snapshot, self.camera.bands if spectrum else 0, count, planes, self._rows)
         gains = list(self._search(snapshot, found, lambda share: told(first * share)))
-        self._fill(snapshot, found, gains, lambda share: told(first + (1 - first) * share))
+        if spectrum:
+            self._fill(snapshot, found, gains, lambda share: told(first + (1 - first) * share))
         return DepthDecoded(found.estimate, depth=found.depth, confidence=found.confidence, planes=found.planes)
 
     def _search(self, snapshot: Tensor, found: _Found, progress: Progress) -> Iterator[Tensor]:

@@ -72,7 +72,7 @@ class TwoHeadedUNet(nn.Module):
 
     It sees the snapshot relative to its local brightness, the shutter and the filter over every pixel, and the noise.
     With ``start="likelihood"`` it also sees a physics-based first stage: the log-probability of every depth plane under
-    the exact model and the linear MMSE cube at the depth that follows (`PatchLikelihood`), and learns what to add.
+    the exact model and the linear MMSE cube over the likely ones (`PatchLikelihood`), and learns what to add.
 
     Args:
         bands: L.

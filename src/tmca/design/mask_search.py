@@ -21,6 +21,8 @@ SEARCHED = ("zernike", "free-form", "rotational")
 """Families of masks with random starts."""
 SIZE = (64, 64)
 """Pixels of the cameras."""
+_APART = 1000
+"""Of the seeds of two starts."""
 _OWN, _RMS = 0.05, 0.1e-6
 """Share of variance that slots have of their own when they start from one mask, metres."""
 Told = Callable[[float, str], None]
@@ -92,7 +94,7 @@ class MaskTask:
             raise SettingError("planes", str(self.camera["planes"]), "3 or more depth planes")
 
     def made(self, slots: int, number: int) -> SpectralDepthCamera:
-        """A camera with random masks, drawn with ``seed + number``.
+        """A camera with the random masks of a start; those of other seeds are others.
 
         Raises:
             SettingError: heights of this rms are beyond the stroke, or nothing is learnable with so many slots.
@@ -100,7 +102,7 @@ class MaskTask:
         reach = float("inf") if self.stroke is None else (self.stroke.high - self.stroke.low) / 12
         heights = mask_heights(
             self.family, slots, self.bench, rms=min(_RMS, reach) if self.rms is None else self.rms, stroke=self.stroke,
-            seed=self.seed + number, learnable="mask" in self.learn,
+            seed=self.seed + _APART * number, learnable="mask" in self.learn,
         )  # fmt: skip
         if self.stroke is not None and self.rms is not None:
             self.stroke.check(heights.profile(), "heights of random masks")

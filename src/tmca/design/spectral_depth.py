@@ -122,17 +122,15 @@ def bhattacharyya(covariance: Tensor) -> Tensor:
     return found.index_put((rows, columns), distances).index_put((columns, rows), distances)
 
 
-def confusion(covariance: Tensor, temperature: float = 1.0) -> Tensor:
+def confusion(covariance: Tensor) -> Tensor:
     """Mean over planes of ``Σ_e ½ |d - e| exp(-distance)``: a bound on the mean error in bins of the most likely plane.
 
     Args:
         covariance: (D, n, n) of planes in order.
-        temperature: what distances are divided by, for windows that are less telling than the prior has it; above 1 it
-            is no bound but a figure.
     """
     planes = torch.arange(len(covariance), device=covariance.device, dtype=covariance.dtype)
     bins = (planes[:, None] - planes).abs()
-    return (0.5 * bins * torch.exp(-bhattacharyya(covariance) / temperature)).sum(1).mean()
+    return (0.5 * bins * torch.exp(-bhattacharyya(covariance))).sum(1).mean()
 
 
 def drawn_error(covariance: Tensor, draws: int = 500, seed: int = 0) -> float:

@@ -112,9 +112,11 @@ def snapshot_moments(
 
     Raises:
         ShapeError: a prior whose blocks are too small or of other bands.
-        SettingError: a prior that is not stationary.
+        SettingError: a prior that is not stationary, or a contamination that is no share.
     """
     _check(prior, psf, window)
+    if not 0 <= contamination <= 1:
+        raise SettingError("contamination", f"{contamination:g}", "a share, 0 to 1")
     colour, shutter, tile = _kinds(colour, shutter)
     seen = sensed_psf(psf, colour, shutter, exposure)
     needed = needed_block(window, (psf.shape[-2], psf.shape[-1]))

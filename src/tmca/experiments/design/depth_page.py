@@ -33,14 +33,21 @@ COLUMNS = (
     ("start", "found from", ""),
     ("seconds", "CPU seconds", ".0f"),
 )
-_CAVEAT = (
+_JUDGED = (
     "The error on example scenes is that of the patch likelihood on their middles, standing at every plane in turn: it "
-    "orders designs where it is known. The confusion, on which masks are searched, is a bound on the mean error, in "
+    "says which descent is taken and orders designs. "
+)
+_CAVEAT = (
+    "The confusion, on which masks are searched, is a bound on the mean error, in "
     "depth bins, of the most likely plane for one window; the drawn error is that error for windows drawn from the "
     "prior. Both believe the Gaussian prior and exact point spread functions, so that they are far too optimistic, "
     "most of all for static masks. None of them knows edges of depth: they are for the order of designs, not for the "
     "error to expect."
 )
+
+
+def _caveat(advice: MaskAdvice) -> str:
+    return _CAVEAT if advice.static.judged is None else _JUDGED + _CAVEAT
 
 
 def design_files(slots: Sequence[int]) -> list[str]:
@@ -68,7 +75,7 @@ def described(
         "filters": task.camera["filters"], "channels": task.camera["channels"], "period": best.camera.period,
         "shutter": task.shutter, "mask": task.family, "stroke": None if task.stroke is None else asdict(task.stroke),
         "learn": list(task.learn), "window": task.window, "seed": task.seed, "effort": asdict(effort),
-        "scenes": list(prior.sources), "caveat": _CAVEAT, "designs": rows,
+        "scenes": list(prior.sources), "caveat": _caveat(advice), "designs": rows,
     }  # fmt: skip
 
 
@@ -104,7 +111,7 @@ def _sections(advice: MaskAdvice, found: Mapping[str, Any], figures: Mapping[str
         f"Equal effort: {effort['starts']} starts of {effort['steps']} steps for every K, at equal exposure time; more "
         f"slots also start from the best static mask shown in all of them. Shutter with several slots: "
         f"{found['shutter']}; open with one.",
-        _CAVEAT,
+        found["caveat"],
         "Take masks along: tmca simulate spectral-depth SCENE --codes codes.nc.",
     ]
     each = [own.slots for own in advice.candidates]

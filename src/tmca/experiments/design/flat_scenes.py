@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -16,6 +17,11 @@ JUDGING = 6
 """Example scenes at most on which designs are judged."""
 
 
+def some_of(scenes: Sequence[Any]) -> list[Any]:
+    """At most ``JUDGING`` of them, spread over the list."""
+    return list(scenes[:: -(-len(scenes) // JUDGING)])
+
+
 def judge_on(cubes: Sequence[Tensor], prior: GaussianPrior, window: int) -> Judge | None:
     """``flat_error`` on some of the scenes that are as large as searched cameras; None if none is.
 
@@ -27,7 +33,7 @@ def judge_on(cubes: Sequence[Tensor], prior: GaussianPrior, window: int) -> Judg
     large = [cube for cube in cubes if cube.shape[1] >= SIZE[0] and cube.shape[2] >= SIZE[1]]
     if not large:
         return None
-    chosen = large[:: -(-len(large) // JUDGING)]
+    chosen = some_of(large)
     return lambda camera: flat_error(camera, prior, chosen, max(window, camera.tile_size))
 
 
@@ -45,10 +51,10 @@ def flat_error(camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequenc
     """
     scenes = torch.stack([_middle(cube, camera.size) for cube in cubes]).float()
     decoder, planes, errors = PatchLikelihood(prior, camera, window), camera.planes, list[Tensor]()
-    for place, inverse in enumerate(planes.inverse.tolist()):
-        depth = scenes.new_full((len(scenes), 1, *camera.size), 1 / inverse)
-        found = decoder(camera(scenes, depth, place), planes=False)
-        errors.append((1 / found.depth - inverse).abs().mean() / planes.step)
+    for place, metres in enumerate(planes.metres.tolist()):
+        depth = scenes.new_full((len(scenes), 1, *camera.size), metres)
+        found = decoder(camera(scenes, depth, place), planes=False, spectrum=False)
+        errors.append((1 / found.depth - 1 / depth).abs().mean() / planes.step)
     return float(torch.stack(errors).mean())
 
 

@@ -159,7 +159,8 @@ def _prior(
 ) -> GaussianPrior:
     from tmca.priors import load_prior, rendered_prior
 
-    waves, block = task.camera["bands"], needed_block(task.window, task.bench.window)
+    window = max(task.window, task.made(1, 0).tile_size)  # a judge decodes windows of a tile at least
+    waves, block = task.camera["bands"], needed_block(window, task.bench.window)
     if prior is not None:
         if scenes:
             raise SettingError("--prior", "scenes beside it", "one of them")

@@ -10,7 +10,7 @@ from typing import Any
 from tmca.cameras import SpectralDepthCamera
 from tmca.errors import SettingError
 from tmca.experiments.cells import Failures, Measured, Settings, Timed, run_cells, source_digest, timed
-from tmca.experiments.design.flat_scenes import JUDGING
+from tmca.experiments.design.flat_scenes import some_of
 from tmca.experiments.results import check_counts, check_decoders, check_new
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.spectral_depth import plan
@@ -90,7 +90,7 @@ def compare_spectral_depth(
     prior = learned_depth_prior(learned, make_folder(work), own.preset, own.window, how, timed(progress))
     make_folder(out)
     common: Settings = {"source": source_digest(), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
-    common |= {**how, "examples": list(learned[:: -(-len(learned) // JUDGING)]), "scenes": names}
+    common |= {**how, "examples": some_of(learned), "scenes": names}
     common |= {"checksums": [identity_of(n) or n for n in (*learned, *names)]}
     failures, every = Failures(work), range(seed, seed + seeds)
 

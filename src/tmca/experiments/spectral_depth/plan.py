@@ -23,7 +23,7 @@ from tmca.experiments.spectral_depth.rows import (
 
 
 def searches(common: Settings, sizes: Sizes, effort: dict[str, Any], seeds: Sequence[int]) -> list[Settings]:
-    """Masks that are searched for least confusion of depths under the first noise."""
+    """Masks that are searched for least confusion under the first noise, and judged on training scenes."""
     noise, sensor = next(iter(NOISES.items()))
     kept = {name: common[name] for name in ("source", "preset", "prior", "examples", "side", "placed", "from_rgb")}
     return [

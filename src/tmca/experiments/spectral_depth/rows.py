@@ -23,7 +23,7 @@ CODES: dict[str, dict[str, Any]] = {
 }
 """Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes, equal exposure time."""
 DESIGNED = tuple(name for name in CODES if "optimised" in name)
-"""Codes whose masks are searched for least confusion of depths, with the same effort."""
+"""Codes whose masks are searched for least confusion of depths and judged on training scenes, with equal effort."""
 LEARNED = {
     "diffractive element only, learned": "diffractive element only, optimised",
     "TMCA learned K = 4": "TMCA optimised K = 4",

@@ -155,8 +155,9 @@ def markdown(found: dict[str, Any]) -> str:
         "of scenes from files is mapped affinely onto the range of the design; cubes without depth are put at drawn "
         "depths, RGB-D scenes get made-up spectra of measured reflectances.\n",
         f"Optimised masks: {budget['effort']['starts']} descents of {budget['effort']['steps']} steps on the foretold "
-        f"confusion of depths under {next(iter(NOISES))}, the same for static and time-multiplexed masks. Noise is in "
-        "units of one band of a white scene; all exposures last equally long.\n",
+        f"confusion of depths under {next(iter(NOISES))}, best of them and of random masks on flat training scenes, "
+        "the same effort for static and time-multiplexed masks. Noise is in units of one band of a white scene; all "
+        "exposures last equally long.\n",
     ]
     for noise in NOISES:
         lines += [f"## {noise}\n", _table(found, noise)]
