@@ -196,14 +196,14 @@ def _searched(
             progress=lambda step, steps, _, done=number: told((done + step / steps) / effort.starts),  # type: ignore[misc]
         )  # fmt: skip
         runs.append(_Run(camera, start, found.confusion))
-    best, judged = min(runs, key=lambda run: run.value), list[float]()
+    best, judged, drawn = min(runs, key=lambda run: run.value), list[float](), task.covariance(random, prior)
     if judge is not None:
-        runs.append(_Run(random, "random, as drawn", (float(confusion(task.covariance(random, prior))),)))
+        runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
         judged = [judge(run.camera) for run in runs]
         best = runs[judged.index(min(judged))]
-    seconds, seen = time.process_time() - begun, (task.covariance(best.camera, prior), task.covariance(random, prior))
+    seconds, seen = time.process_time() - begun, task.covariance(best.camera, prior)
     errors = (min(judged), judged[-1]) if judged else None
-    return MaskCandidate(best.camera, seen[0], random, seen[1], best.start, seconds, best.history, errors)
+    return MaskCandidate(best.camera, seen, random, drawn, best.start, seconds, best.history, errors)
 
 
 def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, own: float = 0.0) -> None:

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.data.light_fields import centre_window
 from tmca.decoders.depth_likelihood import PatchLikelihood
 from tmca.design.mask_search import SIZE, Judge
 from tmca.priors import GaussianPrior
@@ -59,5 +60,5 @@ def flat_error(camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequenc
 
 
 def _middle(cube: Tensor, size: tuple[int, int]) -> Tensor:
-    top, left = ((length - own) // 2 for length, own in zip(cube.shape[1:], size, strict=True))
-    return cube[:, top : top + size[0], left : left + size[1]]
+    rows, columns = centre_window((cube.shape[1], cube.shape[2]), size, None, "an example scene")
+    return cube[:, rows, columns]

@@ -101,8 +101,8 @@ def design_spectral_depth(
         [] if prior is not None else _cubes(scenes, task.camera["bands"], lambda share, step: told(0.1 * share, step))
     )
     known = _prior(scenes, prior, cubes, task, lambda share, step: told(0.1 + 0.2 * share, step))
-    searched = lambda share, step: told(0.3 + 0.68 * share, step)  # noqa: E731
-    advice = search_masks(task, known, counts, effort, searched, judge_on(cubes, known, window))
+    judge = judge_on(cubes, known, window)
+    advice = search_masks(task, known, counts, effort, lambda share, step: told(0.3 + 0.68 * share, step), judge)
     found = described(advice, task, effort, known, {"preset": preset, "sensor": asdict(sheet)}, command)
     write_design(advice, found, out, overwrite)
     return advice, found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,7 +51,7 @@ def search(cell: Settings, folder: Path) -> Measured:
     camera |= {"filters": settings["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
     task = MaskTask(probe.bench, camera, settings["shutter"], window=cell["window"], seed=cell["seed"])
     prior: Any = load_prior(cell["prior"])
-    judge = judge_on(examples_of(cell, probe), prior, cell["window"])
+    judge = judge_on(examples_of(cell), prior, cell["window"])
     advice = search_masks(task, prior, [settings["slots"]], MaskEffort(**cell["effort"]), judge=judge)
     found = advice.candidates[-1]
     file = folder / f"codes-{cell_key(cell)}.nc"
@@ -62,11 +63,22 @@ def search(cell: Settings, folder: Path) -> Measured:
     return {"codes": str(file), "foretold": told, "seconds": found.seconds, "confusion": found.confusion}
 
 
-def examples_of(cell: Settings, camera: SpectralDepthCamera) -> list[torch.Tensor]:
-    """Some training scenes, at the bands of a camera."""
-    how = {name: cell[name] for name in ("side", "placed", "from_rgb")}
-    scenes = (load_any_depth_scene(name, camera, **how) for name in cell["examples"])
+def examples_of(cell: Settings) -> list[torch.Tensor]:
+    """Some training scenes (L, H, W), at the bands of the preset."""
+    return _examples(cell["preset"], tuple(cell["examples"]), **_reading(cell))
+
+
+@lru_cache(maxsize=1)
+def _examples(preset: str, names: tuple[str, ...], **how: Any) -> list[torch.Tensor]:
+    """Read once for all the cells of a process."""
+    camera = SpectralDepthCamera.from_preset(preset, size=SIZE)
+    scenes = (load_any_depth_scene(name, camera, **how) for name in names)
     return [torch.from_numpy(scene["radiance"].values.copy()) for scene in scenes]
+
+
+def _reading(cell: Settings) -> dict[str, Any]:
+    """How the scenes of a cell are read."""
+    return {name: cell[name] for name in ("side", "placed", "from_rgb")}
 
 
 def foretold(cell: Settings, folder: Path) -> Measured:
@@ -75,7 +87,7 @@ def foretold(cell: Settings, folder: Path) -> Measured:
     from tmca.priors import load_prior
 
     camera, prior = coded_camera(cell, SIZE, cell["codes"]), load_prior(cell["prior"])
-    judge = judge_on(examples_of(cell, camera), prior, cell["window"])  # type: ignore[arg-type]
+    judge = judge_on(examples_of(cell), prior, cell["window"])  # type: ignore[arg-type]
     with torch.no_grad():
         found = foretell(camera, prior, cell["window"])  # type: ignore[arg-type]
         distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))
@@ -95,7 +107,7 @@ def train(cell: Settings, folder: Path) -> Measured:
 
     settings = spectral_depth_settings(None, None, cell["training"])
     camera = training_camera(settings)
-    how = {"side": cell["side"], "placed": cell["placed"], "from_rgb": cell["from_rgb"]}
+    how = _reading(cell)
 
     def load(name: str) -> Any:
         return load_any_depth_scene(name, camera, **how)
@@ -106,8 +118,7 @@ def train(cell: Settings, folder: Path) -> Measured:
 
 def scenes_of(cell: Settings, camera: SpectralDepthCamera) -> dict[str, xr.Dataset]:
     """The middles of the test scenes, by name."""
-    how = {name: cell[name] for name in ("side", "placed", "from_rgb")}
-    size = (int(cell["crop"][0]), int(cell["crop"][1]))
+    how, size = _reading(cell), (int(cell["crop"][0]), int(cell["crop"][1]))
     return {
         name: middle_of(load_any_depth_scene(path, camera, **how), size, path) for path, name in cell["scenes"].items()
     }

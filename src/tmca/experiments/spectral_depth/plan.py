@@ -21,11 +21,14 @@ from tmca.experiments.spectral_depth.rows import (
     training_of,
 )
 
+_JUDGED_BY = ("source", "preset", "prior", "examples", "side", "placed", "from_rgb")
+"""What makes the figures of a mask, beside its code."""
+
 
 def searches(common: Settings, sizes: Sizes, effort: dict[str, Any], seeds: Sequence[int]) -> list[Settings]:
     """Masks that are searched for least confusion under the first noise, and judged on training scenes."""
     noise, sensor = next(iter(NOISES.items()))
-    kept = {name: common[name] for name in ("source", "preset", "prior", "examples", "side", "placed", "from_rgb")}
+    kept = {name: common[name] for name in _JUDGED_BY}
     return [
         {**kept, "kind": "search", "name": f"search · {code} · seed {seed}", "code": code, "noise": noise,
          "sensor": sensor, "seed": seed, "effort": effort, "window": sizes.searched}
@@ -48,8 +51,7 @@ def untrained(
 
 def foretold(rows: Sequence[Settings], sizes: Sizes) -> list[Settings]:
     """What is foretold of every row without a network."""
-    shared = ("source", "preset", "prior", "examples", "side", "placed", "from_rgb")
-    kept = (*shared, "code", "noise", "sensor", "seed", "codes")
+    kept = (*_JUDGED_BY, "code", "noise", "sensor", "seed", "codes")
     return [
         {**{name: row[name] for name in kept}, "kind": "foretold", "window": sizes.searched,
          "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}
