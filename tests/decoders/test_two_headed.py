@@ -7,7 +7,7 @@ import torch
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.depth_likelihood import PatchLikelihood
 from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder
-from tmca.decoders.two_headed import DepthEstimate, build_depth_network, first_stage, white_level
+from tmca.decoders.two_headed import DepthEstimate, build_depth_network, first_likelihood, first_stage, white_level
 from tmca.errors import DataError, SettingError
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
@@ -108,6 +108,18 @@ def test_weights_bring_camera_and_network_back(tmp_path, prior):
     one, other = TwoHeadedDecoder(network, made)(snapshot), again.decoder(own)(snapshot)
     torch.testing.assert_close(one.estimate, other.estimate, atol=5e-3, rtol=0)  # half precision
     assert again.path == file
+
+
+def test_weights_keep_the_first_stage_that_they_were_trained_behind(tmp_path, prior):
+    made, own = camera(), {"temperature": 3.0, "reach": 5, "contamination": 0.3}
+    network = build_depth_network({**SMALL, "start": "likelihood", **own}, made)
+    DepthWeights(network, made, "", {}).save(tmp_path / "weights.safetensors")
+    again = DepthWeights.load(tmp_path).network
+    found = first_likelihood(again, prior, made)
+    assert {name: getattr(found, name) for name in own} == own
+    snapshot = snapshot_of(made)
+    usual = first_likelihood(build_depth_network({**SMALL, "start": "likelihood"}, made), prior, made)
+    assert not torch.allclose(found(snapshot).planes, usual(snapshot).planes)
 
 
 def test_networks_of_other_cameras_are_refused(tmp_path, prior):

@@ -115,7 +115,8 @@ def test_networks_learn_from_no_scene_that_is_measured(tmp_path):
         "checksums": [],
         "scenes": {rendered[1]: "a"},
     }
-    cells = plan.trainings(common, SMALL, ["own.nc"], {}, ["two-headed"], [0], 2, tmp_path)
+    table = plan.Table(common, SMALL, ["own.nc"], ["two-headed"], range(1), {}, 2, tmp_path)
+    cells = plan.trainings(table, {})
     learned = {name for cell in cells for part in ("train", "validation") for name in cell["training"]["data"][part]}
     assert learned == {"own.nc", *rendered} - {rendered[1]}
 

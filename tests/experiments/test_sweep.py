@@ -22,7 +22,7 @@ def sweep(folder, vary, scenes=("coffee",), **changes):
 def test_every_combination_is_measured_once_and_kept(tmp_path):
     told = []
     vary = {"noise": [0.0, 0.05], "slots": [1, 2]}
-    found = sweep(tmp_path, vary, progress=lambda done, total, name: told.append(name))
+    found = sweep(tmp_path, vary, progress=lambda done, total, name, left: told.append(name))
     assert [(row["noise"], row["slots"]) for row in found["rows"]] == [(0.0, 1), (0.0, 2), (0.05, 1), (0.05, 2)]
     assert found["rows"][0]["psnr"] > found["rows"][2]["psnr"]
     assert len(told) == 4
@@ -31,7 +31,7 @@ def test_every_combination_is_measured_once_and_kept(tmp_path):
         rows = list(csv.DictReader(file))
     assert [float(row["psnr"]) for row in rows] == [row["psnr"] for row in found["rows"]]
     assert (tmp_path / "out.png").stat().st_size > 1000
-    again = sweep(tmp_path, vary, overwrite=True, progress=lambda done, total, name: told.append(name))
+    again = sweep(tmp_path, vary, overwrite=True, progress=lambda done, total, name, left: told.append(name))
     assert again["rows"] == found["rows"]
     assert len(told) == 4
 
@@ -41,7 +41,7 @@ def test_a_failed_cell_is_named_and_the_others_are_kept(tmp_path):
         sweep(tmp_path, {"slots": [1]}, ["nowhere.mat", "coffee"])
     assert not (tmp_path / "out.md").exists()
     told = []
-    sweep(tmp_path, {"slots": [1]}, ["coffee"], progress=lambda done, total, name: told.append(name))
+    sweep(tmp_path, {"slots": [1]}, ["coffee"], progress=lambda done, total, name, left: told.append(name))
     assert told == []
 
 

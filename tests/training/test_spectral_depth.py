@@ -158,6 +158,7 @@ def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
     [
         ({"camera.size": [32, 24]}, "patches"),
         ({"codes.throughput": 0.5}, "throughput"),
+        ({"codes.through_start": True}, "an unknown name"),
         ({"camera.learn": ["lens"]}, "learn"),
         ({"camera.preset": "huge"}, "preset"),
         ({"decoder": {"kind": "two-headed", "levels": 3}}, "levels"),

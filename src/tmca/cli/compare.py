@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +11,7 @@ from cyclopts import App, Parameter
 from tmca.cli.light_field import MeasuredLightFieldsOptions
 from tmca.cli.numbers import Whole
 from tmca.cli.options import GridOptions
+from tmca.cli.progress import cell_done
 
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
 _GRID, _VIEWS = GridOptions(), MeasuredLightFieldsOptions()
@@ -54,7 +54,7 @@ def spectral(
 
     results = compare_spectral(
         train, test, out, work, bands=bands, decoders=decoders.split(","), validation=validation,
-        seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
+        seed=seed, seeds=seeds, steps=steps, progress=cell_done, **grid.how(),
     )  # fmt: skip
     print(json.dumps(results, indent=1) if grid.json else (out / "spectral.md").read_text())
 
@@ -105,7 +105,8 @@ def light_field(
     sizes = Sizes(views=reading.views, period=period, frame=middle)
     results = compare_light_field(
         train, test, out, work, decoders=decoders.split(","), sizes=sizes, reading=reading.asked(),
-        test_scale=reading.test_scale, atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
+        test_scale=reading.test_scale, atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=cell_done,
+        **grid.how(),
     )  # fmt: skip
     print(json.dumps(results, indent=1) if grid.json else (out / "light-field.md").read_text())
 
@@ -156,10 +157,6 @@ def spectral_depth(
     sizes = Sizes(preset=preset, side=side, crop=size(crop, "--crop") or Sizes.crop)
     found = compare_spectral_depth(
         train, test, out, work, decoders=decoders.split(","), placed=placed, from_rgb=from_rgb, sizes=sizes,
-        seed=seed, seeds=seeds, steps=steps, progress=_told, **grid.how(),
+        seed=seed, seeds=seeds, steps=steps, progress=cell_done, **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else (out / "spectral-depth.md").read_text())
-
-
-def _told(done: int, total: int, name: str, left: float) -> None:
-    print(f"[{done}/{total}] {name} · {left / 60:.1f} min left", file=sys.stderr)

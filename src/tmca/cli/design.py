@@ -13,6 +13,7 @@ from tmca.cli.light_field import LightFieldsOptions
 from tmca.cli.mask_search import MaskBenchOptions, MaskSearchOptions
 from tmca.cli.numbers import Whole
 from tmca.cli.options import SceneOptions
+from tmca.cli.progress import cell_done
 from tmca.cli.sheets import SearchOptions, SheetOptions, whole_numbers
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
@@ -237,16 +238,13 @@ def study(
     from tmca.data import read_split
     from tmca.experiments.codes import study_codes
 
-    def told(done: int, total: int, name: str) -> None:
-        print(f"[{done}/{total}] {name}", file=sys.stderr)
-
     tile = size(period, "--period") or (16, 24)
     examples, scenes, checked = (
         list(map(str, read_split(split))) if split else [] for split in (train, test, validation)
     )
     found = study_codes(
         examples, scenes, out, work, bands=bands, slots=whole_numbers(slots) or [], period=tile, test_slots=test_slots,
-        validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite, progress=told,
+        validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite, progress=cell_done,
         command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(found, indent=1) if json else (out / "codes.md").read_text())

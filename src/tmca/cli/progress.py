@@ -49,3 +49,8 @@ class _Lines:
         left = (now - begun) * (1 - share) / (share - before) if share > before else None
         eta = "" if left is None or left < 1 else f", {left:.0f} s left" if left < 90 else f", {left / 60:.1f} min left"
         print(" ".join(f"{self.label}: {share:4.0%} {self.step} {detail}{eta}".split()), file=sys.stderr)
+
+
+def cell_done(done: int, total: int, name: str, left: float) -> None:
+    """A line for a finished cell of a table; ``left`` is in seconds."""
+    print(f"[{done}/{total}] {name} · {left / 60:.1f} min left", file=sys.stderr)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +12,7 @@ from cyclopts import App, Parameter
 from tmca.cli.light_field import MeasuredLightFieldsOptions
 from tmca.cli.numbers import Whole
 from tmca.cli.options import GridOptions
+from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
 
 app = App(name="sweep", help="Every combination of some settings, over test scenes.")
@@ -65,7 +65,7 @@ def spectral(
 
     found = sweep_spectral(
         axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, validation=checked, steps=steps,
-        bands=bands, size=size(crop, "--crop"), progress=_told, **grid.how(),
+        bands=bands, size=size(crop, "--crop"), progress=cell_done, **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 
@@ -111,7 +111,8 @@ def light_field(
     examples = [str(path) for path in read_split(train)] if train else []
     found = sweep_light_field(
         axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=reading.views,
-        reading=reading.asked(), test_scale=reading.test_scale, size=size(crop, "--crop"), progress=_told, **grid.how(),
+        reading=reading.asked(), test_scale=reading.test_scale, size=size(crop, "--crop"), progress=cell_done,
+        **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 
@@ -163,13 +164,9 @@ def spectral_depth(
     axes, fixed = _axes(vary, set_)
     found = sweep_spectral_depth(
         axes, named, out, work, fixed=fixed, train=named_scenes(train or ()), preset=preset, size=size(crop, "--crop"),
-        side=side, placed=placed, from_rgb=from_rgb, progress=_told, **grid.how(),
+        side=side, placed=placed, from_rgb=from_rgb, progress=cell_done, **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
-
-
-def _told(done: int, total: int, name: str) -> None:
-    print(f"[{done}/{total}] {name}", file=sys.stderr)
 
 
 def _axes(vary: Sequence[str], fixed: Sequence[str] | None) -> tuple[dict[str, list[str]], dict[str, str]]:

@@ -12,9 +12,9 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.decoding import Progress
-from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded
 from tmca.decoders.network import TILE, seen_by_tile
-from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, camera_sizes, first_stage
+from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, camera_sizes, first_likelihood, first_stage
 from tmca.decoders.weights_file import fill_network, read_weights, write_weights
 from tmca.errors import DataError, SettingError
 from tmca.optics import PhaseMaskBench
@@ -133,7 +133,7 @@ class TwoHeadedDecoder:
         check_fits(network, camera)
         self.network, self.camera, self.tile = network.eval(), camera, tile
         wants = prior is not None and network.start == "likelihood"
-        self.likelihood = PatchLikelihood(prior, camera, network.window) if wants and prior is not None else None
+        self.likelihood = first_likelihood(network, prior, camera) if wants and prior is not None else None
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> DepthDecoded:

@@ -13,10 +13,12 @@ from torch import Tensor, nn
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.convolutions import TwoHeadedBody
 from tmca.decoders.decoding import Progress
-from tmca.decoders.depth_likelihood import DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_likelihood import REACH, TEMPERATURE, DepthDecoded, PatchLikelihood
 from tmca.decoders.network import LEVEL_REACH, RESIDUAL, local_level, noise_maps
 from tmca.errors import SettingError, ShapeError
 from tmca.optics import DepthPlanes
+from tmca.priors import GaussianPrior
+from tmca.priors.spectral_depth import CONTAMINATION
 from tmca.sensor import Noise
 
 DEPTH_STARTS = ("snapshot", "likelihood")
@@ -81,7 +83,7 @@ class TwoHeadedUNet(nn.Module):
         slots: K.
         filters: R.
         start: one of ``DEPTH_STARTS``.
-        window: of the patch likelihood, pixels.
+        window: of the patch likelihood, pixels; ``temperature``, ``reach`` and ``contamination`` are its too.
         widths: channels of each level, finest first.
         blocks: residual blocks on each level.
         gather: pixels gathered along each axis at the entrance.
@@ -102,6 +104,9 @@ class TwoHeadedUNet(nn.Module):
         filters: int,
         start: str = "likelihood",
         window: int = 8,
+        temperature: float = TEMPERATURE,
+        reach: int = REACH,
+        contamination: float = CONTAMINATION,
         widths: Sequence[int] = (48, 64, 96),
         blocks: int = 2,
         gather: int = 2,
@@ -112,7 +117,8 @@ class TwoHeadedUNet(nn.Module):
         self.bands, self.planes, self.start, self.window = bands, planes, start, window
         self.settings: dict[str, Any] = {
             "bands": bands, "planes": planes, "channels": channels, "slots": slots, "filters": filters, "start": start,
-            "window": window, "widths": list(widths), "blocks": blocks, "gather": gather,
+            "window": window, "temperature": temperature, "reach": reach, "contamination": contamination,
+            "widths": list(widths), "blocks": blocks, "gather": gather,
         }  # fmt: skip
         known = bands + planes if start == "likelihood" else 0
         inputs = channels + slots + filters + 2 + known
@@ -154,6 +160,16 @@ class TwoHeadedUNet(nn.Module):
         if tuple(start.shape) != wanted:
             raise ShapeError("first stage", str(tuple(start.shape)), str(wanted))
         return start[:, : self.bands], start[:, self.bands :]
+
+
+def first_likelihood(network: TwoHeadedUNet, prior: GaussianPrior, camera: SpectralDepthCamera) -> PatchLikelihood:
+    """The patch likelihood that a network starts from, as it was when it was trained.
+
+    Raises:
+        SettingError, ShapeError: see `PatchLikelihood`.
+    """
+    own = {name: network.settings[name] for name in ("window", "temperature", "reach", "contamination")}
+    return PatchLikelihood(prior, camera, **own)
 
 
 @torch.no_grad()

@@ -73,6 +73,37 @@ class Failures:
             )
 
 
+@dataclass
+class Grid:
+    """The cells of one table, computed part by part; what fails is kept for the end, when the rest is written.
+
+    Args:
+        compute: module-level function from settings to measured values.
+        folder: where a file per finished cell is kept.
+        jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
+        progress: told (done, all, name, seconds left) after each cell of a part.
+        failures: cells that raised.
+    """
+
+    compute: Callable[[Settings], Measured]
+    folder: Path
+    jobs: int = 1
+    cluster: Settings | None = None
+    progress: Timed | None = None
+    failures: Failures = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.failures = Failures(make_folder(self.folder))
+
+    def run(self, cells: Sequence[Settings], compute: Callable[[Settings], Measured] | None = None) -> list[Measured]:
+        """Measured values of the cells that could be computed, in their order."""
+        return run_cells(
+            cells, compute or self.compute, self.folder, jobs=self.jobs, cluster=self.cluster,
+            progress=timed(self.progress), failures=self.failures,
+        )  # fmt: skip
+
+
 def cell_key(settings: Settings) -> str:
     """Name of a cell's file: a digest of everything that makes it."""
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False)

@@ -35,6 +35,18 @@ def check_new(files: Iterable[Path], overwrite: bool) -> None:
             raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
 
 
+def write_table(found: dict[str, Any], text: str, files: Sequence[Path], overwrite: bool) -> None:
+    """Results for programs into the first file, and for people into the second.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is False, or cannot be written.
+    """
+    from tmca.data import write_json, write_text
+
+    write_json(found, files[0], overwrite=overwrite)
+    write_text(text, files[1], overwrite=overwrite)
+
+
 def check_counts(**counts: int) -> None:
     """Raises SettingError for the first of these options that is below 1."""
     for name, value in counts.items():

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Progress, Settings, cell_key, run_cells, source_digest
+from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key, source_digest
 from tmca.experiments.figures import save_figure
 from tmca.experiments.results import check_new, mean_over_scenes, repository_commit
 from tmca.experiments.scenes import identity_of, short_names
@@ -72,7 +72,7 @@ def sweep(
     jobs: int = 1,
     cluster: Settings | None = None,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Timed | None = None,
     command: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Measure every combination of the varied settings.
@@ -93,7 +93,7 @@ def sweep(
         jobs: processes side by side.
         cluster: parameters of submitit, to send the cells to Slurm instead.
         overwrite: replace results.
-        progress: told after each cell.
+        progress: told (done, all, name, seconds left) after each cell.
         command: how the run was called.
 
     Raises:
@@ -116,19 +116,15 @@ def sweep(
     data = {**data, "train": list(train), "validation": list(validation), "steps": steps}
     data |= prepare(points) if prepare else {}
     cells = [_cell(swept, point, scene, name, data, work) for point in points for scene, name in names.items()]
-    failures = Failures(make_folder(work))
-
-    def run(part: list[Settings], compute: Callable[[Settings], Measured]) -> list[Measured]:
-        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=progress, failures=failures)
-
+    grid = Grid(swept.measure, work, jobs, cluster, progress)
     trainings = {cell["folder"]: cell for cell in cells if cell["decoder"] in swept.networks}
     shared = {"path": "", "scene": "", "checksum": None}
-    run([{**cell, "name": f"training for {cell['name']}", **shared} for cell in trainings.values()], swept.train)
-    broken = {name.removeprefix("training for ").partition(": ")[2] for name, _ in failures.met}
-    measured = run([cell for cell in cells if cell["name"].partition(": ")[2] not in broken], swept.measure)
+    grid.run([{**cell, "name": f"training for {cell['name']}", **shared} for cell in trainings.values()], swept.train)
+    broken = {name.removeprefix("training for ").partition(": ")[2] for name, _ in grid.failures.met}
+    measured = grid.run([cell for cell in cells if cell["name"].partition(": ")[2] not in broken])
     rows = _rows(points, measured, list(names.values()))
     if not rows:
-        failures.check()
+        grid.failures.check()
     found = {
         "camera": swept.title, "command": " ".join(command), "commit": repository_commit(),
         "scenes": list(names.values()), "vary": {name: list(values) for name, values in vary.items()},
@@ -136,7 +132,7 @@ def sweep(
         "train": [Path(name).name for name in train], "rows": rows,
     }  # fmt: skip
     _write(swept, found, files, overwrite)
-    failures.check()
+    grid.failures.check()
     return found
 
 

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.depth_likelihood import PatchLikelihood
-from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, first_stage
+from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, first_likelihood, first_stage
 from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
@@ -144,7 +144,7 @@ class DepthSystem(nn.Module):
         self.camera.sensor = sensor
         likelihood = self._likelihood
         if likelihood is None or likelihood.device != snapshot.device:
-            likelihood = PatchLikelihood(self.prior, self.camera, self.network.window)
+            likelihood = first_likelihood(self.network, self.prior, self.camera)
         self._likelihood = likelihood if self.frozen else None
         with torch.autocast(snapshot.device.type, enabled=False):
             return first_stage(likelihood, snapshot)

@@ -53,29 +53,37 @@ class NoiseSettings(Strict):
     bits: int | None = Field(default=None, ge=1, le=32)
 
 
-class CodeSettings(Strict):
-    """How codes are learned.
+class LearningSettings(Strict):
+    """How the codes of any camera are learned.
 
     Args:
         start: ``"random"`` (the camera's families), ``"one-hot"`` shutter, or a trained run, weights file or file of
             `tmca design` whose static or multiplexed code is taken over.
         slope: of the surrogate derivative, first and last; raised geometrically.
         frozen: share of the run, at its end, in which the codes stay as they are and only the decoder learns.
-        throughput: light throughput wanted, share of a white scene's light; None leaves it free.
-        hold: ``"penalty"`` adds ``penalty · (throughput - target)²`` to the loss, ``"hard"`` keeps it at the target.
-        penalty: weight of the penalty.
-        through_start: the codes' gradient passes through the first estimate (LMMSE) as well as the network.
         decoder: a trained run or weights file whose decoder is taken over at the start.
     """
 
     start: str = "random"
     slope: tuple[Steepness, Steepness] = (4.0, 40.0)
     frozen: float = Field(default=0.2, ge=0, lt=1)
+    decoder: str | None = None
+
+
+class CodeSettings(LearningSettings):
+    """How masks of pixels that are open or shut are learned; ``LearningSettings`` says what is not said here.
+
+    Args:
+        throughput: light throughput wanted, share of a white scene's light; None leaves it free.
+        hold: ``"penalty"`` adds ``penalty · (throughput - target)²`` to the loss, ``"hard"`` keeps it at the target.
+        penalty: weight of the penalty.
+        through_start: the codes' gradient passes through the first estimate (LMMSE) as well as the network.
+    """
+
     throughput: float | None = Field(default=None, gt=0, lt=1)
     hold: Literal["penalty", "hard"] = "penalty"
     penalty: float = Field(default=10.0, ge=0)
     through_start: bool = True
-    decoder: str | None = None
 
 
 class DataSettings(Strict):
@@ -161,7 +169,8 @@ class TrainSettings(Strict):
             raise ValueError("motion needs a single disperser")
         if not sum(self.data.shares) > 0:
             raise ValueError(f"shares of {self.data.shares}: at least one above 0")
-        if self.codes.throughput is not None and self.camera.learn == "none":
+        held = isinstance(self.codes, CodeSettings) and self.codes.throughput is not None
+        if held and self.camera.learn == "none":
             raise ValueError("codes.throughput needs learned codes: set camera.learn")
         if self.codes.start == "one-hot" and self.camera.slots == 1:
             raise ValueError("codes.start one-hot needs more than one slot")

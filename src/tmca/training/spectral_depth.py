@@ -27,7 +27,15 @@ from tmca.training.depth_system import DepthSystem
 from tmca.training.patches import CubeStore, Load
 from tmca.training.run import Prepared, Trained, card_of, steps_of, train
 from tmca.training.scenes import RENDERED, SceneLists
-from tmca.training.settings import DataSettings, OptimiserSettings, Share, Strict, TrainSettings, settings_of
+from tmca.training.settings import (
+    DataSettings,
+    LearningSettings,
+    OptimiserSettings,
+    Share,
+    Strict,
+    TrainSettings,
+    settings_of,
+)
 from tmca.training.starts import KeptStarts, Pool
 
 if TYPE_CHECKING:
@@ -100,6 +108,7 @@ class SpectralDepthTrainSettings(TrainSettings):
     camera: SpectralDepthCameraSettings = SpectralDepthCameraSettings()  # type: ignore[assignment]
     decoder: dict[str, Any] = Field(default={"kind": "two-headed"})
     data: SpectralDepthDataSettings = SpectralDepthDataSettings()
+    codes: LearningSettings = LearningSettings()  # type: ignore[assignment]
     optimiser: SpectralDepthOptimiserSettings = SpectralDepthOptimiserSettings()
 
     @model_validator(mode="after")
@@ -110,8 +119,6 @@ class SpectralDepthTrainSettings(TrainSettings):
             raise ValueError(f"data.side {self.data.side}: at least a patch, {self.data.patch} pixels")
         if self.data.bands != type(self.data).model_fields["bands"].default:
             raise ValueError("data.bands: nothing, the bands are those of camera.preset")
-        if self.codes.throughput is not None:
-            raise ValueError("codes.throughput: a spectral-depth camera's shutter is what holds its light")
         return self
 
 

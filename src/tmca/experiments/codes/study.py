@@ -8,7 +8,7 @@ from typing import Any
 
 from tmca.design import Effort
 from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Progress, Settings, cell_key, run_cells, source_digest
+from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key, source_digest
 from tmca.experiments.codes.ablation import ablation
 from tmca.experiments.codes.figures import files_of, study_figures
 from tmca.experiments.codes.learned import examples_folder, mixture_file, prior_file
@@ -16,7 +16,7 @@ from tmca.experiments.codes.ranking import RANKED, correlations, networks, ranke
 from tmca.experiments.codes.searches import design_ahead, grid, in_the_light, on_test_scene
 from tmca.experiments.codes.tables import study_markdown
 from tmca.experiments.design.checks import check_size
-from tmca.experiments.results import check_new, repository_commit
+from tmca.experiments.results import check_new, repository_commit, write_table
 from tmca.experiments.scenes import identity_of
 
 SLOTS = (2, 4, 8, 16)
@@ -67,7 +67,7 @@ def study_codes(
     seeds: int = 1,
     jobs: int = 1,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Timed | None = None,
     command: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Search codes under every noise of the grid, and measure designs on test scenes in its corners.
@@ -87,7 +87,7 @@ def study_codes(
         seeds: random codes, noise and searches of the test scenes.
         jobs: processes side by side.
         overwrite: replace results.
-        progress: told after each cell.
+        progress: told (done, all, name, seconds left) after each cell.
         command: how the study was called.
 
     Raises:
@@ -95,7 +95,7 @@ def study_codes(
         OutputError: results exist.
         CellsFailed: some cells failed; the others are kept.
     """
-    from tmca.data import make_folder, write_json, write_text
+    from tmca.data import make_folder
 
     if len(train) < 2 or min(slots, default=0) < 2 or seeds < 1 or jobs < 1:
         given = f"{len(train)} scenes, slots {list(slots)}, {seeds} seeds, {jobs} jobs"
@@ -111,12 +111,12 @@ def study_codes(
     check_new(files, overwrite)
     make_folder(out)
     common = _common(train, make_folder(work), bands, period, effort or Effort())
-    failures = Failures(work)
-    measured = run_cells(_grid_cells(common, slots), compute, work, jobs=jobs, progress=progress, failures=failures)
+    grid = Grid(compute, work, jobs, None, progress)
+    measured = grid.run(_grid_cells(common, slots))
     cells = _ablation_cells(common, test_slots)
     if test:
         ahead = _design_cells(common, test_slots, seeds)
-        run_cells(ahead, compute, work, jobs=jobs, progress=progress, failures=failures)
+        grid.run(ahead)
         common["prior"] = str(prior_file(train, work, bands))
         light = _light(test, bands)
         trained: Settings = {"train": list(train), "validation": list(validation)}
@@ -127,15 +127,14 @@ def study_codes(
         cells += _there_cells(common, light)
         cells += _ranking_cells(common, test, trained, work, steps)
         cells += _network_cells(common, test, trained, work, steps, test_slots, seeds)
-    measured += run_cells(cells, compute, work, jobs=jobs, progress=progress, failures=failures)
-    failures.check()
+    measured += grid.run(cells)
+    grid.failures.check()
     split = {"train": [Path(n).name for n in train], "test": [Path(n).name for n in test]}
     found = {"command": " ".join(command), "commit": repository_commit(), "effort": common["effort"], "steps": steps}
     found |= {"period": list(period), "slots": test_slots, "split": split}
     found |= {"mean_irradiance": light if test else None}
     found |= _found(measured)
-    write_json(found, files[0], overwrite=overwrite)
-    write_text(study_markdown(found), files[1], overwrite=overwrite)
+    write_table(found, study_markdown(found), files, overwrite)
     study_figures(found, out, overwrite=overwrite)
     return found
 

@@ -9,33 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Settings, Timed, cell_key, run_cells, source_digest, timed
+from tmca.experiments.cells import Grid, Measured, Settings, Timed, source_digest
+from tmca.experiments.light_field import plan
 from tmca.experiments.light_field.cells import measure
 from tmca.experiments.light_field.comparison_figures import comparison_pictures, picture_files, slug
 from tmca.experiments.light_field.learned import Learned
+from tmca.experiments.light_field.plan import Table
 from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked, read
-from tmca.experiments.light_field.rows import (
-    DECODER_NAMES,
-    DESIGNED,
-    EFFORT,
-    LEARNED,
-    NETWORKS,
-    NOISES,
-    SHOWN,
-    SHOWN_NOISE,
-    TRAINED,
-    Sizes,
-    rows,
-    scenes_of,
-    search_of,
-    training_of,
-)
+from tmca.experiments.light_field.rows import DECODER_NAMES, EFFORT, Sizes
 from tmca.experiments.light_field.tables import markdown, results
-from tmca.experiments.results import check_counts, check_decoders, check_new
+from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.optics import view_grid
-
-_DICTIONARY = "dictionary"
 
 
 def compare_light_field(
@@ -87,7 +72,7 @@ def compare_light_field(
         DataError: a light field of a split is missing or altered.
         CellsFailed: some cells failed; the table of the others is written.
     """
-    from tmca.data import make_folder, read_split, split_rendered_light_fields, write_json, write_text
+    from tmca.data import make_folder, read_split, split_rendered_light_fields
 
     check_counts(seeds=seeds, steps=steps, jobs=jobs)
     check_decoders(decoders, DECODER_NAMES)
@@ -103,36 +88,47 @@ def compare_light_field(
     _check_readable(examples, real, own, reading, measured_as)
     make_folder(out)
     learned = _learn(Learned(examples, make_folder(work), own.views, reading), decoders, atoms)
-    failures = Failures(work)
-
-    def run(part: list[Settings]) -> list[Measured]:
-        compute, told = partial(measure, folder=str(work)), timed(progress)
-        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
-
-    common: Settings = {"source": source_digest(), "views": 2 * [own.views]}
-    common |= {"examples": learned["examples"], "designs": str(make_folder(work / "designs"))}
-    common |= {"period": 2 * [own.period], "effort": dict(effort), "exposures": 1}
-    places = _places(scenes, real, own, measured_as)
-    searched = _searches(common, seed, seeds)
-    for slots in (True, False):  # a search of multiplexed codes contains that of the static ones
-        run([cell for cell in searched if (cell["search"][1] > 1) == slots])
-    measured = run(searched) + run(_geometries(common, places))
-    maps = {cell["path"]: cell["disparity"] for cell in measured if cell["kind"] == "geometry"}
-    measured += run(_untrained(common, places, decoders, learned, maps, seed, seeds))
-    trained = run(_trainings(common, examples, reading, work, own, decoders, seed, seeds, steps))
-    measured += trained + run(_behind_networks(common, places, trained, maps))
-    if not any("metrics" in cell for cell in measured):
-        failures.check()
+    grid = Grid(partial(measure, folder=str(work)), work, jobs, cluster, progress)
+    table = Table(
+        _common(learned, work, own, effort), own, examples, reading, decoders, range(seed, seed + seeds), steps, work
+    )
+    measured = _measured(grid, table, _places(scenes, real, own, measured_as), learned)
     split: Settings = {"train": list(short_names(examples).values()), "test": list(scenes.values())}
     split["real"] = [scenes[name] for name in real]
     split |= {**vars(reading), "test_scale": test_scale, "atoms": atoms}
     found = results(measured, split, {**vars(own), "effort": dict(effort), "steps": steps}, command)
-    write_json(found, files[0], overwrite=overwrite)
-    write_text(markdown(found), files[1], overwrite=overwrite)
-    shown = [cell for cell in measured if cell.get("seed", seed) == seed]
-    comparison_pictures(shown, out, overwrite=overwrite)
-    failures.check()
+    write_table(found, markdown(found), files, overwrite)
+    comparison_pictures([cell for cell in measured if cell.get("seed", seed) == seed], out, overwrite=overwrite)
+    grid.failures.check()
     return found
+
+
+def _common(learned: Mapping[str, str], work: Path, sizes: Sizes, effort: Mapping[str, int]) -> Settings:
+    """What all cells know."""
+    from tmca.data import make_folder
+
+    common: Settings = {"source": source_digest(), "views": 2 * [sizes.views]}
+    common |= {"examples": learned["examples"], "designs": str(make_folder(work / "designs"))}
+    return common | {"period": 2 * [sizes.period], "effort": dict(effort), "exposures": 1}
+
+
+def _measured(grid: Grid, table: Table, places: Sequence[Settings], learned: Mapping[str, str]) -> list[Measured]:
+    """All that can be measured.
+
+    Raises:
+        CellsFailed: nothing could.
+    """
+    searched = plan.searches(table)
+    for slots in (True, False):  # a search of multiplexed codes contains that of the static ones
+        grid.run([cell for cell in searched if (cell["search"][1] > 1) == slots])
+    measured = grid.run(searched) + grid.run(plan.geometries(table, places))
+    maps = {cell["path"]: cell["disparity"] for cell in measured if cell["kind"] == "geometry"}
+    measured += grid.run(plan.untrained(table, places, learned, maps))
+    trained = grid.run(plan.trainings(table))
+    measured += trained + grid.run(plan.behind_networks(table, places, trained, maps))
+    if not any("metrics" in cell for cell in measured):
+        grid.failures.check()
+    return measured
 
 
 def _learn(learned: Learned, decoders: Sequence[str], atoms: int) -> dict[str, str]:
@@ -140,20 +136,9 @@ def _learn(learned: Learned, decoders: Sequence[str], atoms: int) -> dict[str, s
     found = {"examples": learned.examples(), "lmmse": learned.prior()}
     if "mixture" in decoders:
         found["mixture"] = learned.mixture()
-    if _DICTIONARY in decoders:
-        found[_DICTIONARY] = learned.dictionary(atoms)
+    if plan.DICTIONARY in decoders:
+        found[plan.DICTIONARY] = learned.dictionary(atoms)
     return found
-
-
-def _searches(common: Settings, first: int, seeds: int) -> list[Settings]:
-    """Every design of every noise and seed."""
-    return [
-        {**common, "kind": "search", "name": f"search · {code} · {noise} · seed {seed}", "search": [kind, slots],
-         "code": code, "noise": noise, "sensor": NOISES[noise], "seed": seed}
-        for seed in range(first, first + seeds)
-        for noise in NOISES
-        for code, (kind, slots) in ((c, search_of(c, noise)[:2]) for c, (_, target) in DESIGNED.items() if not target)
-    ]  # fmt: skip
 
 
 def _check_readable(
@@ -182,89 +167,3 @@ def _places(scenes: Mapping[str, str], real: Sequence[str], sizes: Sizes, measur
         for scene, name in scenes.items()
     ]  # fmt: skip
     return whole + [{**place, "crop": list(sizes.crop)} for place in whole if place["path"] in real]
-
-
-def _geometries(common: Settings, places: Sequence[Settings]) -> list[Settings]:
-    plain = {name: common[name] for name in ("source", "views")}
-    return [
-        {**plain, **place, "kind": "geometry", "name": f"{place['scene']} · disparity of the true views"}
-        for place in places if not place["crop"]
-    ]  # fmt: skip
-
-
-def _untrained(
-    common: Settings,
-    places: Sequence[Settings],
-    decoders: Sequence[str],
-    learned: dict[str, str],
-    maps: dict[str, str],
-    first: int,
-    seeds: int,
-) -> list[Settings]:
-    """Measurements without training."""
-    found = []
-    for decoder in (name for name in decoders if name not in NETWORKS):
-        prior = {"dictionary" if decoder == _DICTIONARY else "prior": learned[decoder]}
-        for noise in NOISES:
-            for code in rows(noise):
-                for seed in range(first, first + seeds):
-                    cell = {**common, **prior, "code": code, "noise": noise, "decoder": decoder, "seed": seed}
-                    found += _measurements(cell, places, maps)
-    return found
-
-
-def _measurements(cell: Settings, places: Sequence[Settings], maps: dict[str, str]) -> list[Settings]:
-    """One in every place; the dictionary's on crops alone."""
-    keep = (cell["code"], cell["decoder"]) in SHOWN and cell["noise"] == SHOWN_NOISE
-    label = f"{cell['code']} · {cell['noise']} · {DECODER_NAMES[cell['decoder']]} · seed {cell['seed']}"
-    return [
-        {**cell, **place, "kind": "measurement", "keep": keep and not place["crop"],
-         "name": f"{place['scene']}{' crop' if place['crop'] else ''} · {label}",
-         "disparity": None if place["crop"] else maps.get(place["path"])}
-        for place in places if place["crop"] or cell["decoder"] != _DICTIONARY
-    ]  # fmt: skip
-
-
-def _trainings(
-    common: Settings,
-    examples: Sequence[str],
-    reading: Reading,
-    work: Path,
-    sizes: Sizes,
-    decoders: Sequence[str],
-    first: int,
-    seeds: int,
-    steps: int,
-) -> list[Settings]:
-    """Trainings of all rows and seeds."""
-    from tmca.experiments.codes.task import Task
-
-    asked = {name: value for name, value in vars(reading).items() if value is not None}
-    checksums = [identity_of(name) for name in examples]
-    cells = []
-    for seed in range(first, first + seeds):
-        for decoder in (name for name in decoders if name in NETWORKS):
-            for code in TRAINED:
-                codes, start = None, LEARNED.get(code, (code,))[0]
-                if start in DESIGNED:
-                    kind, slots, target = search_of(start, "")
-                    codes = str(Task.of({**common, "seed": seed, "sensor": NOISES[target]}).file(kind, slots))
-                training = training_of(code, decoder, seed, steps, sizes, codes)
-                training["data"] = {**training["data"], **scenes_of(examples), **asked}
-                cell: Settings = {**common, "kind": "training", "code": code, "decoder": decoder, "seed": seed}
-                cell |= {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}"}
-                cell |= {"training": training, "checksums": checksums}
-                cells.append(cell | {"folder": str(work / f"training-{cell_key(cell)}")})
-    return cells
-
-
-def _behind_networks(
-    common: Settings, places: Sequence[Settings], trained: Sequence[Measured], maps: dict[str, str]
-) -> list[Settings]:
-    """Measurements of trained rows."""
-    found = []
-    for row in trained:
-        for noise in NOISES:
-            cell = {**common, "code": row["code"], "noise": noise, "decoder": row["decoder"], "seed": row["seed"]}
-            found += _measurements(cell | {"weights": row["weights"]}, places, maps)
-    return found

@@ -7,26 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Settings, Timed, run_cells, source_digest, timed
-from tmca.experiments.results import check_counts, check_new
+from tmca.experiments.cells import Grid, Measured, Timed, cell_key, source_digest
+from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
+from tmca.experiments.spectral import plan
 from tmca.experiments.spectral.cells import measure
 from tmca.experiments.spectral.figures import comparison_pictures, picture_files
-from tmca.experiments.spectral.rows import (
-    CODES,
-    DECODER_NAMES,
-    LEARNED,
-    MULTIPLEXED,
-    NETWORKS,
-    NOISES,
-    OF_UNROLLED_CODES,
-    SHOWN,
-    SHOWN_NOISE,
-    STATIC,
-    scenes_of,
-    trained_rows,
-    training_of,
-)
+from tmca.experiments.spectral.plan import Table
+from tmca.experiments.spectral.rows import DECODER_NAMES, MULTIPLEXED
 from tmca.experiments.spectral.tables import markdown, results
 
 
@@ -44,7 +31,7 @@ def compare_spectral(
     steps: int = 400,
     patches: int = 24_000,
     jobs: int = 1,
-    cluster: Settings | None = None,
+    cluster: dict[str, Any] | None = None,
     overwrite: bool = False,
     progress: Timed | None = None,
     command: Sequence[str] = (),
@@ -75,50 +62,38 @@ def compare_spectral(
         DataError: a scene of a split is missing or altered.
         CellsFailed: some cells failed; the table of the others is written.
     """
-    from tmca.data import make_folder, read_split, write_json, write_text
+    from tmca.data import make_folder, read_split
 
     check_counts(seeds=seeds, steps=steps, jobs=jobs)
-    unknown = [name for name in decoders if name not in DECODER_NAMES]
-    if unknown:
-        raise SettingError("--decoders", ", ".join(unknown), f"some of {', '.join(DECODER_NAMES)}")
+    check_decoders(decoders, DECODER_NAMES)
     examples, scenes = read_split(train), read_split(test)
     files = [out / "spectral.json", out / "spectral.md"]
     check_new([*files, *(picture for scene in scenes for picture in picture_files(scene.stem, out))], overwrite)
     make_folder(out)
-    make_folder(work)
-    priors = _learn(examples, work, bands, decoders)
-    cells = _cells(scenes, priors, bands, decoders, seed, seeds)
+    priors = _learn(examples, make_folder(work), bands, decoders)
+    grid = Grid(partial(measure, folder=str(work)), work, jobs, cluster, progress)
+    table = Table(bands, scenes, decoders, priors, range(seed, seed + seeds), steps, work)
+    cells = plan.untrained(table)
     if "lmmse" in priors:
-        cells += _expectations(examples, scenes, priors["lmmse"], bands, seed, patches)
-
-    failures = Failures(work)
-
-    def run(part: list[Settings]) -> list[Measured]:
-        compute, told = partial(measure, folder=str(work)), timed(progress)
-        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
-
-    measured = run(cells)
-    trainings = _trainings(train, validation, work, bands, decoders, seed, seeds, steps)
-    trained = []
+        cells += plan.expectations(table, examples, patches)
+    measured = grid.run(cells)
+    trainings, trained = plan.trainings(table, train, validation), list[Measured]()
     for later in (False, True):  # learned multiplexed codes start at learned static ones
-        part = [cell for cell in trainings if (cell["code"] == MULTIPLEXED) == later]
-        trained += run(part)
+        trained += grid.run([cell for cell in trainings if (cell["code"] == MULTIPLEXED) == later])
     measured += trained
-    measured += run(_trained_cells(scenes, trained, bands, decoders, priors))
+    measured += grid.run(plan.behind_networks(table, trained))
     if not any("metrics" in cell for cell in measured):
-        failures.check()
+        grid.failures.check()
     found = results(measured, train, test, command, validation)
-    write_json(found, files[0], overwrite=overwrite)
-    write_text(markdown(found), files[1], overwrite=overwrite)
+    write_table(found, markdown(found), files, overwrite)
     comparison_pictures([cell for cell in measured if cell.get("seed") == seed], out, overwrite=overwrite)
-    failures.check()
+    grid.failures.check()
     return found
 
 
 def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[str]) -> dict[str, Path]:
     """Files of the priors that the decoders need, learned where they are not yet kept."""
     from tmca.data import checksum_of
-    from tmca.experiments.cells import cell_key
     from tmca.experiments.scenes import load_scene
     from tmca.priors import learn_prior
 
@@ -134,113 +109,3 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
             learn_prior(cubes, spread=bands - 1, mixture=kind == "mixture").save(file)
         kept |= dict.fromkeys(users, file)
     return kept
-
-
-def _cells(
-    scenes: Sequence[Path], priors: dict[str, Path], bands: int, decoders: Sequence[str], seed: int, seeds: int
-) -> list[Settings]:
-    """Measurements of the rows that need no training; those under a prior with the codes of every seed."""
-    rows = [
-        (code, decoder, seed + extra)
-        for decoder in decoders
-        if decoder not in NETWORKS
-        for extra in range(seeds if decoder in priors else 1)
-        for code in CODES
-    ]
-    return [
-        _measurement(scene, code, noise, decoder, bands, place) | {"prior": str(priors.get(decoder, "")) or None}
-        for code, decoder, place in rows
-        for noise in NOISES
-        for scene in scenes
-    ]
-
-
-def _trainings(
-    train: Path,
-    validation: Path | None,
-    work: Path,
-    bands: int,
-    decoders: Sequence[str],
-    first: int,
-    seeds: int,
-    steps: int,
-) -> list[Settings]:
-    """Trainings of all rows and seeds; learned multiplexed codes start at those of the learned static camera."""
-    from tmca.data import checksum_of, read_split
-    from tmca.experiments.cells import cell_key
-
-    data = {"bands": bands, **scenes_of([str(train)]), "validation": [str(validation)] if validation else []}
-    checksums = [checksum_of(scene) for split in (train, validation) if split for scene in read_split(split)]
-    cells: dict[tuple[str, str, int], Settings] = {}
-    for code, decoder in trained_rows(decoders):
-        for seed in range(first, first + seeds):
-            training = training_of(code, decoder, seed, steps)
-            training["data"] = {**training["data"], **data}
-            if code == MULTIPLEXED:
-                start = cells[STATIC, decoder, seed]["folder"]
-                training["codes"] |= {"start": start, "decoder": start}
-            cell: Settings = {"name": f"training · {code} · {DECODER_NAMES[decoder]} · seed {seed}", "code": code}
-            cell |= {"decoder": decoder, "seed": seed, "bands": bands, "training": training, "source": source_digest()}
-            cell["checksums"] = checksums
-            cells[code, decoder, seed] = cell | {"folder": str(work / f"training-{cell_key(cell)}")}
-    return list(cells.values())
-
-
-def _trained_cells(
-    scenes: Sequence[Path],
-    trained: Sequence[Measured],
-    bands: int,
-    decoders: Sequence[str],
-    priors: dict[str, Path],
-) -> list[Settings]:
-    """Measurements of trained rows, and of decoders without training under the learned codes."""
-    rows: list[tuple[Measured, str, str | None]] = [(cell, cell["decoder"], None) for cell in trained]
-    for cell in trained:
-        if cell["code"] in LEARNED and cell["decoder"] == "unrolled":
-            rows += [(cell, name, str(priors[name])) for name in OF_UNROLLED_CODES if name in decoders]
-    return [
-        _measurement(scene, cell["code"], noise, decoder, bands, cell["seed"])
-        | {"prior": prior, "weights": cell["weights"]}
-        for cell, decoder, prior in rows
-        for noise in NOISES
-        for scene in scenes
-    ]
-
-
-def _measurement(scene: Path, code: str, noise: str, decoder: str, bands: int, seed: int) -> Settings:
-    from tmca.data import checksum_of
-
-    return {
-        "name": f"{scene.stem} · {code} · {noise} · {DECODER_NAMES[decoder]} · seed {seed}",
-        "scene": scene.stem,
-        "source": source_digest(),
-        "path": str(scene),
-        "checksum": checksum_of(scene),
-        "code": code,
-        "noise": noise,
-        "decoder": decoder,
-        "bands": bands,
-        "seed": seed,
-        "keep": (code, decoder) in SHOWN and noise == SHOWN_NOISE,
-    }
-
-
-def _expectations(
-    train: Sequence[Path], test: Sequence[Path], prior: Path, bands: int, seed: int, patches: int
-) -> list[Settings]:
-    return [
-        {
-            "name": f"expected error · {code} · {noise}",
-            "source": source_digest(),
-            "train": [str(path) for path in train],
-            "test": [str(path) for path in test],
-            "prior": str(prior),
-            "code": code,
-            "noise": noise,
-            "bands": bands,
-            "seed": seed,
-            "patches": patches,
-        }
-        for noise in NOISES
-        for code in CODES
-    ]

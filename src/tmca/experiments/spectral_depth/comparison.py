@@ -9,15 +9,15 @@ from typing import Any
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.errors import SettingError
-from tmca.experiments.cells import Failures, Measured, Settings, Timed, run_cells, source_digest, timed
+from tmca.experiments.cells import Grid, Measured, Settings, Timed, source_digest, timed
 from tmca.experiments.design.flat_scenes import some_of
-from tmca.experiments.results import check_counts, check_decoders, check_new
+from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.spectral_depth import plan
 from tmca.experiments.spectral_depth.cells import measure
 from tmca.experiments.spectral_depth.comparison_figures import comparison_pictures, picture_files
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
-from tmca.experiments.spectral_depth.rows import CONSTANT, DECODER_NAMES, NETWORKS, Sizes
+from tmca.experiments.spectral_depth.rows import DECODER_NAMES, NETWORKS, Sizes
 from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
 from tmca.experiments.spectral_depth.tables import markdown, results
 
@@ -72,51 +72,68 @@ def compare_spectral_depth(
         DataError: a scene that cannot be used.
         CellsFailed: some cells failed; the others are kept.
     """
-    from tmca.data import make_folder, write_json, write_text
+    from tmca.data import make_folder
     from tmca.training.scenes import named_scenes
 
     own = sizes or Sizes()
     check_counts(seeds=seeds, steps=steps, jobs=jobs)
-    least = max(min(own.crop), own.patch if {*decoders} & {*NETWORKS} else 1)
-    if own.side < least:
-        raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches and --crop need")
     check_decoders(decoders, DECODER_NAMES)
-    learned, measured_scenes = named_scenes(train), named_scenes(test)
-    _check_apart(learned, measured_scenes)
-    names = short_names(list(measured_scenes))
+    _check_side(own, decoders)
+    learned, measured = named_scenes(train), named_scenes(test)
+    _check_apart(learned, measured)
+    names = short_names(list(measured))
     files = [out / "spectral-depth.json", out / "spectral-depth.md"]
     check_new([*files, *picture_files(list(names.values()), out)], overwrite)
     how: Settings = {"side": own.side, "placed": placed, "from_rgb": from_rgb}
-    prior = learned_depth_prior(learned, make_folder(work), own.preset, own.window, how, timed(progress))
+    grid = Grid(partial(measure, folder=str(work)), work, jobs, cluster, progress)
+    common = _common(learned, names, work, own, how, progress)
     make_folder(out)
-    common: Settings = {"source": source_digest(), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
-    common |= {**how, "examples": some_of(learned), "scenes": names}
-    common |= {"checksums": [identity_of(n) or n for n in (*learned, *names)]}
-    failures, every = Failures(work), range(seed, seed + seeds)
-
-    def run(part: list[Settings]) -> list[Measured]:
-        compute, told = partial(measure, folder=str(work)), timed(progress)
-        return run_cells(part, compute, work, jobs=jobs, cluster=cluster, progress=told, failures=failures)
-
-    constant = {**common, "kind": "constant", "name": CONSTANT, "seed": seed, "decoder": CONSTANT, "noise": ""}
-    found = run(plan.searches(common, own, effort or EFFORT, every)) + run([constant])
-    codes = {(cell["code"], cell["seed"]): cell["codes"] for cell in found if "codes" in cell}
-    if "likelihood" in decoders:
-        rows = plan.untrained(common, own, codes, every)
-        found += run(rows) + run(plan.foretold(rows, own))
-    trained = run(plan.trainings(common, own, learned, codes, decoders, every, steps, work))
-    found += trained + run(plan.behind_networks(common, own, trained, "likelihood" in decoders))
-    if not any("metrics" in cell for cell in found):
-        failures.check()
+    table = plan.Table(common, own, learned, tuple(decoders), range(seed, seed + seeds), effort or EFFORT, steps, work)
+    found = _measured(grid, table)
     split = {"train": list(short_names(list(learned)).values()), "test": list(names.values()), **how}
-    told = results(found, split, {**vars(own), "effort": dict(effort or EFFORT), "steps": steps}, command)
-    write_json(told, files[0], overwrite=overwrite)
-    write_text(markdown(told), files[1], overwrite=overwrite)
+    told = results(found, split, {**vars(own), "effort": dict(table.effort), "steps": steps}, command)
+    write_table(told, markdown(told), files, overwrite)
     probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
     scenes = {n: load_any_depth_scene(path, probe, **how) for path, n in names.items()}
     comparison_pictures([c for c in found if c["seed"] == seed], scenes, probe, out, overwrite=overwrite)
-    failures.check()
+    grid.failures.check()
     return told
+
+
+def _common(
+    learned: Sequence[str], names: dict[str, str], work: Path, own: Sizes, how: Settings, progress: Timed | None
+) -> Settings:
+    """What all cells know; the prior is learned first, where it is not kept."""
+    from tmca.data import make_folder
+
+    prior = learned_depth_prior(learned, make_folder(work), own.preset, own.window, how, timed(progress))
+    common: Settings = {"source": source_digest(), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
+    common |= {**how, "examples": some_of(learned), "scenes": names}
+    return common | {"checksums": [identity_of(n) or n for n in (*learned, *names)]}
+
+
+def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
+    """All that can be measured.
+
+    Raises:
+        CellsFailed: nothing could.
+    """
+    found = grid.run(plan.searches(table)) + grid.run([plan.constant(table)])
+    codes = {(cell["code"], cell["seed"]): cell["codes"] for cell in found if "codes" in cell}
+    if "likelihood" in table.decoders:
+        rows = plan.untrained(table, codes)
+        found += grid.run(rows) + grid.run(plan.foretold(table, rows))
+    trained = grid.run(plan.trainings(table, codes))
+    found += trained + grid.run(plan.behind_networks(table, trained))
+    if not any("metrics" in cell for cell in found):
+        grid.failures.check()
+    return found
+
+
+def _check_side(own: Sizes, decoders: Sequence[str]) -> None:
+    least = max(min(own.crop), own.patch if {*decoders} & {*NETWORKS} else 1)
+    if own.side < least:
+        raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches and --crop need")
 
 
 def _check_apart(train: Sequence[str], test: Sequence[str]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.spectral_depth.rows import (
     CODES,
+    CONSTANT,
     DESIGNED,
     LEARNED,
     LEARNED_WITH,
@@ -25,81 +27,110 @@ _JUDGED_BY = ("source", "preset", "prior", "examples", "side", "placed", "from_r
 """What makes the figures of a mask, beside its code."""
 
 
-def searches(common: Settings, sizes: Sizes, effort: dict[str, Any], seeds: Sequence[int]) -> list[Settings]:
+@dataclass(frozen=True)
+class Table:
+    """What a table is asked to hold.
+
+    Args:
+        common: settings of all cells that measure.
+        sizes: of scenes, windows and patches.
+        train: scenes that are learned from.
+        decoders: names of ``DECODER_NAMES``.
+        seeds: of codes, noise and trainings.
+        effort: arguments of `MaskEffort`.
+        steps: of a training.
+        work: folder of the cells.
+    """
+
+    common: Settings
+    sizes: Sizes
+    train: Sequence[str]
+    decoders: Sequence[str]
+    seeds: range
+    effort: Mapping[str, Any]
+    steps: int
+    work: Path
+
+
+Codes = Mapping[tuple[str, int], str]
+"""Files of the masks that were found, by code and seed."""
+
+
+def constant(table: Table) -> Settings:
+    """The middle of the range, guessed everywhere."""
+    own = {"kind": "constant", "name": CONSTANT, "seed": table.seeds[0], "decoder": CONSTANT, "noise": ""}
+    return {**table.common, **own}
+
+
+def searches(table: Table) -> list[Settings]:
     """Masks that are searched for least confusion under the first noise, and judged on training scenes."""
     noise, sensor = next(iter(NOISES.items()))
-    kept = {name: common[name] for name in _JUDGED_BY}
+    kept = {name: table.common[name] for name in _JUDGED_BY}
     return [
         {**kept, "kind": "search", "name": f"search · {code} · seed {seed}", "code": code, "noise": noise,
-         "sensor": sensor, "seed": seed, "effort": effort, "window": sizes.searched}
-        for code in DESIGNED for seed in seeds
+         "sensor": sensor, "seed": seed, "effort": dict(table.effort), "window": table.sizes.searched}
+        for code in DESIGNED for seed in table.seeds
     ]  # fmt: skip
 
 
-def untrained(
-    common: Settings, sizes: Sizes, codes: dict[tuple[str, int], str], seeds: Sequence[int]
-) -> list[Settings]:
+def untrained(table: Table, codes: Codes) -> list[Settings]:
     """The patch likelihood behind random and optimised codes."""
     return [
-        {**common, "kind": "rows", "name": f"{code} · {noise} · likelihood · seed {seed}", "code": code, "noise": noise,
-         "sensor": sensor, "seed": seed, "decoder": "likelihood", "window": sizes.window,
-         "codes": codes.get((code, seed)), "keep": seed == seeds[0] and noise == next(iter(NOISES))}
-        for code in CODES for noise, sensor in NOISES.items() for seed in seeds
+        {**table.common, "kind": "rows", "name": f"{code} · {noise} · likelihood · seed {seed}", "code": code,
+         "noise": noise, "sensor": sensor, "seed": seed, "decoder": "likelihood", "window": table.sizes.window,
+         "codes": codes.get((code, seed)), "keep": seed == table.seeds[0] and noise == next(iter(NOISES))}
+        for code in CODES for noise, sensor in NOISES.items() for seed in table.seeds
         if ((code, seed) in codes or code not in DESIGNED) and code not in LEARNED
     ]  # fmt: skip
 
 
-def foretold(rows: Sequence[Settings], sizes: Sizes) -> list[Settings]:
+def foretold(table: Table, rows: Sequence[Settings]) -> list[Settings]:
     """What is foretold of every row without a network."""
     kept = (*_JUDGED_BY, "code", "noise", "sensor", "seed", "codes")
     return [
-        {**{name: row[name] for name in kept}, "kind": "foretold", "window": sizes.searched,
+        {**{name: row[name] for name in kept}, "kind": "foretold", "window": table.sizes.searched,
          "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}
         for row in rows
     ]  # fmt: skip
 
 
-def trainings(
-    common: Settings,
-    sizes: Sizes,
-    train: Sequence[str],
-    codes: dict[tuple[str, int], str],
-    decoders: Sequence[str],
-    seeds: Sequence[int],
-    steps: int,
-    work: Path,
-) -> list[Settings]:
+def trainings(table: Table, codes: Codes) -> list[Settings]:
     """A network behind every code, on the given scenes and the rendered ones."""
-    from tmca.data import split_rendered
-
-    own = {*split_rendered()["train"]} - {*common["scenes"]}  # what is measured teaches nothing
-    kept = {name: common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
-    rendered, found = sorted(own), list[Settings]()
-    for decoder in (name for name in decoders if name in NETWORKS):
+    kept = {name: table.common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
+    scenes, found = _scenes(table), list[Settings]()
+    for decoder in (name for name in table.decoders if name in NETWORKS):
         for code in (name for name in TRAINED if name not in LEARNED or decoder == LEARNED_WITH):
-            for seed in seeds:
+            for seed in table.seeds:
                 start = codes.get((LEARNED.get(code, code), seed))
                 if code in (*LEARNED, *DESIGNED) and start is None:
                     continue  # its search failed
-                training = training_of(code, decoder, seed, steps, sizes, list(NOISES), start)
-                training["data"] |= {"train": [*train, *rendered[1:]], "validation": rendered[:1], "prior": list(train)}
+                training = training_of(code, decoder, seed, table.steps, table.sizes, list(NOISES), start)
+                training["data"] |= scenes
                 cell = {**kept, "kind": "training", "name": f"training · {code} · {decoder} · seed {seed}"}
                 cell |= {"code": code, "decoder": decoder, "seed": seed, "training": training}
-                found.append({**cell, "folder": str(work / f"run-{cell_key(cell)}")})
+                found.append({**cell, "folder": str(table.work / f"run-{cell_key(cell)}")})
     return found
 
 
-def behind_networks(
-    common: Settings, sizes: Sizes, trained: Sequence[Measured], likelihood: bool = False
-) -> list[Settings]:
-    """Every network behind its codes; with ``likelihood`` that too behind the masks that were learned."""
+def _scenes(table: Table) -> Settings:
+    """Those of a training: what is measured teaches nothing, a rendered scene chooses the best step."""
+    from tmca.data import split_rendered
+
+    rendered = sorted({*split_rendered()["train"]} - {*table.common["scenes"]})
+    return {"train": [*table.train, *rendered[1:]], "validation": rendered[:1], "prior": list(table.train)}
+
+
+def behind_networks(table: Table, trained: Sequence[Measured]) -> list[Settings]:
+    """Every network behind its codes; the likelihood, if it is asked for, behind the masks that were learned too."""
     rows = [(cell, cell["decoder"], "weights") for cell in trained]
-    rows += [(cell, "likelihood", "camera_of") for cell in trained if likelihood and cell["code"] in LEARNED]
+    if "likelihood" in table.decoders:
+        rows += [(cell, "likelihood", "camera_of") for cell in trained if cell["code"] in LEARNED]
     first = min((cell["seed"] for cell in trained), default=0)
     return [
-        {**common, "kind": "rows", "name": f"{cell['code']} · {noise} · {decoder} · seed {cell['seed']}",
+        {**table.common, "kind": "rows", "name": f"{cell['code']} · {noise} · {decoder} · seed {cell['seed']}",
          "code": cell["code"], "noise": noise, "sensor": sensor, "seed": cell["seed"], "decoder": decoder,
-         part: cell["weights"], "window": sizes.window, "training_seconds": float(np.round(cell["seconds"], 3)),
+         part: cell["weights"], "window": table.sizes.window,
+         "training_seconds": float(np.round(cell["seconds"], 3)),
          "keep": cell["seed"] == first and noise == next(iter(NOISES))}
         for cell, decoder, part in rows for noise, sensor in NOISES.items()
     ]  # fmt: skip
