@@ -111,7 +111,12 @@ def test_a_judge_chooses_among_descents_and_random_masks():
     def likes_random(camera):
         return 5.0 * float((camera.codes()[0].detach() - drawn[camera.slots]).abs().max()) * 1e6 + camera.slots
 
-    found = search_masks(TASK, PRIOR, [2], MaskEffort(2, 2), judge=likes_random)
+    shares = []
+    found = search_masks(TASK, PRIOR, [2], MaskEffort(2, 2), lambda share, _: shares.append(share), likes_random)
+    judging = [share for share in shares if share > 0.5 + 0.7 / 2]
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1)
+    assert len(judging) == 4  # two descents, the static mask in all slots, random masks
     for own in found.candidates:
         assert own.start == "random, as drawn"
         assert own.judged == pytest.approx((own.slots, own.slots), abs=1e-6)

@@ -25,6 +25,8 @@ _APART = 1000
 """Of the seeds of two starts."""
 _OWN, _RMS = 0.05, 0.1e-6
 """Share of variance that slots have of their own when they start from one mask, metres."""
+_SEARCHING = 0.7
+"""Share of the time, as a rule, until designs are judged."""
 Told = Callable[[float, str], None]
 Judge = Callable[[SpectralDepthCamera], float]
 """From a camera to an error of depth, in bins."""
@@ -147,11 +149,10 @@ def search_masks(
     counts = sorted({1, *slots})
     if counts[0] < 1:
         raise SettingError("slots", str(counts[0]), "1 or more")
-    found: list[MaskCandidate] = []
+    search, found = _Search(task, prior, effort or MaskEffort(), judge), list[MaskCandidate]()
     for place, count in enumerate(counts):
         told = _part(progress, place / len(counts), 1 / len(counts), f"masks, K = {count}")
-        static = found[0] if found else None
-        found.append(_searched(task, prior, count, effort or MaskEffort(), static, told, judge))
+        found.append(search(count, found[0] if found else None, told))
     return MaskAdvice(tuple(found))
 
 
@@ -169,41 +170,66 @@ class _Run:
         return min(self.history)
 
 
-def _searched(
-    task: MaskTask,
-    prior: GaussianPrior,
-    slots: int,
-    effort: MaskEffort,
-    static: MaskCandidate | None,
-    told: Callable[[float], None],
-    judge: Judge | None,
-) -> MaskCandidate:
-    """The best of all descents, and of the static mask in all slots; for a judge random masks are good enough, too."""
-    begun, random, runs = time.process_time(), task.made(slots, 0), list[_Run]()
-    for number in range(effort.starts):
-        camera, start, last = task.made(slots, number), f"random {number + 1}", number == effort.starts - 1
-        if last and static is not None:
-            alike = task.made(slots, number)
-            _contain(alike, static.camera)
-            runs.append(_Run(alike, "static mask in all slots", (float(confusion(task.covariance(alike, prior))),)))
-            _contain(camera, static.camera, _OWN)
-            start = "near the static mask in all slots"
-        elif last and runs:
-            _contain(camera, min(runs, key=lambda run: run.value).camera)
-            start = "best so far"
-        found = design_masks(
-            camera, prior, window=task.window, steps=effort.steps, rate=effort.rate,
-            progress=lambda step, steps, _, done=number: told((done + step / steps) / effort.starts),  # type: ignore[misc]
-        )  # fmt: skip
-        runs.append(_Run(camera, start, found.confusion))
-    best, judged, drawn = min(runs, key=lambda run: run.value), list[float](), task.covariance(random, prior)
-    if judge is not None:
-        runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
-        judged = [judge(run.camera) for run in runs]
-        best = runs[judged.index(min(judged))]
-    seconds, seen = time.process_time() - begun, task.covariance(best.camera, prior)
-    errors = (min(judged), judged[-1]) if judged else None
-    return MaskCandidate(best.camera, seen, random, drawn, best.start, seconds, best.history, errors)
+@dataclass(frozen=True)
+class _Search:
+    """The same for every number of slots; see ``search_masks``."""
+
+    task: MaskTask
+    prior: GaussianPrior
+    effort: MaskEffort
+    judge: Judge | None
+
+    def __call__(self, slots: int, static: MaskCandidate | None, told: Callable[[float], None]) -> MaskCandidate:
+        """The best of all descents; for a judge random masks are good enough, too."""
+        begun, random = time.process_time(), self.task.made(slots, 0)
+        searching = 1.0 if self.judge is None else _SEARCHING
+        runs = self._descents(slots, static, lambda share: told(searching * share))
+        drawn, errors = self.task.covariance(random, self.prior), None
+        best = min(runs, key=lambda run: run.value)
+        if self.judge is not None:
+            runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
+            judged = self._judged(runs, lambda share: told(searching + (1 - searching) * share))
+            best, errors = runs[judged.index(min(judged))], (min(judged), judged[-1])
+        seconds, seen = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
+        return MaskCandidate(best.camera, seen, random, drawn, best.start, seconds, best.history, errors)
+
+    def _descents(self, slots: int, static: MaskCandidate | None, told: Callable[[float], None]) -> list[_Run]:
+        """One from every start, and the static mask in all slots as it is."""
+        runs: list[_Run] = []
+        for number in range(self.effort.starts):
+            camera, start, last = (
+                self.task.made(slots, number),
+                f"random {number + 1}",
+                number == self.effort.starts - 1,
+            )
+            if last and static is not None:
+                runs.append(self._alike(self.task.made(slots, number), static))
+                _contain(camera, static.camera, _OWN)
+                start = "near the static mask in all slots"
+            elif last and runs:
+                _contain(camera, min(runs, key=lambda run: run.value).camera)
+                start = "best so far"
+            found = design_masks(
+                camera, self.prior, window=self.task.window, steps=self.effort.steps, rate=self.effort.rate,
+                progress=lambda step, steps, _, done=number: told((done + step / steps) / self.effort.starts),  # type: ignore[misc]
+            )  # fmt: skip
+            runs.append(_Run(camera, start, found.confusion))
+        return runs
+
+    def _alike(self, camera: SpectralDepthCamera, static: MaskCandidate) -> _Run:
+        """The static mask in all slots."""
+        _contain(camera, static.camera)
+        value = float(confusion(self.task.covariance(camera, self.prior)))
+        return _Run(camera, "static mask in all slots", (value,))
+
+    def _judged(self, runs: Sequence[_Run], told: Callable[[float], None]) -> list[float]:
+        """How wrong depth is behind every camera."""
+        assert self.judge is not None
+        errors: list[float] = []
+        for run in runs:
+            errors.append(self.judge(run.camera))
+            told(len(errors) / len(runs))
+        return errors
 
 
 def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, own: float = 0.0) -> None:

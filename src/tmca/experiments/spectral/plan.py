@@ -65,7 +65,11 @@ def untrained(table: Table) -> list[Settings]:
 
 def expectations(table: Table, train: Sequence[Path], patches: int) -> list[Settings]:
     """The expected error of every code, and what it is on patches of training and of test scenes."""
-    own: Settings = {"source": source_digest(), "train": [str(path) for path in train], "prior": str(table.priors["lmmse"])}
+    own: Settings = {
+        "source": source_digest(),
+        "train": [str(path) for path in train],
+        "prior": str(table.priors["lmmse"]),
+    }
     own |= {"test": [str(path) for path in table.scenes], "bands": table.bands, "patches": patches}
     return [
         {**own, "name": f"expected error · {code} · {noise}", "code": code, "noise": noise, "seed": table.seeds[0]}
