@@ -45,9 +45,9 @@ def small():
         for table, name in ((rows.NOISES, list(rows.NOISES)[2]), *((rows.CODES, list(rows.CODES)[i]) for i in (1, 3))):
             patch.delitem(table, name)
         patch.setattr(rows, "TRAINED", ("CLFP optimised", "CLFP E2E"))
-        patch.setattr("tmca.experiments.light_field.comparison.TRAINED", rows.TRAINED)
+        patch.setattr("tmca.experiments.light_field.plan.TRAINED", rows.TRAINED)
         patch.setattr(
-            "tmca.experiments.light_field.comparison.scenes_of", lambda train: {"train": [*train], "prior": [*train]}
+            "tmca.experiments.light_field.plan.scenes_of", lambda train: {"train": [*train], "prior": [*train]}
         )
         yield
 

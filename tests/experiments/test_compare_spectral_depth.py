@@ -69,6 +69,7 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     }  # fmt: skip
     assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN[:2] for n in noises}
     assert all(row["confusion"] > 0 and row["psnr"] > 0 and row["fisher"] > 0 for row in found["foretold"])
+    assert "measured 100%" in page  # of its pixels have a known depth
     guess = rows[CONSTANT, "", CONSTANT]
     with xr.open_dataset(scenes[1]) as truth:
         inverse = 1 / truth["depth"].values
@@ -80,18 +81,39 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     assert not told  # all cells were kept
 
 
-def test_margins_compare_the_best_of_each_kind():
-    def row(code, mae, psnr):
-        return {"code": code, "noise": "n", "decoder": "likelihood", "depth_mae": mae, "psnr": psnr, "sam": 5.0}
+CHOSEN = {  # depth error on test scenes, PSNR, and the error that chooses
+    "diffractive element only, random": (0.35, 31.0, 2.0),
+    "diffractive element only, optimised": (0.4, 30.0, 1.0),
+    "static mask + CCA, optimised": (0.3, 31.0, 0.9),
+    "TMCA random K = 4": (0.12, 30.5, 0.5),
+    "TMCA optimised K = 4": (0.15, 30.2, 0.2),
+    "TMCA learned K = 4": (0.1, 30.0, None),
+}
 
-    rows = [row("diffractive element only, optimised", 0.4, 30.0), row("static mask + CCA, optimised", 0.3, 31.0)]
-    rows += [row("TMCA random K = 4", 0.2, 30.5), row("TMCA optimised K = 4", 0.15, 30.2)]
-    rows += [{**row(CONSTANT, 0.1, 0.0), "noise": "", "decoder": CONSTANT}]
-    (found,) = margins({"rows": rows})
+
+@pytest.mark.parametrize("decoder", ["likelihood", "physics"])
+def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
+    rows = [
+        {"code": code, "noise": "n", "decoder": decoder, "depth_mae": mae, "psnr": psnr, "sam": 5.0}
+        for code, (mae, psnr, _) in CHOSEN.items()
+    ]
+    rows += [{"code": CONSTANT, "noise": "", "decoder": CONSTANT, "depth_mae": 0.05, "psnr": 0.0, "sam": 5.0}]
+    judged = {code: error for code, (_, _, error) in CHOSEN.items() if error is not None}
+    foretold = [{"code": code, "noise": "n", "flat": error} for code, error in judged.items()]
+    trained = [
+        {"code": code, "decoder": decoder, "validation": {"depth_mae": error + seed}}
+        for code, error in judged.items() for seed in (0.1, -0.1)
+    ]  # fmt: skip
+    parts = {"foretold": foretold, "budget": {"training": []}}
+    parts = parts if decoder == "likelihood" else {"foretold": [], "budget": {"training": trained}}
+    (found,) = margins({"rows": rows, **parts})
     assert (found["best"], found["static"]) == ("TMCA optimised K = 4", "static mask + CCA, optimised")
     assert found["ratio"] == pytest.approx(0.5)
-    assert found["alone"] == pytest.approx(-0.625)
+    assert found["alone"] == pytest.approx(0.15 / 0.4 - 1)
     assert found["psnr"] == pytest.approx(0.2)
+    assert found["ratio_in_hindsight"] == pytest.approx(0.1 / 0.3)
+    assert found["alone_in_hindsight"] == pytest.approx(0.1 / 0.35 - 1)
+    assert margins({"rows": rows, "foretold": [], "budget": {"training": []}}) == []
 
 
 def test_the_right_order_is_one_and_the_opposite_minus_one():

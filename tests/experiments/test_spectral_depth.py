@@ -5,6 +5,7 @@ import pytest
 import torch
 import xarray as xr
 
+from tests.data import rgbd_scenes
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene
 from tmca.errors import DataError, SettingError
@@ -15,7 +16,7 @@ from tmca.experiments.spectral_depth.imaging import (
     spectral_depth_pictures,
     take_spectral_depth_snapshot,
 )
-from tmca.experiments.spectral_depth.scenes import load_spectral_depth
+from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
@@ -43,10 +44,38 @@ def scene_of(source="coffee", **how):
 def test_a_scene_comes_to_the_cameras_bands_size_and_range():
     scene = scene_of()
     assert dict(scene.sizes) == {"wavelength": 3, "y": 36, "x": 41}
-    assert float(scene["depth"].min()) == pytest.approx(0.4, rel=1e-5)
-    assert float(scene["depth"].max()) == pytest.approx(2.0, rel=1e-5)
+    fitted = load_spectral_depth("coffee", WAVES, near=0.4, far=2.0, reduce=8)
+    assert float(fitted["depth"].min()) == pytest.approx(0.4, rel=1e-5)
+    assert float(fitted["depth"].max()) == pytest.approx(2.0, rel=1e-5)
+    xr.testing.assert_equal(scene["depth"], middle_of(fitted, SIZE, "coffee")["depth"])  # cropped after it was fitted
     whole = rendered_scene("coffee", wavelengths=WAVES)["radiance"].values
     assert float(scene["radiance"].mean()) == pytest.approx(float(whole.mean()), rel=0.5)
+
+
+def test_metric_depth_is_kept_or_told_how_it_was_mapped(camera):
+    true, fitted = scene_of(fitted=False), scene_of()
+    whole = rendered_scene("coffee", wavelengths=WAVES)["depth"].values
+    assert set(np.unique(true["depth"].values)) <= set(np.unique(whole))
+    kept = take_spectral_depth_snapshot(fitted, camera).notes
+    mapped = kept["inverse_depth_scale"] / true["depth"].values + kept["inverse_depth_shift"]
+    np.testing.assert_allclose(1 / mapped, fitted["depth"].values, rtol=1e-5)
+    outside = ~((true["depth"].values > 0.35) & (true["depth"].values < 4.0))  # half a bin beyond 0.4 to 2 m
+    unmapped = take_spectral_depth_snapshot(true, camera).notes
+    assert "inverse_depth_scale" not in unmapped
+    assert unmapped["unknown_depth_pixels"] >= outside.sum()
+
+
+def test_spectra_of_held_out_scenes_are_of_other_materials(tmp_path):
+    stem = str(rgbd_scenes.open3d(tmp_path))
+    learned, held_out = (scene_of(stem, reduce=1, from_rgb=True, materials=half) for half in ("train", "test"))
+    assert (learned.attrs["materials"], held_out.attrs["materials"]) == ("train", "test")
+    assert np.abs(learned["radiance"].values - held_out["radiance"].values).max() > 0.01
+
+
+@pytest.mark.parametrize("how", [{"placed": "random"}, {"from_rgb": True}])
+def test_a_scene_with_spectra_and_depth_needs_no_others(how):
+    with pytest.raises(DataError, match=rf"coffee.*leave --{next(iter(how)).replace('_', '-')} out"):
+        scene_of(**how)
 
 
 def test_a_cube_is_placed_and_its_bands_are_chosen(tmp_path):

@@ -137,6 +137,19 @@ def test_sampling_is_checked_with_pitch_bound_and_remedy():
         check_sampling(20e-6, [GREEN, RED], 1e-3, 50e-3, "mask")
 
 
+@pytest.mark.parametrize("size", [(9, 8), (12, 11)])
+def test_samples_of_a_pixel_sum_to_the_light_on_its_area(size):
+    """Against midpoints that lie 24 times as dense."""
+    field = torch.randn(1, *size, dtype=torch.complex128, generator=torch.Generator().manual_seed(2))
+    coarse = FocalPlane(size, 100e-6, [GREEN], 50e-3, (3, 4), 8e-6, samples=4)
+    fine = FocalPlane(size, 100e-6, [GREEN], 50e-3, (72, 96), 8e-6 / 24)
+    seen = (plane(field)[0].abs() ** 2 for plane in (coarse, fine))
+    light, expected = (
+        torch.nn.functional.avg_pool2d(one[None], n, divisor_override=1) for one, n in zip(seen, (4, 24), strict=True)
+    )
+    torch.testing.assert_close(light, expected, rtol=2e-3, atol=1e-3 * float(expected.max()))
+
+
 def test_gradients_reach_the_heights():
     heights = 1e-7 * torch.randn(1, 9, 8, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
     heights = (heights / 1e-7).requires_grad_()

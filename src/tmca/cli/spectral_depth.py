@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
@@ -33,6 +33,10 @@ class DepthSceneOptions:
     "Put a cube without depth at drawn depths: plane, slanted, staged, smooth, pieces or random."
     from_rgb: Annotated[bool, Parameter(group=_SCENE, negative="")] = False
     "Make up spectra of measured reflectances for an RGB-D scene."
+    materials: Annotated[Literal["train", "test"], Parameter(group=_SCENE)] = "train"
+    "Half of the measured reflectances that spectra are made up of; test for scenes that are held out."
+    metric_depth: Annotated[bool, Parameter(group=_SCENE, negative="")] = False
+    "Keep depth in metres, instead of mapping inverse depth onto the camera's range; what is outside is masked."
     scene_seed: Annotated[int, Parameter(group=_SCENE, converter=whole)] = 0
     "Of what is drawn for the scene: made-up spectra, depths."
 
@@ -44,7 +48,8 @@ class DepthSceneOptions:
             raise SettingError("--reduce", str(self.reduce), "1 or more")
         return load_spectral_depth(
             source, camera.wavelengths, near=camera.planes.near, far=camera.planes.far, size=crop,
-            reduce=self.reduce, placed=self.placed, from_rgb=self.from_rgb, seed=self.scene_seed,
+            reduce=self.reduce, placed=self.placed, from_rgb=self.from_rgb, materials=self.materials,
+            fitted=not self.metric_depth, seed=self.scene_seed,
         )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key, source_digest
 from tmca.experiments.figures import save_figure
-from tmca.experiments.results import check_new, mean_over_scenes, repository_commit
+from tmca.experiments.results import check_new, mean_over_scenes, repository_commit, write_table
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
 
@@ -117,12 +117,7 @@ def sweep(
     data |= prepare(points) if prepare else {}
     cells = [_cell(swept, point, scene, name, data, work) for point in points for scene, name in names.items()]
     grid = Grid(swept.measure, work, jobs, cluster, progress)
-    trainings = {cell["folder"]: cell for cell in cells if cell["decoder"] in swept.networks}
-    shared = {"path": "", "scene": "", "checksum": None}
-    grid.run([{**cell, "name": f"training for {cell['name']}", **shared} for cell in trainings.values()], swept.train)
-    broken = {name.removeprefix("training for ").partition(": ")[2] for name, _ in grid.failures.met}
-    measured = grid.run([cell for cell in cells if cell["name"].partition(": ")[2] not in broken])
-    rows = _rows(points, measured, list(names.values()))
+    rows = _rows(points, _measured(swept, cells, grid), list(names.values()))
     if not rows:
         grid.failures.check()
     found = {
@@ -136,14 +131,22 @@ def sweep(
     return found
 
 
+def _measured(swept: Swept, cells: Sequence[Settings], grid: Grid) -> list[Measured]:
+    """All cells that can be measured, behind networks that are trained first."""
+    trainings = {cell["folder"]: cell for cell in cells if cell["decoder"] in swept.networks}
+    shared = {"path": "", "scene": "", "checksum": None}
+    grid.run([{**cell, "name": f"training for {cell['name']}", **shared} for cell in trainings.values()], swept.train)
+    broken = {name.removeprefix("training for ").partition(": ")[2] for name, _ in grid.failures.met}
+    return grid.run([cell for cell in cells if cell["name"].partition(": ")[2] not in broken])
+
+
 def _write(swept: Swept, found: dict[str, Any], files: Sequence[Path], overwrite: bool) -> None:
     """JSON, CSV, Markdown and picture of a sweep."""
-    from tmca.data import write_json, write_text
+    from tmca.data import write_text
 
     rows, axes = found["rows"], list(found["vary"])
-    write_json(found, files[0], overwrite=overwrite)
+    write_table(found, markdown(found, axes, swept.decoders), (files[0], files[2]), overwrite)
     write_text(csv_text(rows, axes), files[1], overwrite=overwrite)
-    write_text(markdown(found, axes, swept.decoders), files[2], overwrite=overwrite)
     save_figure(sweep_figure(rows, axes, swept.decoders), files[3], overwrite=overwrite)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import isfinite, pi
 from warnings import warn
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -121,6 +122,8 @@ class FocalPlane(nn.Module):
         out_size: (h, w) of the sensor, pixels.
         out_pitch: metres.
         chirp: whether light travels freely; False for the pupil form.
+        samples: per side of a sensor pixel, at the nodes of Gauss–Legendre quadrature: the sum of their intensities is
+            the light on the pixel's area.
 
     Raises:
         SettingError: impossible numbers.
@@ -139,24 +142,28 @@ class FocalPlane(nn.Module):
         out_pitch: float,
         *,
         chirp: bool = True,
+        samples: int = 1,
     ) -> None:
         super().__init__()
-        if not (distance > 0 and isfinite(distance) and min(wavelengths) > 0):
-            raise SettingError("propagation", f"distance {distance:g} m", "above 0, with wavelengths above 0")
+        if not (distance > 0 and isfinite(distance) and min(wavelengths) > 0 and samples >= 1):
+            found = f"distance {distance:g} m, {samples} samples"
+            raise SettingError("propagation", found, "above 0, with wavelengths above 0, and 1 sample or more")
         self.size, self.out_size = (int(size[0]), int(size[1])), (int(out_size[0]), int(out_size[1]))
+        nodes, weights = (torch.from_numpy(part) for part in np.polynomial.legendre.leggauss(samples))
         waves = torch.tensor(list(map(float, wavelengths)), dtype=torch.float64)[:, None, None]
         places, seen = pixel_places(self.size, pitch), pixel_places(self.out_size, out_pitch)
         for axis, name in enumerate(("rows", "columns")):
-            own, other = places[axis].flatten(), seen[axis].flatten()
+            own, other = places[axis].flatten(), (seen[axis].reshape(-1, 1) + out_pitch / 2 * nodes).flatten()
             phase = -2 * pi * other[:, None] * own / (waves * distance)
             if chirp:
                 phase = phase + pi * own**2 / (waves * distance)
-            scale = (pitch * out_pitch / (waves * distance)) ** 0.5
+            share = (weights / 2).repeat(self.out_size[axis])[:, None]
+            scale = (pitch * out_pitch * share / (waves * distance)) ** 0.5
             matrix = torch.polar(scale.expand_as(phase).clone(), phase)
             self.register_buffer(name, matrix.to(torch.complex64), persistent=False)
 
     def forward(self, field: Tensor) -> Tensor:
-        """(..., L, h, w) fields on the sensor of fields (..., L, H, W) at the mask.
+        """(..., L, h·samples, w·samples) fields on the sensor of fields (..., L, H, W) at the mask.
 
         Raises:
             ShapeError: fields of another size.

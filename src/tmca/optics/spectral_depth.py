@@ -51,7 +51,7 @@ class PhaseMaskBench:
     window: tuple[int, int] = (31, 31)
     mask_pixels: int = 64
     material: str = "mirror"
-    oversampling: int = 2
+    oversampling: int = 3
 
     def __post_init__(self) -> None:
         for name in ("diameter", "distance", "pitch"):
@@ -96,10 +96,10 @@ class PhaseMaskBench:
 
     def propagator(self, wavelengths: Sequence[float]) -> FocalPlane:
         """Light from the mask to the samples of the sensor."""
-        size = (self.window[0] * self.oversampling, self.window[1] * self.oversampling)
-        pitch = self.pitch / self.oversampling
-        lens = self.focus is not None
-        return FocalPlane(self.mask_size, self.mask_pitch, wavelengths, self.distance, size, pitch, chirp=not lens)
+        return FocalPlane(
+            self.mask_size, self.mask_pitch, wavelengths, self.distance, self.window, self.pitch,
+            chirp=self.focus is None, samples=self.oversampling,
+        )  # fmt: skip
 
     def point_spread(
         self, heights: HeightMaps, wavelengths: Sequence[float], planes: DepthPlanes, energy: str = "unit"
@@ -138,6 +138,14 @@ class PhaseMaskBench:
         if self.focus is None:
             check_sampling(
                 self.mask_pitch, wavelengths, self.diameter / 2, self.distance, "mask, focused on the sensor"
+            )
+        step, finest = self.pitch / self.oversampling, min(wavelengths) * self.distance / (2 * self.diameter)
+        if step > finest * (1 + 1e-9):
+            warn(
+                f"sensor: samples of {step * 1e6:.3g} µm are coarser than {finest * 1e6:.3g} µm, the most that follows "
+                f"the light of this aperture at {min(wavelengths) * 1e9:.0f} nm; take more oversampling",
+                Undersampled,
+                stacklevel=3,
             )
         period, wide = min(wavelengths) * self.distance / self.mask_pitch, max(self.window) * self.pitch
         if wide > period * (1 + 1e-9):

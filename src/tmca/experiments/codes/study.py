@@ -97,6 +97,39 @@ def study_codes(
     """
     from tmca.data import make_folder
 
+    _check_asked(train, slots, test_slots, steps, seeds, jobs)
+    if min(period) < 1:
+        raise SettingError("--period", f"{period[0]}×{period[1]} pixels", "1×1 or more")
+    check_size({"bands": bands}, period, [*slots, test_slots], len(train))
+    files = [out / "codes.json", out / "codes.md", *files_of(out)]
+    check_new(files, overwrite)
+    make_folder(out)
+    grid = Grid(compute, work, jobs, None, progress)
+    common = _common(train, work, bands, period, effort or Effort())
+    measured, light = grid.run(_grid_cells(common, slots)), _light(test, bands) if test else None
+    cells = _ablation_cells(common, test_slots)
+    if test:
+        grid.run(_design_cells(common, test_slots, seeds))
+        common["prior"] = str(prior_file(train, work, bands))
+        trained: Settings = {"train": list(train), "validation": list(validation)}
+        trained["learned"] = [identity_of(name) for name in (*train, *validation)]
+        cells += _cells_on_tests(common, test, test_slots, seeds, light)
+        cells += _ranking_cells(common, test, trained, work, steps)
+        cells += _network_cells(common, test, trained, work, steps, test_slots, seeds)
+    measured += grid.run(cells)
+    grid.failures.check()
+    split = {"train": [Path(n).name for n in train], "test": [Path(n).name for n in test]}
+    found = {"command": " ".join(command), "commit": repository_commit(), "effort": common["effort"], "steps": steps}
+    found |= {"period": list(period), "slots": test_slots, "split": split, "mean_irradiance": light}
+    found |= _found(measured)
+    write_table(found, study_markdown(found), files, overwrite)
+    study_figures(found, out, overwrite=overwrite)
+    return found
+
+
+def _check_asked(
+    train: Sequence[str], slots: Sequence[int], test_slots: int, steps: int, seeds: int, jobs: int
+) -> None:
     if len(train) < 2 or min(slots, default=0) < 2 or seeds < 1 or jobs < 1:
         given = f"{len(train)} scenes, slots {list(slots)}, {seeds} seeds, {jobs} jobs"
         raise SettingError("design study", given, "two scenes or more, slots ≥ 2, seeds and jobs ≥ 1")
@@ -104,39 +137,6 @@ def study_codes(
         raise SettingError("--train", "two scenes of one name", "a name for each", "rename a file")
     if test_slots < 2 or steps < 0:
         raise SettingError("design study", f"{test_slots} test slots, {steps} steps", "slots ≥ 2, steps ≥ 0")
-    if min(period) < 1:
-        raise SettingError("--period", f"{period[0]}×{period[1]} pixels", "1×1 or more")
-    check_size({"bands": bands}, period, [*slots, test_slots], len(train))
-    files = [out / "codes.json", out / "codes.md", *files_of(out)]
-    check_new(files, overwrite)
-    make_folder(out)
-    common = _common(train, make_folder(work), bands, period, effort or Effort())
-    grid = Grid(compute, work, jobs, None, progress)
-    measured = grid.run(_grid_cells(common, slots))
-    cells = _ablation_cells(common, test_slots)
-    if test:
-        ahead = _design_cells(common, test_slots, seeds)
-        grid.run(ahead)
-        common["prior"] = str(prior_file(train, work, bands))
-        light = _light(test, bands)
-        trained: Settings = {"train": list(train), "validation": list(validation)}
-        trained["learned"] = [identity_of(name) for name in (*train, *validation)]
-        cells += _test_cells(common, test, test_slots, seeds)
-        cells += [{**cell, "kind": "light", "name": f"{cell['name']} · in its light", "light": light}
-                  for cell in _test_cells(common, test, test_slots, seeds)]  # fmt: skip
-        cells += _there_cells(common, light)
-        cells += _ranking_cells(common, test, trained, work, steps)
-        cells += _network_cells(common, test, trained, work, steps, test_slots, seeds)
-    measured += grid.run(cells)
-    grid.failures.check()
-    split = {"train": [Path(n).name for n in train], "test": [Path(n).name for n in test]}
-    found = {"command": " ".join(command), "commit": repository_commit(), "effort": common["effort"], "steps": steps}
-    found |= {"period": list(period), "slots": test_slots, "split": split}
-    found |= {"mean_irradiance": light if test else None}
-    found |= _found(measured)
-    write_table(found, study_markdown(found), files, overwrite)
-    study_figures(found, out, overwrite=overwrite)
-    return found
 
 
 def compute(cell: Settings) -> Measured:
@@ -239,7 +239,16 @@ def _ranking_cells(common: Settings, test: Sequence[str], trained: Settings, wor
     return cells
 
 
-def _there_cells(common: Settings, light: float) -> list[Settings]:
+def _cells_on_tests(
+    common: Settings, test: Sequence[str], slots: int, seeds: int, light: float | None
+) -> list[Settings]:
+    """Designs on the test scenes, as they are and searched for their light, and the order of codes in that light."""
+    cells = _test_cells(common, test, slots, seeds)
+    dimmed = [{**cell, "kind": "light", "name": f"{cell['name']} · in its light", "light": light} for cell in cells]
+    return [*cells, *dimmed, *_there_cells(common, light)]
+
+
+def _there_cells(common: Settings, light: float | None) -> list[Settings]:
     """The order of the ranked codes by examples that are dimmed to the mean irradiance of the test scenes."""
     return [
         {**common, "kind": "there", "name": f"order in the light · {noise}", "noise": noise, "sensor": CORNERS[noise],

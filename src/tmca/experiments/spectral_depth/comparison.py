@@ -94,7 +94,7 @@ def compare_spectral_depth(
     told = results(found, split, {**vars(own), "effort": dict(table.effort), "steps": steps}, command)
     write_table(told, markdown(told), files, overwrite)
     probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
-    scenes = {n: load_any_depth_scene(path, probe, **how) for path, n in names.items()}
+    scenes = {n: load_any_depth_scene(path, probe, materials="test", **how) for path, n in names.items()}
     comparison_pictures([c for c in found if c["seed"] == seed], scenes, probe, out, overwrite=overwrite)
     grid.failures.check()
     return told

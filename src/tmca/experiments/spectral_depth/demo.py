@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,20 +12,24 @@ from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS
 from tmca.experiments.spectral_depth.figures import depth_figure, psf_figure
 from tmca.experiments.spectral_depth.imaging import (
+    SpectralDepthReconstruction,
     find_depth_prior,
     reconstruct_spectral_depth,
     take_spectral_depth_snapshot,
 )
 from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
+from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
 
 SCENE, WINDOW = "motorcycle", 12
+_STATIC, _MULTIPLEXED = "phase mask alone", "one-hot shutter, K = 4"
 CODES: dict[str, dict[str, Any]] = {
-    "phase mask alone": {"slots": 1, "shutter": "open"},
-    "one-hot shutter, K = 4": {"slots": 4, "shutter": "one-hot"},
+    _STATIC: {"slots": 1, "shutter": "open"},
+    _MULTIPLEXED: {"slots": 4, "shutter": "one-hot"},
 }
 READ_NOISE, _REDUCE = 2e-3, 3
 COLUMNS = (
@@ -59,35 +63,55 @@ def demo_spectral_depth(
         )
         for code, settings in CODES.items()
     }
-    first = next(iter(cameras.values()))
+    first = cameras[_STATIC]
     near, far = first.planes.near, first.planes.far
     scene = load_spectral_depth(SCENE, first.wavelengths, near=near, far=far, reduce=_REDUCE)
     truth = middle_of(scene, size, SCENE)
     told(0.1, "the prior of rendered scenes at these bands")
     prior = find_depth_prior(None, first, WINDOW)
-    rows, found = [], {}
+    found: dict[str, SpectralDepthReconstruction] = {}
     for place, (code, camera) in enumerate(cameras.items()):
         told(0.4 + 0.25 * place, f"spectrum and depth, {code}")
-        stem = f"spectral_depth_{'static' if camera.slots == 1 else 'onehot4'}"
-        snapshot = take_spectral_depth_snapshot(truth, camera)
-        snapshot.save(out / f"{stem}_snapshot.nc", overwrite=overwrite)
-        found[code] = reconstruct_spectral_depth(snapshot, prior=prior, window=WINDOW, truth=truth)
-        found[code].save(out / f"{stem}_likelihood.nc", overwrite=overwrite)
-        light = {"throughput": camera.throughput(), "seconds": found[code].seconds}
-        rows.append({"code": code, **found[code].metrics, **light})
+        found[code] = _through(camera, truth, prior, out, overwrite)
     told(0.9, "pictures of spectrum and depth")
+    rows = [
+        {"code": code, **result.metrics, "throughput": cameras[code].throughput(), "seconds": result.seconds}
+        for code, result in found.items()
+    ]
+    return rows, _section(rows, _figures(found, cameras, truth, out, overwrite))
+
+
+def _through(
+    camera: SpectralDepthCamera, truth: xr.Dataset, prior: GaussianPrior, out: Path, overwrite: bool
+) -> SpectralDepthReconstruction:
+    stem = f"spectral_depth_{'static' if camera.slots == 1 else 'onehot4'}"
+    snapshot = take_spectral_depth_snapshot(truth, camera)
+    snapshot.save(out / f"{stem}_snapshot.nc", overwrite=overwrite)
+    found = reconstruct_spectral_depth(snapshot, prior=prior, window=WINDOW, truth=truth)
+    found.save(out / f"{stem}_likelihood.nc", overwrite=overwrite)
+    return found
+
+
+def _figures(
+    found: Mapping[str, SpectralDepthReconstruction],
+    cameras: Mapping[str, SpectralDepthCamera],
+    truth: xr.Dataset,
+    out: Path,
+    overwrite: bool,
+) -> dict[str, Figure]:
+    """Pictures by their captions, kept as files too."""
     figures: dict[str, Figure] = {
         f"Colours, depth in metres, probability within a bin, and spectra: {code}; the truth above.": depth_figure(
-            result, first.planes, truth
+            result, cameras[code].planes, truth
         )
         for code, result in found.items()
     }
     figures["Point spread functions of the four slots over depth, and what points leave behind the shutter."] = (
-        psf_figure(cameras["one-hot shutter, K = 4"])
+        psf_figure(cameras[_MULTIPLEXED])
     )
     for figure, ending in zip(figures.values(), ("static", "onehot4", "psf"), strict=True):
         save_figure(figure, out / f"spectral_depth_{ending}.png", overwrite=overwrite)
-    return rows, _section(rows, figures)
+    return figures
 
 
 def _section(rows: list[dict[str, Any]], figures: dict[str, Figure]) -> Section:
@@ -97,10 +121,10 @@ def _section(rows: list[dict[str, Any]], figures: dict[str, Figure]) -> Section:
         text=(
             "A random phase mask in the aperture blurs every depth and wavelength in its own way. It was still during "
             "the exposure, or showed four masks, of which every pixel saw one, at equal exposure time and with read "
-            f"noise σ = {READ_NOISE:g} of one band. Depth is the plane that explains a window of the snapshot best "
-            "under a Gaussian prior of other rendered scenes, the spectrum its linear estimate there; time "
-            f"multiplexing changed the mean depth error from {static:.2f} to {multiplexed:.2f} m. tmca design "
-            "spectral-depth searches masks for a bench and a sensor.",
+            f"noise σ = {READ_NOISE:g} of one band. Depth is the median over planes, each as probable as it explains "
+            "the windows around a pixel under a Gaussian prior of other rendered scenes; the spectrum is the mean of "
+            f"the linear estimates at likely planes. Time multiplexing changed the mean depth error from {static:.2f} "
+            f"to {multiplexed:.2f} m. tmca design spectral-depth searches masks for a bench and a sensor.",
         ),
         table=rows,
         columns=COLUMNS,

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
     from tmca.priors import GaussianPrior
 
+FITTED = ("inverse_depth_scale", "inverse_depth_shift")
+"""Attributes of a scene, a snapshot and a reconstruction whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
 PLANES = "depth_planes"
 """Attribute of a reconstruction, JSON: nearest and farthest plane in metres, and their number."""
 DEPTH_DECODERS = ("likelihood", "network")
@@ -87,7 +89,7 @@ def take_spectral_depth_snapshot(
         values = camera(cube, depth, NOISE_STREAM + seed, progress)
     unknown = int((~camera.planes.known(depth)).sum())
     notes = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, "unknown_depth_pixels": unknown}
-    notes |= {READING: scene.attrs[READING]} if READING in scene.attrs else {}
+    notes |= {name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}
     return Snapshot(values, camera, notes)
 
 
@@ -190,7 +192,10 @@ def find_depth_prior(prior: str | Path | GaussianPrior | None, camera: SpectralD
 def spectral_depth_metrics(
     cube: np.ndarray, depth: np.ndarray, truth: xr.Dataset, planes: DepthPlanes
 ) -> dict[str, float]:
-    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known."""
+    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known.
+
+    ``known_depth`` is the share of pixels where it is, within the range of the planes.
+    """
     from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
 
     known = planes.known(torch.from_numpy(np.array(truth["depth"].values)))
@@ -200,6 +205,7 @@ def spectral_depth_metrics(
         "depth_mae": depth_mae(depth, real),
         "depth_rmse": depth_rmse(depth, real),
         "within_bin": within_bin(depth, real, planes.metres),
+        "known_depth": float(known.double().mean()),
     }
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tmca.design.mask_search import MaskEffort
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.spectral_depth.rows import (
     CODES,
@@ -18,6 +19,7 @@ from tmca.experiments.spectral_depth.rows import (
     LEARNED_WITH,
     NETWORKS,
     NOISES,
+    STATIC_CODES,
     TRAINED,
     Sizes,
     training_of,
@@ -68,9 +70,15 @@ def searches(table: Table) -> list[Settings]:
     kept = {name: table.common[name] for name in _JUDGED_BY}
     return [
         {**kept, "kind": "search", "name": f"search · {code} · seed {seed}", "code": code, "noise": noise,
-         "sensor": sensor, "seed": seed, "effort": dict(table.effort), "window": table.sizes.searched}
+         "sensor": sensor, "seed": seed, "effort": _effort(table, code), "window": table.sizes.searched}
         for code in DESIGNED for seed in table.seeds
     ]  # fmt: skip
+
+
+def _effort(table: Table, code: str) -> Settings:
+    """That of a search: as many descents for static masks as for several slots, which search a static mask first."""
+    own = MaskEffort(**table.effort)
+    return {**table.effort, "starts": (2 if code in STATIC_CODES else 1) * own.starts}
 
 
 def untrained(table: Table, codes: Codes) -> list[Settings]:

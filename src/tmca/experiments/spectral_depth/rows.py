@@ -19,16 +19,20 @@ CODES: dict[str, dict[str, Any]] = {
     "TMCA random K = 4": {**_MULTIPLEXED, **_CLEAR},
     "TMCA optimised K = 4": {**_MULTIPLEXED, **_CLEAR},
     "diffractive element only, learned": {**_STATIC, **_CLEAR},
+    "static mask + CCA, learned": {**_STATIC, **_COLOURED},
     "TMCA learned K = 4": {**_MULTIPLEXED, **_CLEAR},
+    "TMCA learned K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
 }
 """Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes, equal exposure time."""
 DESIGNED = tuple(name for name in CODES if "optimised" in name)
 """Codes whose masks are searched for least confusion of depths and judged on training scenes, with equal effort."""
 LEARNED = {
     "diffractive element only, learned": "diffractive element only, optimised",
+    "static mask + CCA, learned": "static mask + CCA, optimised",
     "TMCA learned K = 4": "TMCA optimised K = 4",
+    "TMCA learned K = 4 + CCA": "TMCA optimised K = 4 + CCA",
 }
-"""Codes whose masks go on being learned together with a network, and the codes they start from."""
+"""Codes that go on being learned together with a network, and the codes they start from."""
 LEARNED_WITH = "two-headed"
 """The network: its gradient reaches the masks through the snapshot, and no first stage is made anew in every step."""
 STATIC_CODES = tuple(name for name, settings in CODES.items() if settings["slots"] == 1)
@@ -73,6 +77,13 @@ class Sizes:
     searched: int = 8
 
 
+def _learned(code: str) -> list[str]:
+    """All of a code that can be learned."""
+    own = CODES[code]
+    shutter, filters = own["shutter"] != "open", own["filters"] != "clear"
+    return ["mask", *(["shutter"] if shutter else []), *(["filters"] if filters else [])]
+
+
 def training_of(
     code: str, decoder: str, seed: int, steps: int, sizes: Sizes, noises: Sequence[str], codes: str | None
 ) -> dict[str, Any]:
@@ -83,7 +94,7 @@ def training_of(
     """
     camera = {
         **CODES[code],
-        "learn": ["mask"] if code in LEARNED else "none",
+        "learn": _learned(code) if code in LEARNED else "none",
         "preset": sizes.preset,
         "size": [sizes.patch, sizes.patch],
         "seed": seed,

@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.cameras import Snapshot, SpectralDepthCamera
+    from tmca.data.rendering.pictures import Materials
 
 READING = "scene_reading"
 """Attribute of a snapshot, JSON: how its scene was read."""
+_ASKED = {"placed": "has no depth", "from_rgb": "has no spectra"}
 
 
 def load_spectral_depth(
@@ -33,59 +35,92 @@ def load_spectral_depth(
     reduce: int = 1,
     placed: str | None = None,
     from_rgb: bool = False,
+    materials: Materials = "train",
+    fitted: bool = True,
     seed: int = 0,
 ) -> xr.Dataset:
-    """A spectral scene with depth, brought to bands, size and depth range of a camera.
-
-    Inverse depth of scenes from files and photographs is mapped affinely onto the range (``tmca.data.fitted_depth``).
+    """A spectral scene with depth, brought to bands, depth range and size of a camera.
 
     Args:
         source: a rendered scene, a file or folder of ``tmca.data.read_spectral_depth``, an RGB-D scene with
             ``from_rgb``, or a spectral cube with ``placed``.
         wavelengths: (L,) of the camera, metres.
         near, far: its depth range, metres.
-        size: (H, W) centre crop.
+        size: (H, W) centre crop, of a scene whose depth is fitted as a whole.
         reduce: pixels per axis that are averaged into one.
         placed: how a cube without depth is put at drawn depths: a kind of ``tmca.data.place_cube``.
         from_rgb: make up spectra for an RGB-D scene.
+        materials: half of the measured reflectances that these are made of; ``"test"`` for scenes that are held out.
+        fitted: map inverse depth affinely onto the range (``tmca.data.fitted_depth``), which attributes tell; without,
+            metres stay metres.
         seed: of what is drawn.
 
     Returns:
-        ``radiance`` (wavelength, y, x) and ``depth`` (y, x), metres, NaN where unknown or outside.
+        ``radiance`` (wavelength, y, x) and ``depth`` (y, x), metres, NaN where unknown.
 
     Raises:
         DataError, SettingError: no such scene, or one that cannot be used so.
     """
-    from tmca.data import fitted_depth, place_cube, read, read_spectral_depth, rendered_names, rendered_scene
-    from tmca.data.spectral_depth import reduced_scene
+    from tmca.data import fitted_depth
 
-    asked = reduce
-    if not Path(source).exists() and source in rendered_names():
-        scene = rendered_scene(source, wavelengths=wavelengths, seed=seed)[["radiance", "depth"]]
-    elif placed is not None:
-        scene = place_cube(at_bands(read(source), wavelengths), near, far, seed, placed)  # type: ignore[arg-type]
-    else:
-        how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed} if from_rgb else {}
-        try:
-            scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
-        except DataError:
-            check_depth_scene(source, placed, from_rgb)
-            raise
-        reduce = 1
-    scene = reduced_scene(scene, None if reduce == 1 else reduce, source)
+    how = {"source": source, "reduce": reduce, "placed": placed, "from_rgb": from_rgb, "materials": materials}
+    how |= {"fitted": fitted, "seed": seed}
+    scene = _read(source, wavelengths, near, far, reduce, placed, from_rgb, materials, seed)
     scene["radiance"] = at_bands(scene["radiance"], wavelengths)
-    scene = scene if size is None else middle_of(scene, size, source)
-    if placed is None:
+    if placed is None and fitted:
         scene["depth"], about = fitted_depth(scene["depth"], near, far)
         scene.attrs.update(about)
-    scene.attrs["name"] = Path(source).stem
-    how = {"source": source, "reduce": asked, "placed": placed, "from_rgb": from_rgb, "seed": seed}
-    scene.attrs[READING] = json.dumps(how)
-    return scene
+    scene = scene if size is None else middle_of(scene, size, source)
+    return scene.assign_attrs({"name": Path(source).stem, READING: json.dumps(how)})
+
+
+def _read(
+    source: str,
+    wavelengths: Sequence[float],
+    near: float,
+    far: float,
+    reduce: int,
+    placed: str | None,
+    from_rgb: bool,
+    materials: Materials,
+    seed: int,
+) -> xr.Dataset:
+    """A scene of any kind with ``reduce`` pixels per axis in one."""
+    from tmca.data import place_cube, read, read_spectral_depth, rendered_names, rendered_scene
+    from tmca.data.spectral_depth import reduced_scene
+
+    by = None if reduce == 1 else reduce
+    if not Path(source).exists() and source in rendered_names():
+        _refuse(source, "a rendered scene, which has spectra and depth", placed=placed, from_rgb=from_rgb)
+        scene = rendered_scene(source, wavelengths=wavelengths, seed=seed)
+        return reduced_scene(scene[["radiance", "depth"]], by, source)
+    if placed is not None:
+        if _kind_and_side(source)[0] != "cube":
+            _refuse(source, "a scene with depth of its own", placed=placed)
+        cube = at_bands(read(source), wavelengths)
+        return reduced_scene(place_cube(cube, near, far, seed, placed), by, source)  # type: ignore[arg-type]
+    how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed, "materials": materials} if from_rgb else {}
+    try:
+        return read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
+    except DataError:
+        check_depth_scene(source, placed, from_rgb)
+        raise
+
+
+def _refuse(source: str, found: str, **asked: Any) -> None:
+    for name, value in asked.items():
+        if value:
+            raise DataError(source, found, f"one that {_ASKED[name]}", f"leave --{name.replace('_', '-')} out")
 
 
 def load_any_depth_scene(
-    source: str, camera: SpectralDepthCamera, *, side: int, placed: str | None, from_rgb: bool
+    source: str,
+    camera: SpectralDepthCamera,
+    *,
+    side: int,
+    placed: str | None,
+    from_rgb: bool,
+    materials: Materials = "train",
 ) -> xr.Dataset:
     """A scene of any kind at a camera's bands and depth range, as training and comparisons read their lists.
 
@@ -95,13 +130,14 @@ def load_any_depth_scene(
         side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
         placed: how cubes without depth are put at drawn depths.
         from_rgb: make up spectra for RGB-D scenes.
+        materials: half of the reflectances that these are made of; ``"test"`` for scenes that are held out.
 
     Raises:
-        DataError: no such scene, or one whose kind asks for ``placed`` or ``from_rgb``.
+        DataError: no scene, or one whose kind asks for ``placed`` or ``from_rgb``.
     """
     from tmca.data import rendered_names
 
-    how: dict[str, Any] = {"near": camera.planes.near, "far": camera.planes.far}
+    how: dict[str, Any] = {"near": camera.planes.near, "far": camera.planes.far, "materials": materials}
     if Path(source).exists() or source not in rendered_names():
         kind, least = check_depth_scene(source, placed, from_rgb)
         how |= {"reduce": max(1, least // side)}

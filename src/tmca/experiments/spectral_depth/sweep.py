@@ -29,7 +29,7 @@ def measure(cell: Settings) -> Measured:
     """One combination on one scene."""
     size = (int(cell["size"][0]), int(cell["size"][1]))
     camera = _camera(cell["preset"], cell["camera"], cell["sensor"], size)
-    how = {name: cell[name] for name in ("side", "placed", "from_rgb")}
+    how = {**{name: cell[name] for name in ("side", "placed", "from_rgb")}, "materials": "test"}
     scene = middle_of(load_any_depth_scene(cell["path"], camera, **how), size, cell["path"])
     scene = of_contrast(scene, float(cell["camera"].get("contrast", 1.0)))
     snapshot = take_spectral_depth_snapshot(scene, camera, seed=int(cell["camera"].get("seed", 0)))
