@@ -119,8 +119,9 @@ class PhaseMaskBench:
         Warns:
             Undersampled: mask or sensor pixels that cannot follow the light.
         """
+        turns = radians_per_metre(wavelengths, self.phase_material())
         self.check_sampling(wavelengths, planes)
-        waves, turns = self.waves(wavelengths, planes), radians_per_metre(wavelengths, self.phase_material())
+        waves = self.waves(wavelengths, planes)
         return PointSpread(heights, waves, turns, self.propagator(wavelengths), energy, self.oversampling)
 
     def check_sampling(self, wavelengths: Sequence[float], planes: DepthPlanes) -> None:
