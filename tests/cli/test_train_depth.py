@@ -20,11 +20,11 @@ TAKEN = ("--read-noise", "0.01", "--crop", "36x33", "--no-figures")
 
 @pytest.fixture(autouse=True)
 def scenes(tmp_path, monkeypatch):
-    """Textured cubes (8, 44, 48) before a slope: learned.nc, checked.nc; bare.nc without depth; and small.nc."""
+    """Textured cubes (8, 68, 72) before a slope: learned.nc, checked.nc; bare.nc without depth; and small.nc."""
     monkeypatch.chdir(tmp_path)
     waves = np.array(SpectralDepthCamera.from_preset("quick", size=(24, 24)).wavelengths)
     for seed, name in enumerate(("learned", "checked", "bare", "small")):
-        size = (20, 22) if name == "small" else (44, 48)
+        size = (20, 22) if name == "small" else (68, 72)
         coarse = torch.rand(1, 8, 12, 13, generator=torch.Generator().manual_seed(seed))
         fine = torch.nn.functional.interpolate(coarse, size=size, mode="bicubic").clamp(0, 1)[0]
         depth = (1 / np.linspace(0.6, 2.4, size[1])[None].repeat(size[0], 0)).astype(np.float32)
@@ -75,7 +75,7 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
     [
         ({"train": "bare.nc"}, ("bare.nc", "without depth", "--placed random")),
         ({"train": "motorcycle.nc"}, ("motorcycle.nc", "no such file")),
-        ({"validation": "small.nc"}, ("small.nc", "20×22", "at least 32×32")),
+        ({"validation": "small.nc"}, ("small.nc", "20×22", "at least 64×64")),
         ({"start": ["data.side=20"]}, ("data.side 20", "at least a patch")),
         ({"start": ["data.bands=31"]}, ("data.bands", "camera.preset")),
         ({"start": ["codes.start=bare.nc"]}, ("bare.nc", "heights")),

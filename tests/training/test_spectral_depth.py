@@ -13,10 +13,11 @@ from tmca.data import label
 from tmca.decoders.depth_weights import DepthWeights
 from tmca.decoders.two_headed import DepthEstimate
 from tmca.errors import SettingError
+from tmca.sensor import Sensor
 from tmca.training import spectral_depth_settings, train_spectral_depth
 from tmca.training.depth_patches import DepthPatchSource
 from tmca.training.loop import Stopped
-from tmca.training.patches import CubeStore
+from tmca.training.patches import CubeStore, Patch
 from tmca.training.spectral_depth import channels_of, training_camera
 
 TINY = {
@@ -25,6 +26,7 @@ TINY = {
     "noise": [{"read_noise": 0.01}],
     "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [6, 8], "blocks": 1, "window": 4},
     "data.train": ["first", "second"], "data.validation": ["third"], "data.patch": 24, "data.batch": 2,
+    "data.margin": 0,
     "optimiser.steps": 6, "validate_every": 3, "checkpoint_every": 2, "precision": "32-true",
 }  # fmt: skip
 
@@ -153,10 +155,41 @@ def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
     assert float(loss) == pytest.approx(float((1 - known + SURPRISE * surprise).mean()), rel=1e-5)
 
 
+def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
+    from tmca.decoders.two_headed import build_depth_network
+    from tmca.training.depth_system import DepthSystem
+
+    seen, camera = [], training_camera(settings(**{"data.margin": None}))
+    assert camera.size == (24 + 2 * 16, 24 + 2 * 16)  # half of 31 pixels, in whole tiles of 2
+    network = build_depth_network(TINY["decoder"], camera)
+    forward = network.forward
+    network.forward = lambda snapshot, *how: seen.append(snapshot) or forward(snapshot, *how)
+    system = DepthSystem(camera, network, [Sensor()], None, [], margin=16, depth_weight=1.0)
+    scene = torch.from_numpy(channels_of(load("first"), camera)[:, 4:60, 8:64])
+    wide = SpectralDepthCamera.from_preset(
+        "quick", size=(60, 64), slots=2, planes=3, period=2, channels="monochrome", filters="clear", shutter="one-hot"
+    )
+    whole = torch.from_numpy(channels_of(load("first"), camera))[None]
+    metres = 1 / (1 / wide.planes.far + whole[:, -1:] * (1 / wide.planes.near - 1 / wide.planes.far))
+    with torch.no_grad():
+        loss = float(system([Patch(scene, scene, "")], 0, [0]))
+        changed = scene.clone()
+        changed[:, :16] = torch.rand(9, 16, 56)
+        dark = float(system([Patch(changed, changed, "")], 0, [0]))
+        expected = wide.exact(whole[:, :-1], metres)[..., 20:44, 24:48]
+    torch.testing.assert_close(seen[0], expected, rtol=1e-4, atol=1e-5)
+    assert not torch.allclose(seen[1], expected)
+    estimate = DepthEstimate(torch.zeros(1, 8, 24, 24), torch.zeros(1, 3, 24, 24))
+    assert float(system._loss(estimate, scene[None])) == pytest.approx(float(system._loss(estimate, changed[None])))
+    assert np.isfinite([loss, dark]).all()
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
         ({"camera.size": [32, 24]}, "patches"),
+        ({"data.margin": 3}, "whole tiles of 2"),
+        ({"data.side": 40, "data.margin": 10}, "a patch and its margin, 44"),
         ({"codes.throughput": 0.5}, "throughput"),
         ({"codes.through_start": True}, "an unknown name"),
         ({"camera.learn": ["lens"]}, "learn"),

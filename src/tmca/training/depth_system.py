@@ -29,15 +29,17 @@ class DepthSystem(nn.Module):
 
     The loss is that of the cube plus ``depth_weight`` times what depth costs where it is known: the mean absolute error
     of inverse depth, as a share of the range, and ``SURPRISE`` times the cross entropy of its planes, without which
-    networks got stuck at one plane. The codes' gradient passes through the snapshot; a physics-based first stage is
+    networks got stuck at one plane. What lies in the margin sends its light into the patch, and nothing else: neither is
+    it decoded, nor does it count. The codes' gradient passes through the snapshot; a physics-based first stage is
     taken as it is.
 
     Args:
-        camera: of the patches' size.
+        camera: of the size of patches and margin.
         network: decoder.
         sensors: one of them, in turn, in each step.
         prior: of the first stage.
         validation: scenes (L + 1, H, W) of the camera's size.
+        margin: pixels around every patch, whole tiles.
         loss: of the cube, name in ``LOSSES``.
         depth_weight: of the depth error.
         seed: of the noise.
@@ -54,6 +56,7 @@ class DepthSystem(nn.Module):
         prior: GaussianPrior | None,
         validation: Sequence[Tensor],
         *,
+        margin: int = 0,
         loss: str = "l1",
         depth_weight: float = 0.1,
         seed: int = 0,
@@ -64,7 +67,7 @@ class DepthSystem(nn.Module):
         self.camera, self.network = camera, network
         self.sensors, self.prior, self.validation = tuple(sensors), prior, tuple(validation)
         self.loss, self.depth_weight, self.seed = LOSSES[loss], depth_weight, seed
-        self.frozen = not camera.learnable
+        self.margin, self.frozen = margin, not camera.learnable
         self._likelihood: PatchLikelihood | None = None
         self._checked: dict[tuple[int, int], Tensor] = {}
 
@@ -78,7 +81,7 @@ class DepthSystem(nn.Module):
 
     @torch.no_grad()
     def start(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
-        """(B, L + D, H, W) first stage of a batch."""
+        """(B, L + D, h, w) first stage of a batch of patches."""
         scenes = torch.stack([patch.scene for patch in patches]).to(self.camera.response.device)
         return self._first(self._recorded(scenes, step, indexes), self._sensor(step))
 
@@ -117,14 +120,20 @@ class DepthSystem(nn.Module):
         snapshot = self._exposed(scene, sensor, [(self.seed, _CHECK, place, index)])
         found = self._decode(snapshot, sensor, self._first_of((place, index), snapshot, sensor))
         planes, cube = self.camera.planes, found.cube.float().clamp_min(0)
-        error = (found.decoded(planes).depth - self._metres(scene[:, -1:])).abs()
+        error = (found.decoded(planes).depth - self._metres(self._inner(scene[:, -1:]))).abs()
         return {
-            "psnr": psnr_of(float((cube - scene[:, :-1]).square().mean())),
+            "psnr": psnr_of(float((cube - self._inner(scene[:, :-1])).square().mean())),
             "depth_mae": float(error.nanmean()),
             "score": -float(self._loss(found, scene)),
         }
 
+    def _inner(self, values: Tensor) -> Tensor:
+        """(…, h, w) without the margin."""
+        own = [slice(self.margin, side - self.margin) for side in values.shape[-2:]]
+        return values[..., own[0], own[1]]
+
     def _loss(self, found: DepthEstimate, scenes: Tensor) -> Tensor:
+        scenes = self._inner(scenes)
         known = torch.isfinite(scenes[:, -1:])
         place = scenes[:, -1:].nan_to_num()
         away = (found.place() - place).abs() + SURPRISE * found.surprise(place)
@@ -134,8 +143,8 @@ class DepthSystem(nn.Module):
     def _decode(self, snapshot: Tensor, sensor: Sensor, start: Tensor | None) -> DepthEstimate:
         if start is None and self.network.start == "likelihood":
             start = self._first(snapshot, sensor)
-        noise = sensor.noise(self.camera.white, self.camera.exposures)
-        found: DepthEstimate = self.network(snapshot, self.camera, noise, None if start is None else start.to(snapshot))
+        noise, seen = sensor.noise(self.camera.white, self.camera.exposures), self._inner(snapshot)
+        found: DepthEstimate = self.network(seen, self.camera, noise, None if start is None else start.to(snapshot))
         return found
 
     def _first(self, snapshot: Tensor, sensor: Sensor) -> Tensor:
@@ -147,7 +156,7 @@ class DepthSystem(nn.Module):
             likelihood = first_likelihood(self.network, self.prior, self.camera)
         self._likelihood = likelihood if self.frozen else None
         with torch.autocast(snapshot.device.type, enabled=False):
-            return first_stage(likelihood, snapshot)
+            return self._inner(first_stage(likelihood, snapshot))
 
     def _first_of(self, check: tuple[int, int], snapshot: Tensor, sensor: Sensor) -> Tensor | None:
         """First stage of a validation scene, computed once where the codes stay as they are."""

@@ -18,7 +18,8 @@ from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.data import make_folder
 from tmca.decoders.depth_weights import DepthWeights, rendered_depth_prior
 from tmca.decoders.two_headed import TwoHeadedUNet, build_depth_network
-from tmca.errors import DataError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError
+from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior, load_prior
 from tmca.priors.spectral_depth import learn_depth_prior
 from tmca.sensor import Sensor
@@ -79,12 +80,15 @@ class SpectralDepthDataSettings(DataSettings):
         placed: how cubes without depth are put at drawn depths, a kind of ``tmca.data.place_cube``.
         side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
         redrawn: share of patches at drawn depths.
+        margin: pixels of scene around every patch, whose light falls into it; None for as many as light reaches. A
+            patch in the dark would show its depth by the blur of its rim.
     """
 
     from_rgb: bool = False
     placed: str | None = None
     side: int = Field(default=256, ge=16)
     redrawn: Share = 0.5
+    margin: int | None = Field(default=None, ge=0)
     motion: Literal[0] = 0
     batch: int = Field(default=4, ge=1)
 
@@ -115,8 +119,9 @@ class SpectralDepthTrainSettings(TrainSettings):
     def _has_depth(self) -> SpectralDepthTrainSettings:
         if self.camera.size != (self.data.patch, self.data.patch):
             raise ValueError(f"camera.size {self.camera.size}: the patches', ({self.data.patch}, {self.data.patch})")
-        if self.data.side < self.data.patch:
-            raise ValueError(f"data.side {self.data.side}: at least a patch, {self.data.patch} pixels")
+        least = self.data.patch + 2 * (self.data.margin or 0)
+        if self.data.side < least:
+            raise ValueError(f"data.side {self.data.side}: at least a patch and its margin, {least} pixels")
         if self.data.bands != type(self.data).model_fields["bands"].default:
             raise ValueError("data.bands: nothing, the bands are those of camera.preset")
         return self
@@ -160,7 +165,7 @@ def spectral_depth_settings(
 def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera:
     """The camera with the codes that a run starts from: the preset's, those of earlier weights, or of `tmca design`.
 
-    Codes of one slot show their mask in every slot.
+    It sees a patch with its margin. Codes of one slot show their mask in every slot.
 
     Raises:
         SettingError, DataError: an impossible camera, or codes that do not fit it.
@@ -173,13 +178,25 @@ def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera
     start = settings.codes.start
     if start in ("random", "one-hot"):
         given |= {"shutter": "one-hot"} if start == "one-hot" else {}
-        return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
+        return SpectralDepthCamera.from_preset(given.pop("preset"), **_with_margin(given, settings))
     given |= _started(Path(start), given)
+    given = _with_margin(given, settings)
     try:
         return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
     except ShapeError as error:
         known = f"those of a camera like {settings.camera.preset}"
         raise DataError(start, f"codes that do not fit ({error})", known, "set camera.preset") from None
+
+
+def _with_margin(given: dict[str, Any], settings: SpectralDepthTrainSettings) -> dict[str, Any]:
+    """Arguments of the camera with the size of a patch and its margin, of whole tiles."""
+    own = {"period": 1, "bench": PhaseMaskBench(), **SPECTRAL_DEPTH_PRESETS.get(settings.camera.preset, {}), **given}
+    reach, period, margin = max(own["bench"].window) // 2, own["period"], settings.data.margin
+    if margin is None:
+        margin = -(-reach // period) * period
+    if margin % period:
+        raise SettingError("data.margin", f"{margin} pixels", f"whole tiles of {period} pixels")
+    return {**given, "size": tuple(side + 2 * margin for side in settings.camera.size)}
 
 
 def _started(start: Path, given: dict[str, Any]) -> dict[str, Any]:
@@ -230,13 +247,14 @@ def _prepare(
     def channels(name: str) -> NDArray[np.float32]:
         return channels_of(load(name), camera)  # type: ignore[arg-type]
 
-    validation = [crop for name in lists.validation for crop in _crops(name, channels(name), settings.data.patch)]
+    margin = (camera.size[0] - settings.data.patch) // 2
+    validation = [crop for name in lists.validation for crop in _crops(name, channels(name), camera.size[0])]
     system = DepthSystem(
         camera, network, [Sensor(**noise.model_dump()) for noise in settings.noise], prior, validation,
-        loss=settings.optimiser.loss, depth_weight=settings.optimiser.depth_weight, seed=settings.seed,
+        margin=margin, loss=settings.optimiser.loss, depth_weight=settings.optimiser.depth_weight, seed=settings.seed,
     )  # fmt: skip
     data, store = settings.data, CubeStore(lists.train, channels, make_folder(folder / "cubes"))
-    patches = DepthPatchSource(store, data.patch, settings.seed, data.brightness, data.tint, data.redrawn)
+    patches = DepthPatchSource(store, camera.size[0], settings.seed, data.brightness, data.tint, data.redrawn)
 
     def keep(best: dict[str, Any]) -> None:
         named = "" if prior is None else "rendered" if lists.prior == RENDERED else "prior.nc"
@@ -284,7 +302,8 @@ def _crops(name: str, channels: NDArray[np.float32], side: int) -> list[Tensor]:
     height, width = channels.shape[1:]
     if min(height, width) < side:
         remedy = "use smaller patches or name another scene"
-        raise DataError(name, f"{height}×{width} pixels", f"at least {side}×{side} to validate on", remedy)
+        found = f"{height}×{width} pixels"
+        raise DataError(name, found, f"at least {side}×{side}, a patch and its margin, to validate on", remedy)
     steps = max(1, round(_CHECKS**0.5))
     places = [
         (round((height - side) * (i + 0.5) / steps), round((width - side) * (j + 0.5) / steps))
