@@ -29,9 +29,8 @@ class DepthSystem(nn.Module):
 
     The loss is that of the cube plus ``depth_weight`` times what depth costs where it is known: the mean absolute error
     of inverse depth, as a share of the range, and ``SURPRISE`` times the cross entropy of its planes, without which
-    networks got stuck at one plane. What lies in the margin sends its light into the patch, and nothing else: neither is
-    it decoded, nor does it count. The codes' gradient passes through the snapshot; a physics-based first stage is
-    taken as it is.
+    networks got stuck at one plane. What lies in the margin sends its light into the patch, but is not decoded and does
+    not count. The codes' gradient passes through the snapshot; a physics-based first stage is taken as it is.
 
     Args:
         camera: of the size of patches and margin.

@@ -15,12 +15,13 @@ from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.design.flat_scenes import judge_on
 from tmca.experiments.spectral_depth.imaging import (
+    middle_of_reconstruction,
     reconstruct_spectral_depth,
     spectral_depth_metrics,
     take_spectral_depth_snapshot,
 )
 from tmca.experiments.spectral_depth.rows import CODES, CONSTANT
-from tmca.experiments.spectral_depth.scenes import load_any_depth_scene, middle_of
+from tmca.experiments.spectral_depth.scenes import load_any_depth_scene, middle_of, with_surroundings
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -117,28 +118,39 @@ def train(cell: Settings, folder: Path) -> Measured:
 
 
 def scenes_of(cell: Settings, camera: SpectralDepthCamera) -> dict[str, xr.Dataset]:
-    """The middles of the test scenes, by name; their spectra are made up of reflectances that nothing learned from."""
-    how, size = {**_reading(cell), "materials": "test"}, (int(cell["crop"][0]), int(cell["crop"][1]))
+    """The middles of the test scenes with their surroundings, by name.
+
+    Their spectra are made up of reflectances that nothing learned from.
+    """
+    how, size = {**_reading(cell), "materials": "test"}, _crop(cell)
     return {
-        name: middle_of(load_any_depth_scene(path, camera, **how), size, path) for path, name in cell["scenes"].items()
+        name: with_surroundings(load_any_depth_scene(path, camera, **how), size, path, camera.tile_size)
+        for path, name in cell["scenes"].items()
     }
+
+
+def _crop(cell: Settings) -> tuple[int, int]:
+    """(H, W) that is measured."""
+    return int(cell["crop"][0]), int(cell["crop"][1])
 
 
 def reconstruct(cell: Settings, folder: Path) -> Measured:
     """Snapshots of all test scenes behind one code with one noise, decoded and measured."""
-    size = (int(cell["crop"][0]), int(cell["crop"][1]))
-    camera = _camera(cell, size)
+    crop = _crop(cell)
+    probe = _camera(cell, crop)
     given = {"prior": cell["prior"], "window": cell["window"]} if cell["decoder"] == "likelihood" else {}
     given |= {"weights": cell["weights"]} if cell.get("weights") else {}
     metrics, seconds, kept = {}, {}, dict[str, str]()
     method = "network" if cell.get("weights") else "likelihood"
-    for name, scene in scenes_of(cell, camera).items():
+    for name, scene in scenes_of(cell, probe).items():
+        camera = _camera(cell, (scene.sizes["y"], scene.sizes["x"]))
         snapshot = take_spectral_depth_snapshot(scene, camera, seed=cell["seed"])
-        found = reconstruct_spectral_depth(snapshot, method, truth=scene, **given)
+        whole = reconstruct_spectral_depth(snapshot, method, **given)
+        found = middle_of_reconstruction(whole, crop, scene, camera.planes)
         metrics[name], seconds[name] = found.metrics, found.seconds
         if cell["keep"]:
             kept[name] = str(found.save(folder / f"estimate-{cell_key(cell)}-{len(kept)}.nc", overwrite=True))
-    return {"metrics": metrics, "seconds": seconds, "throughput": camera.throughput(), "kept": kept}
+    return {"metrics": metrics, "seconds": seconds, "throughput": probe.throughput(), "kept": kept}
 
 
 def _camera(cell: Settings, size: tuple[int, int]) -> SpectralDepthCamera:
@@ -153,10 +165,11 @@ def _camera(cell: Settings, size: tuple[int, int]) -> SpectralDepthCamera:
 
 def guess(cell: Settings, folder: Path) -> Measured:
     """Depth errors of the middle of the range, in inverse metres, everywhere."""
-    camera = SpectralDepthCamera.from_preset(cell["preset"], size=(int(cell["crop"][0]), int(cell["crop"][1])))
+    camera = SpectralDepthCamera.from_preset(cell["preset"], size=_crop(cell))
     middle = 2 / (1 / camera.planes.near + 1 / camera.planes.far)
     metrics = {}
-    for name, scene in scenes_of(cell, camera).items():
+    for name, whole in scenes_of(cell, camera).items():
+        scene = middle_of(whole, camera.size, name)
         depth = np.full(camera.size, middle, dtype=np.float32)
         own = spectral_depth_metrics(scene["radiance"].values, depth, scene, camera.planes)
         metrics[name] = {key: own[key] for key in ("depth_mae", "depth_rmse", "within_bin", "known_depth")}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstructions import write_parts
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
-from tmca.experiments.spectral_depth.scenes import READING, depth_tensor
+from tmca.experiments.spectral_depth.scenes import READING, depth_tensor, middle_of
 from tmca.optics import DepthPlanes
 
 if TYPE_CHECKING:
@@ -187,6 +187,20 @@ def find_depth_prior(prior: str | Path | GaussianPrior | None, camera: SpectralD
     if prior is not None:
         return load_prior(prior) if isinstance(prior, (str, Path)) else prior
     return rendered_prior(camera.wavelengths, 0, block=needed_block(window, camera.bench.window))
+
+
+def middle_of_reconstruction(
+    found: SpectralDepthReconstruction, size: tuple[int, int], truth: xr.Dataset, planes: DepthPlanes
+) -> SpectralDepthReconstruction:
+    """(H, W) pixels in the middle of a reconstruction, measured against the same of the truth."""
+    import xarray as xr
+
+    parts = xr.Dataset({"radiance": found.cube, "depth": found.depth, "confidence": found.confidence})
+    inner, real = (middle_of(scene, size, found.decoder) for scene in (parts, truth))
+    return replace(
+        found, cube=inner["radiance"], depth=inner["depth"], confidence=inner["confidence"],
+        metrics=spectral_depth_metrics(inner["radiance"].values, inner["depth"].values, real, planes),
+    )  # fmt: skip
 
 
 def spectral_depth_metrics(

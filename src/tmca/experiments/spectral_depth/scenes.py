@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 READING = "scene_reading"
 """Attribute of a snapshot, JSON: how its scene was read."""
+SURROUNDINGS = 40
+"""Pixels beside what is measured: half of a point spread function of 31, and the reach of the patch likelihood."""
 _ASKED = {"placed": "has no depth", "from_rgb": "has no spectra"}
 
 
@@ -193,6 +195,23 @@ def middle_of(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Datas
 
     rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), size, None, source)
     return scene.isel(y=rows, x=columns)
+
+
+def with_surroundings(scene: xr.Dataset, size: tuple[int, int], source: str, tile: int) -> xr.Dataset:
+    """(H, W) pixels in the middle of a scene and up to ``SURROUNDINGS`` more on every side, whole tiles.
+
+    Light from beside the middle falls into it, and windows beside it have a say in its depth. Where it is dark there,
+    the blur of the rim tells depth.
+
+    Raises:
+        DataError: a scene smaller than the middle.
+    """
+    middle_of(scene, size, source)
+    grown = [
+        side + 2 * (min(SURROUNDINGS, (length - side) // 2) // tile * tile)
+        for side, length in zip(size, (scene.sizes["y"], scene.sizes["x"]), strict=True)
+    ]
+    return middle_of(scene, (grown[0], grown[1]), source)
 
 
 def depth_tensor(scene: xr.Dataset) -> Tensor:

@@ -12,9 +12,13 @@ from tmca.decoders.depth_likelihood import WINDOW
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.scenes import identity_of
-from tmca.experiments.spectral_depth.imaging import reconstruct_spectral_depth, take_spectral_depth_snapshot
+from tmca.experiments.spectral_depth.imaging import (
+    middle_of_reconstruction,
+    reconstruct_spectral_depth,
+    take_spectral_depth_snapshot,
+)
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
-from tmca.experiments.spectral_depth.scenes import check_depth_scene, load_any_depth_scene, middle_of
+from tmca.experiments.spectral_depth.scenes import check_depth_scene, load_any_depth_scene, with_surroundings
 from tmca.experiments.sweep import Swept, Values, sweep
 from tmca.sensor import Sensor
 
@@ -28,13 +32,16 @@ _CODES = ("slots", "shutter", "filters", "channels", "mask", "rms", "period", "e
 def measure(cell: Settings) -> Measured:
     """One combination on one scene."""
     size = (int(cell["size"][0]), int(cell["size"][1]))
-    camera = _camera(cell["preset"], cell["camera"], cell["sensor"], size)
+    probe = _camera(cell["preset"], cell["camera"], cell["sensor"], size)
     how = {**{name: cell[name] for name in ("side", "placed", "from_rgb")}, "materials": "test"}
-    scene = middle_of(load_any_depth_scene(cell["path"], camera, **how), size, cell["path"])
+    scene = load_any_depth_scene(cell["path"], probe, **how)
+    scene = with_surroundings(scene, size, cell["path"], probe.tile_size)
     scene = of_contrast(scene, float(cell["camera"].get("contrast", 1.0)))
+    camera = _camera(cell["preset"], cell["camera"], cell["sensor"], (scene.sizes["y"], scene.sizes["x"]))
     snapshot = take_spectral_depth_snapshot(scene, camera, seed=int(cell["camera"].get("seed", 0)))
-    result = reconstruct_spectral_depth(snapshot, prior=cell["prior"], window=cell["window"], truth=scene)
-    return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
+    whole = reconstruct_spectral_depth(snapshot, prior=cell["prior"], window=cell["window"])
+    found = middle_of_reconstruction(whole, size, scene, camera.planes)
+    return {"metrics": found.metrics, "seconds": found.seconds, "throughput": camera.throughput()}
 
 
 def of_contrast(scene: xr.Dataset, contrast: float) -> xr.Dataset:
