@@ -58,12 +58,17 @@ def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, p
 
 
 def test_options_describe_the_camera(capsys):
-    simulate("--preset", "quick-diffractive", "--depth", "0.5,1.5", "--planes", "5", "--mask", "lens", "--no-figures")
+    bench = ("--aperture", "1.5e-3", "--psf-window", "25", "--oversampling", "4", "--material", "PMMA")
+    own = ("--depth", "0.5,1.5", "--planes", "5", "--mask", "rotational", "--rms-nm", "20", "--period", "40")
+    simulate("--preset", "quick-diffractive", *own, *bench, "--no-figures")
     capsys.readouterr()
     main(["inspect", "motorcycle_snapshot.nc"])
     with xr.open_dataset("motorcycle_snapshot.nc") as kept:
         assert json.loads(kept.attrs["depth"]) == {"near": 0.5, "far": 1.5, "count": 5}
         assert kept["heights"].shape[0] == 1
+        told = json.loads(kept.attrs["bench"])
+        assert (told["diameter"], told["window"], told["material"]) == (1.5e-3, [25, 25], "PMMA")
+        assert kept.attrs["inverse_depth_scale"] > 0
 
 
 def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):

@@ -75,8 +75,10 @@ def test_certain_planes_are_their_depths_in_metres_and_doubt_lies_between():
     assert bool((found.confidence > 0.999).all())
     between = DepthEstimate(torch.zeros(1, 3, 1, 1), torch.zeros(1, 3, 1, 1)).decoded(planes)
     torch.testing.assert_close(1 / between.depth.squeeze().double(), planes.inverse[1])
-    two = torch.tensor([0.0, -50, 0]).reshape(1, 3, 1, 1)  # either end: the middle is wrong, and it says so
-    assert float(DepthEstimate(torch.zeros(1, 3, 1, 1), two).decoded(planes).confidence) == pytest.approx(1.0, abs=1e-6)
+    two = torch.tensor([0.1, -50, 0]).reshape(1, 3, 1, 1)  # either end: the likelier, and it says how sure that is
+    found = DepthEstimate(torch.zeros(1, 3, 1, 1), two).decoded(planes)
+    assert float(found.depth) > float(planes.metres[1])
+    assert float(found.confidence) == pytest.approx(float(torch.tensor(0.1).sigmoid()), abs=1e-6)
 
 
 def test_white_is_the_level_of_a_white_scene_away_from_the_dark_rim():

@@ -33,13 +33,17 @@ def test_parametrisations_show_what_they_are_given(size):
 
 def test_a_device_shows_its_stroke_and_levels_and_gradients_pass():
     stroke = Stroke(0.0, 1e-6, levels=5)
-    maps = FreeForm(torch.tensor([[[-1e-7, 1.3e-7, 6.1e-7, 2e-6]]]), stroke, learnable=True)
+    maps = FreeForm(torch.tensor([[[1e-7, 1.3e-7, 6.1e-7, 9e-7]]]), stroke, learnable=True)
+    with torch.no_grad():  # as an optimiser moves them
+        maps.heights += torch.tensor([-2e-7, 0, 0, 1.1e-6]) / maps.unit
     torch.testing.assert_close(maps(), torch.tensor([[[0.0, 2.5e-7, 5e-7, 1e-6]]]), atol=1e-12, rtol=1e-5)
     maps().sum().backward()
     assert (maps.heights.grad != 0).flatten().tolist() == [False, True, True, False]
     stroke.check(maps())
     with pytest.raises(SettingError, match="stroke"):
         stroke.check(maps.profile())
+    with pytest.raises(SettingError, match=r"heights: found -0\.1 to 2 µm, expected 0 to 1 µm, the device's stroke"):
+        FreeForm(maps.profile().detach(), stroke)
     for refused in (lambda: Stroke(1e-6, 1e-6), lambda: Stroke(0, 1e-6, levels=1)):
         with pytest.raises(SettingError):
             refused()

@@ -76,7 +76,8 @@ def test_coarse_mask_pixels_and_wide_windows_are_warned_of():
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_shows_maps_of_the_bench_within_the_stroke(family):
-    bench, stroke = PhaseMaskBench(mask_pixels=32), Stroke(-0.1e-6, 0.2e-6)
+    bench = PhaseMaskBench(mask_pixels=32, focus=None if family == "lens" else 2 / 3)
+    stroke = Stroke(-0.1e-6, 0.2e-6)
     maps = mask_heights(family, 3, bench, stroke=stroke, learnable=True)
     assert tuple(maps().shape) == (3, 32, 32)
     shown = maps().detach()
@@ -109,6 +110,8 @@ def test_an_impossible_bench_is_refused(wrong):
 
 def test_impossible_masks_are_refused():
     bench = PhaseMaskBench()
+    with pytest.raises(SettingError, match="a lens on a bench with a lens"):
+        mask_heights("lens", 1, PhaseMaskBench())
     for family, settings in (("bumpy", {}), ("zernike", {"modes": 0}), ("zernike", {"rms": -1.0})):
         with pytest.raises(SettingError, match="mask"):
             mask_heights(family, 2, bench, **settings)

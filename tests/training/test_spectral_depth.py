@@ -22,6 +22,7 @@ from tmca.training.spectral_depth import channels_of, training_camera
 
 TINY = {
     "camera.size": [24, 24], "camera.slots": 2, "camera.planes": 3, "camera.period": 2, "camera.preset": "quick",
+    "camera.bench": {"window": [11, 11]},
     "camera.channels": "monochrome", "camera.filters": "clear", "camera.shutter": "one-hot",
     "noise": [{"read_noise": 0.01}],
     "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [6, 8], "blocks": 1, "window": 4},
@@ -40,7 +41,7 @@ def load(name):
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     coarse = torch.from_numpy(rng.random((1, 8, 12, 13), dtype=np.float32))
     fine = torch.nn.functional.interpolate(coarse, size=(60, 64), mode="bicubic").clamp(0, 1)[0]
-    waves = np.array(SpectralDepthCamera.from_preset("quick", size=(24, 24)).wavelengths)
+    waves = np.array(SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths)
     depth = 1 / np.linspace(0.5, 2.5, 64)[None].repeat(60, 0)
     depth[:5] = np.nan
     return xr.Dataset({"radiance": label(fine.numpy(), waves), "depth": (("y", "x"), depth)})
@@ -160,23 +161,31 @@ def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
     from tmca.training.depth_system import DepthSystem
 
     seen, camera = [], training_camera(settings(**{"data.margin": None}))
-    assert camera.size == (24 + 2 * 16, 24 + 2 * 16)  # half of 31 pixels, in whole tiles of 2
+    assert camera.size == (24 + 2 * 6, 24 + 2 * 6)  # half of 11 pixels, in whole tiles of 2
     network = build_depth_network(TINY["decoder"], camera)
     forward = network.forward
     network.forward = lambda snapshot, *how: seen.append(snapshot) or forward(snapshot, *how)
-    system = DepthSystem(camera, network, [Sensor()], None, [], margin=16, depth_weight=1.0)
-    scene = torch.from_numpy(channels_of(load("first"), camera)[:, 4:60, 8:64])
+    system = DepthSystem(camera, network, [Sensor()], None, [], margin=6, depth_weight=1.0)
+    scene = torch.from_numpy(channels_of(load("first"), camera)[:, 4:40, 8:44])
     wide = SpectralDepthCamera.from_preset(
-        "quick", size=(60, 64), slots=2, planes=3, period=2, channels="monochrome", filters="clear", shutter="one-hot"
+        "quick",
+        size=(60, 64),
+        slots=2,
+        bench=camera.bench,
+        planes=3,
+        period=2,
+        channels="monochrome",
+        filters="clear",
+        shutter="one-hot",
     )
     whole = torch.from_numpy(channels_of(load("first"), camera))[None]
     metres = 1 / (1 / wide.planes.far + whole[:, -1:] * (1 / wide.planes.near - 1 / wide.planes.far))
     with torch.no_grad():
         loss = float(system([Patch(scene, scene, "")], 0, [0]))
         changed = scene.clone()
-        changed[:, :16] = torch.rand(9, 16, 56)
+        changed[:, :6] = torch.rand(9, 6, 36)
         dark = float(system([Patch(changed, changed, "")], 0, [0]))
-        expected = wide.exact(whole[:, :-1], metres)[..., 20:44, 24:48]
+        expected = wide.exact(whole[:, :-1], metres)[..., 10:34, 14:38]
     torch.testing.assert_close(seen[0], expected, rtol=1e-4, atol=1e-5)
     assert not torch.allclose(seen[1], expected)
     estimate = DepthEstimate(torch.zeros(1, 8, 24, 24), torch.zeros(1, 3, 24, 24))

@@ -16,7 +16,7 @@ import torch
 
 from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.errors import DataError
-from tmca.optics import PhaseMaskBench
+from tmca.optics import PhaseMaskBench, Stroke
 
 _PARTS = ("heights", "shutter", "cells")
 _SAID = ("bench", "depth", "filters", "channels", "exposure", "energy")
@@ -60,6 +60,8 @@ def write_phase_codes(
         "bench": json.dumps(asdict(camera.bench)), "depth": json.dumps(asdict(camera.planes)), "filters": filters,
         "channels": channels, "exposure": camera.exposure, "energy": camera.spread.energy,
     }  # fmt: skip
+    stroke = camera.spread.heights.stroke
+    about |= {} if stroke is None else {"stroke": json.dumps(asdict(stroke))}
     return write_dataset(xr.Dataset(parts, attrs={**(notes or {}), **about}), path, overwrite=overwrite)
 
 
@@ -83,6 +85,8 @@ def read_phase_codes(path: str | Path) -> dict[str, Any]:
         bench, depth = json.loads(stored.attrs["bench"]), json.loads(stored.attrs["depth"])
         known = {"bench": PhaseMaskBench(**{**bench, "window": tuple(bench["window"])}), "planes": int(depth["count"])}
         known["depth"] = (float(depth["near"]), float(depth["far"]))
+        if "stroke" in stored.attrs:
+            known["stroke"] = Stroke(**json.loads(stored.attrs["stroke"]))
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(path, f"bench or depth that are none ({error})", "those of a camera", remedy) from error
     named = {name: str(stored.attrs[name]) for name in ("filters", "channels", "exposure", "energy")}

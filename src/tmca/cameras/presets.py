@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from tmca.cameras.checks import choice
 from tmca.optics import PhaseMaskBench
 
 PRESETS: dict[str, dict[str, Any]] = {
@@ -77,3 +78,13 @@ SPECTRAL_DEPTH_PRESETS: dict[str, dict[str, Any]] = {
     "quick": {**_THESIS_DEPTH, **_QUICK_DEPTH},
     "quick-diffractive": {**_THESIS_DEPTH, **_QUICK_DEPTH, **_NOTHING_ELSE},
 }
+
+
+def preset_bench(name: str) -> PhaseMaskBench:
+    """The bench of a preset of ``SPECTRAL_DEPTH_PRESETS``.
+
+    Raises:
+        SettingError: unknown preset.
+    """
+    found: PhaseMaskBench = SPECTRAL_DEPTH_PRESETS[choice("preset", name, tuple(SPECTRAL_DEPTH_PRESETS))]["bench"]
+    return found

@@ -25,7 +25,7 @@ from tmca.operators.spectral_depth import (
     layered,
     periodic_transfer_functions,
 )
-from tmca.optics import DepthPlanes, FreeForm, HeightMaps, PhaseMaskBench, mask_heights
+from tmca.optics import DepthPlanes, FreeForm, HeightMaps, PhaseMaskBench, Stroke, mask_heights
 from tmca.sensor import ColourCodedAperture, Sensor, channel_response, feasible_filters
 
 IMAGE_FORMATIONS = ("linear", "occlusion")
@@ -49,6 +49,7 @@ class SpectralDepthCamera(Camera):
         bench: distances, pitches and sizes.
         mask: family of the height maps (``tmca.optics.FAMILIES``), the maps (K, H, W) in metres, or ``HeightMaps``.
         rms: of random heights, metres.
+        stroke: of the device that shows them; any height without, or that of ``HeightMaps``.
         shutter: family of the shutter codes (``tmca.codes.FAMILIES``; ``"one-hot"`` opens as many pixels of a tile in
             every slot) or patterns (K, H, W), or (K, Q, Q) of a tile.
         filters: family of the feasible filters (``tmca.sensor.FILTERS``) or transmittances (R, L).
@@ -81,6 +82,7 @@ class SpectralDepthCamera(Camera):
         bench: PhaseMaskBench | None = None,
         mask: str | Tensor | HeightMaps = "zernike",
         rms: float = 0.1e-6,
+        stroke: Stroke | None = None,
         shutter: str | Tensor = "one-hot",
         filters: str | Tensor = "clear",
         cells: Tensor | None = None,
@@ -100,7 +102,7 @@ class SpectralDepthCamera(Camera):
         self.bench = bench or PhaseMaskBench()
         self.image_formation = choice("image formation", image_formation, IMAGE_FORMATIONS)
         self.register_buffer("response", channel_response(channels, self.wavelengths))
-        heights = self._heights(mask, rms, seed, "mask" in learned)
+        heights = self._heights(mask, rms, stroke, seed, "mask" in learned)
         self.spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
         self.period = int(period)
         tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == self.size else period
@@ -109,11 +111,17 @@ class SpectralDepthCamera(Camera):
         )
         if isinstance(shutter, str) and shutter == "one-hot":
             self.shutter.show(one_hot_planes(balanced_choice(slots, (period, period), 2 * seed + 1), slots))
+        if min(self.size) < max(self.bench.window):
+            height, width = self.size
+            known = f"at least {max(self.bench.window)}, the width of the point spread functions"
+            raise SettingError("size", f"{height}×{width} pixels", known, "take a larger crop or patch")
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):
             raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")
         if cells is not None and tuple(cells.shape) != (period, period):
             raise ShapeError("cells", str(tuple(cells.shape)), f"({period}, {period}), the period")
+        if len(given) == 1 and "filters" in learned and not isinstance(learnable, bool):
+            raise SettingError("learnable", "filters, of which there is one", "two filters or more, such as gaussian")
         self.filters = ColourCodedAperture(
             given, self.size, period, cells=cells, seed=2 * seed, learnable="filters" in learned and len(given) > 1
         )
@@ -133,10 +141,12 @@ class SpectralDepthCamera(Camera):
         known = tuple(SPECTRAL_DEPTH_PRESETS)
         return cls(**{**SPECTRAL_DEPTH_PRESETS[choice("preset", name, known)], **changes})
 
-    def _heights(self, mask: str | Tensor | HeightMaps, rms: float, seed: int, learnable: bool) -> HeightMaps:
+    def _heights(
+        self, mask: str | Tensor | HeightMaps, rms: float, stroke: Stroke | None, seed: int, learnable: bool
+    ) -> HeightMaps:
         if isinstance(mask, str):
-            return mask_heights(mask, self.slots, self.bench, rms=rms, seed=seed, learnable=learnable)
-        maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, learnable=learnable)
+            return mask_heights(mask, self.slots, self.bench, rms=rms, stroke=stroke, seed=seed, learnable=learnable)
+        maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, stroke, learnable=learnable)
         found, wanted = tuple(maps().shape), (self.slots, *self.bench.mask_size)
         if found != wanted:
             raise ShapeError("mask", str(found), f"{wanted}, (K, mask pixels, mask pixels)")

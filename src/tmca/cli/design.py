@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.bench import BenchOptions
 from tmca.cli.light_field import LightFieldsOptions
-from tmca.cli.mask_search import MaskBenchOptions, MaskSearchOptions
+from tmca.cli.mask_search import MaskCameraOptions, MaskSearchOptions
 from tmca.cli.numbers import Whole
 from tmca.cli.options import SceneOptions
 from tmca.cli.progress import cell_done
@@ -18,7 +19,8 @@ from tmca.cli.sheets import SearchOptions, SheetOptions, whole_numbers
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
 _SCENE, _SHEET, _SEARCH = SceneOptions(), SheetOptions(), SearchOptions()
-_VIEWS, _BENCH, _MASKS = LightFieldsOptions(), MaskBenchOptions(), MaskSearchOptions()
+_VIEWS, _BENCH, _MASKS = LightFieldsOptions(), MaskCameraOptions(), MaskSearchOptions()
+_OPTICS = BenchOptions()
 
 
 @app.command
@@ -104,7 +106,8 @@ def spectral_depth(
     *scenes: str,
     out: Path = Path("tmca-design"),
     sensor: SheetOptions = _SHEET,
-    bench: MaskBenchOptions = _BENCH,
+    camera: MaskCameraOptions = _BENCH,
+    bench: BenchOptions = _OPTICS,
     search: MaskSearchOptions = _MASKS,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -125,7 +128,13 @@ def spectral_depth(
 
     with progress_bar(f"design {out.name}") as progress:
         advice, found = design_spectral_depth(
-            sensor.sheet(), out, scenes=scenes, progress=progress, **bench.described(), **search.search()
+            sensor.sheet(),
+            out,
+            scenes=scenes,
+            progress=progress,
+            bench=bench.changes(),
+            **camera.described(),
+            **search.search(),
         )
     if json:
         print(json_module.dumps(found, indent=1))

@@ -16,7 +16,7 @@ from tmca.cli.spectral_depth import depth_range
 if TYPE_CHECKING:
     from tmca.design.mask_search import MaskEffort
 
-_BENCH = Group("Bench", sort_key=0)
+_BENCH = Group("Camera", sort_key=0)
 _SEARCH = Group("Search", sort_key=2)
 _Metres = Annotated[float | None, Parameter(group=_BENCH)]
 _Text = Annotated[str | None, Parameter(group=_BENCH)]
@@ -24,21 +24,11 @@ _Text = Annotated[str | None, Parameter(group=_BENCH)]
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class MaskBenchOptions:
-    """The bench of the masks."""
+class MaskCameraOptions:
+    """The camera of the masks, and the device that shows them."""
 
     preset: Annotated[str, Parameter(group=_BENCH)] = "quick"
     "Camera whose bench, bands and planes are taken: quick or thesis."
-    aperture: _Metres = None
-    "Diameter, metres."
-    distance: _Metres = None
-    "From the mask to the sensor, metres; of a 4f bench its focal length."
-    focus: _Metres = None
-    "Distance of sharp objects, metres."
-    pitch: _Metres = None
-    "Of the sensor's pixels, metres."
-    material: _Text = None
-    "Of the mask: mirror, a material such as PMMA, or a .yml file of refractiveindex.info. [default: mirror]"
     depth: _Text = None
     "NEAR,FAR of the depth planes, metres. [default: 0.4,2]"
     planes: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None
@@ -58,20 +48,12 @@ class MaskBenchOptions:
 
     def described(self) -> dict[str, Any]:
         """Arguments of ``design_spectral_depth``."""
-        named = {
-            "diameter": "aperture",
-            "distance": "distance",
-            "focus": "focus",
-            "pitch": "pitch",
-            "material": "material",
-        }
-        bench = {name: getattr(self, option) for name, option in named.items() if getattr(self, option) is not None}
         camera = {name: getattr(self, name) for name in ("filters", "channels", "planes", "period")}
         camera = {name: value for name, value in camera.items() if value is not None}
         if self.depth is not None:
             camera["depth"] = depth_range(self.depth)
         own = {name: getattr(self, name) for name in ("preset", "bands", "stroke", "levels")}
-        return {**own, "bench": bench, "camera": camera}
+        return {**own, "camera": camera}
 
 
 @Parameter(name="*")
@@ -87,7 +69,7 @@ class MaskSearchOptions:
     "Beside several slots: one-hot, random, open, complementary or blue-noise; with one slot it is open."
     mask: Annotated[str, Parameter(group=_SEARCH)] = "zernike"
     "Family of the masks: zernike, free-form or rotational."
-    rms: Annotated[float | None, Parameter(group=_SEARCH)] = None
+    rms_nm: Annotated[float | None, Parameter(group=_SEARCH)] = None
     "Of the random masks that searches start from, nm. [default: 100, less where the stroke is small]"
     learn: Annotated[str, Parameter(group=_SEARCH)] = "mask"
     "What is searched: some of mask, shutter, filters, separated by commas."
@@ -106,7 +88,7 @@ class MaskSearchOptions:
         """Arguments of ``design_spectral_depth``."""
         own = {name: getattr(self, name) for name in ("prior", "shutter", "mask", "window", "seed", "overwrite")}
         learn = [part for part in self.learn.split(",") if part not in ("", "none")]
-        rms = None if self.rms is None else self.rms * 1e-9
+        rms = None if self.rms_nm is None else self.rms_nm * 1e-9
         told = {"effort": self._effort(), "command": ["tmca", *sys.argv[1:]]}
         return {**own, **told, "slots": whole_numbers(self.slots), "learn": learn, "rms": rms}
 

@@ -35,6 +35,7 @@ _EXTRA = (
 
 def options() -> dict[str, str]:
     """Python's name of an argument → the option that sets it."""
+    from tmca.cli.bench import BenchOptions
     from tmca.cli.cameras import LightFieldOptions, SpectralOptions
     from tmca.cli.light_field import LightFieldSceneOptions, MeasuredLightFieldsOptions
     from tmca.cli.options import SensorOptions, TruthOptions
@@ -42,7 +43,7 @@ def options() -> dict[str, str]:
     from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions
 
     kinds: tuple[type, ...] = (TruthOptions, LightFieldSceneOptions, DepthSceneOptions, SensorOptions, SheetOptions)
-    kinds += (MeasuredLightFieldsOptions, SpectralOptions, LightFieldOptions, SpectralDepthOptions)
+    kinds += (MeasuredLightFieldsOptions, SpectralOptions, LightFieldOptions, SpectralDepthOptions, BenchOptions)
     names = [field.name for kind in kinds for field in fields(kind)]
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.bench import BenchOptions
 from tmca.cli.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
 from tmca.cli.light_field import LightFieldSceneOptions
 from tmca.cli.numbers import Whole
@@ -27,7 +28,7 @@ from tmca.errors import SettingError
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
 _VIEWS, _MASK = LightFieldSceneOptions(), LightFieldOptions()
-_DEPTH, _BENCH = DepthSceneOptions(), SpectralDepthOptions()
+_DEPTH, _BENCH, _OPTICS = DepthSceneOptions(), SpectralDepthOptions(), BenchOptions()
 
 
 @app.command
@@ -111,6 +112,7 @@ def spectral_depth(
     crop: str | None = None,
     reading: DepthSceneOptions = _DEPTH,
     camera: SpectralDepthOptions = _BENCH,
+    bench: BenchOptions = _OPTICS,
     sensor: SensorOptions = _SENSOR,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -126,9 +128,11 @@ def spectral_depth(
     """
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_pictures
 
-    taken, target = take(scene, crop, reading, camera, sensor, output)
+    taken, target = take(scene, crop, reading, camera, bench, sensor, output)
     about = {"bands": taken.camera.bands, "unknown_depth_pixels": taken.notes["unknown_depth_pixels"]}
+    unknown, (height, width) = taken.notes["unknown_depth_pixels"], taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
+    channels += f", {unknown} of {height * width} pixels of unknown depth" if unknown else ""
     _write(taken, target, output, about, channels, "", depth_snapshot_pictures)
 
 

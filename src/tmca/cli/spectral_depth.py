@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from tmca.cli.bench import BenchOptions
 from tmca.cli.numbers import whole
 from tmca.cli.options import OutputOptions, SensorOptions, TruthOptions, check_targets, numbers, size
 from tmca.cli.progress import progress_bar
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
     from tmca.cameras import SpectralDepthCamera
 
+_PROBE = (512, 512)
+"""Pixels of a camera that is asked for its bands and depth range alone: any tile and point spread function fit it."""
 _SCENE = Group("Reading the scene", sort_key=0)
 _CAMERA = Group("Camera", sort_key=1)
 
@@ -44,8 +47,9 @@ class DepthSceneOptions:
         """The scene at bands and depth range of a camera."""
         from tmca.experiments.spectral_depth.scenes import load_spectral_depth
 
-        if self.reduce < 1:
-            raise SettingError("--reduce", str(self.reduce), "1 or more")
+        if self.reduce < 1 or self.scene_seed < 0:
+            found = f"{self.reduce}, {self.scene_seed}"
+            raise SettingError("--reduce, --scene-seed", found, "1 or more, and 0 or more")
         return load_spectral_depth(
             source, camera.wavelengths, near=camera.planes.near, far=camera.planes.far, size=crop,
             reduce=self.reduce, placed=self.placed, from_rgb=self.from_rgb, materials=self.materials,
@@ -68,7 +72,7 @@ class SpectralDepthOptions:
     "Number of depth planes, even in inverse depth."
     mask: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Phase mask: flat, zernike, free-form, rotational or lens."
-    rms: Annotated[float | None, Parameter(group=_CAMERA)] = None
+    rms_nm: Annotated[float | None, Parameter(group=_CAMERA)] = None
     "Of a random mask's heights, nm. [default: 100]"
     shutter: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Shutter codes: random, open, one-hot, complementary or blue-noise."
@@ -88,22 +92,34 @@ class SpectralDepthOptions:
     seed: Annotated[int, Parameter(group=_CAMERA, converter=whole)] = 0
     "Of the codes and the noise."
 
-    def camera(self, sensor: SensorOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
+    def camera(self, sensor: SensorOptions, bench: BenchOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
         """The camera that is described, of this size."""
         from tmca.cameras import SpectralDepthCamera
+        from tmca.cameras.presets import preset_bench
+        from tmca.optics import changed_bench
         from tmca.sensor import Sensor
 
-        own = ("preset", "codes")
+        own = ("preset", "codes", "rms_nm")
         given = {name: value for name, value in vars(self).items() if value is not None and name not in own}
         if self.depth is not None:
             given["depth"] = depth_range(self.depth)
-        if self.rms is not None:
-            given["rms"] = self.rms * 1e-9
+        given |= self._rms()
+        if changes := bench.changes():
+            given["bench"] = changed_bench(preset_bench(self.preset), changes)
         if self.codes is not None and self.codes.suffix != ".nc":
             return self._trained(sensor, crop)
         if self.codes is not None:
             given |= self._designed(given)
         return SpectralDepthCamera.from_preset(self.preset, size=crop, sensor=Sensor(**vars(sensor)), **given)
+
+    def _rms(self) -> dict[str, float]:
+        if self.rms_nm is None:
+            return {}
+        if not self.rms_nm >= 0:
+            raise SettingError("--rms-nm", f"{self.rms_nm:g} nm", "0 or more")
+        if self.mask in ("flat", "lens"):
+            raise SettingError("--rms-nm", f"a mask that is {self.mask}", "a random mask", "leave one of the two out")
+        return {"rms": self.rms_nm * 1e-9}
 
     def _trained(self, sensor: SensorOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
         """The camera of a trained network, which nothing else may set."""
@@ -123,7 +139,8 @@ class SpectralDepthOptions:
         found = read_phase_codes(self.codes or "")
         beside = [name for name in given if name in (*found, "rms") and name != "slots"]
         if beside:
-            raise SettingError("--codes", f"--{beside[0]} beside it", "one of them")
+            option = {"rms": "rms-nm", "bench": "the bench's options"}.get(beside[0], beside[0])
+            raise SettingError("--codes", f"--{option} beside it", "one of them")
         if given.get("slots", found["slots"]) != found["slots"]:
             raise SettingError("--slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
         return found
@@ -142,17 +159,18 @@ def take(
     crop: str | None,
     reading: DepthSceneOptions,
     options: SpectralDepthOptions,
+    bench: BenchOptions,
     sensor: SensorOptions,
     output: OutputOptions,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
 
-    probe = options.camera(sensor, (32, 32))
+    probe = options.camera(sensor, bench, _PROBE)
     loaded = reading.load(scene, probe, size(crop, "--crop"))
     target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
     check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)
-    camera = options.camera(sensor, (loaded.sizes["y"], loaded.sizes["x"]))
+    camera = options.camera(sensor, bench, (loaded.sizes["y"], loaded.sizes["x"]))
     with progress_bar(f"simulate: {target.name}") as progress:
         return take_spectral_depth_snapshot(loaded, camera, seed=options.seed, progress=progress), target
 

@@ -17,12 +17,14 @@ from tmca.decoders.network import TILE, seen_by_tile
 from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, camera_sizes, first_likelihood, first_stage
 from tmca.decoders.weights_file import fill_network, read_weights, write_weights
 from tmca.errors import DataError, SettingError
-from tmca.optics import PhaseMaskBench
+from tmca.optics import PhaseMaskBench, Stroke
 from tmca.priors import GaussianPrior, load_prior, rendered_prior
 from tmca.priors.spectral_depth import needed_block
 
 _FIRST = 0.8
 """Share of the time that the first stage takes, as a rule."""
+_NO_MATTER = ("size", "bands", "stroke")
+"""What a snapshot's camera may have otherwise."""
 _CODES = ("heights", "shutter", "filters", "cells", "response")
 
 
@@ -57,9 +59,9 @@ class DepthWeights:
         return not {*_CODES} & {*self.differences(camera)}
 
     def differences(self, camera: SpectralDepthCamera) -> list[str]:
-        """What a camera has otherwise than the one that the network was trained for, size and noise apart."""
+        """What a camera has otherwise than the one that the network was trained for, size, stroke and noise apart."""
         own, other = ({**_tensors(one), **_settings(one)} for one in (self.camera, camera))
-        return [name for name, value in own.items() if name not in ("size", "bands") and not _alike(value, other[name])]
+        return [name for name, value in own.items() if name not in _NO_MATTER and not _alike(value, other[name])]
 
     def sized_camera(self, size: tuple[int, int], **changes: Any) -> SpectralDepthCamera:
         """The camera with these codes for scenes of (H, W); ``changes`` are arguments such as ``sensor``."""
@@ -204,13 +206,16 @@ def _settings(camera: SpectralDepthCamera) -> dict[str, Any]:
         "depth": [camera.planes.near, camera.planes.far], "planes": camera.planes.count,
         "bench": asdict(camera.bench), "period": camera.period, "exposure": camera.exposure,
         "energy": camera.spread.energy, "image_formation": camera.image_formation,
+        "stroke": None if camera.spread.heights.stroke is None else asdict(camera.spread.heights.stroke),
     }  # fmt: skip
 
 
 def _restored(codes: dict[str, Tensor], settings: dict[str, Any], **changes: Any) -> SpectralDepthCamera:
     given = {**settings, **changes}
     bench = PhaseMaskBench(**{**given.pop("bench"), "window": tuple(settings["bench"]["window"])})
+    stroke = given.pop("stroke", None)
     return SpectralDepthCamera(
         **{**given, "size": tuple(given["size"]), "depth": tuple(given["depth"])}, bench=bench, mask=codes["heights"],
+        stroke=None if stroke is None else Stroke(**stroke),
         shutter=codes["shutter"], filters=codes["filters"], cells=codes["cells"].long(), channels=codes["response"],
     )  # fmt: skip

@@ -13,7 +13,8 @@ from torch import Tensor, nn
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.convolutions import TwoHeadedBody
 from tmca.decoders.decoding import Progress
-from tmca.decoders.depth_likelihood import REACH, TEMPERATURE, DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_likelihood import REACH, TEMPERATURE, WINDOW, DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_posterior import DepthPosterior
 from tmca.decoders.network import LEVEL_REACH, RESIDUAL, local_level, noise_maps
 from tmca.errors import SettingError, ShapeError
 from tmca.optics import DepthPlanes
@@ -55,13 +56,10 @@ class DepthEstimate:
         return -(nearness * self.logits.log_softmax(1)).sum(1, keepdim=True)
 
     def decoded(self, planes: DepthPlanes) -> DepthDecoded:
-        """In metres, with the probability of the three planes around the estimate."""
-        place, shares = self.place(), self.logits.softmax(1)
-        inverse = 1 / planes.far + place * (1 / planes.near - 1 / planes.far)
-        away = (_places(planes.count, place)[:, None, None] - place).abs() * max(1, planes.count - 1)
-        confidence = (shares * (away <= 1)).sum(1, keepdim=True)
+        """In metres: the median, and the probability of its plane and its neighbours, as of the patch likelihood."""
+        found = DepthPosterior.of(self.logits, planes)
         return DepthDecoded(
-            self.cube.clamp_min(0), depth=1 / inverse, confidence=confidence, planes=self.logits.log_softmax(1)
+            self.cube.clamp_min(0), depth=found.metres, confidence=found.confidence, planes=self.logits.log_softmax(1)
         )
 
 
@@ -103,7 +101,7 @@ class TwoHeadedUNet(nn.Module):
         slots: int,
         filters: int,
         start: str = "likelihood",
-        window: int = 8,
+        window: int = WINDOW,
         temperature: float = TEMPERATURE,
         reach: int = REACH,
         contamination: float = CONTAMINATION,

@@ -9,7 +9,7 @@ from tmca.optics.materials import MATERIALS, Material
 from tmca.optics.point_spread import PointSpread
 from tmca.optics.propagation import AngularSpectrum, FocalPlane, Undersampled
 from tmca.optics.relay import gaussian_spread
-from tmca.optics.spectral_depth import PhaseMaskBench, StrayLight, stray_light
+from tmca.optics.spectral_depth import PhaseMaskBench, StrayLight, changed_bench, stray_light
 
 __all__ = [
     "FAMILIES",
@@ -30,6 +30,7 @@ __all__ = [
     "Undersampled",
     "ViewShear",
     "ZernikeHeights",
+    "changed_bench",
     "fresnel_lens",
     "gaussian_spread",
     "mask_heights",

@@ -51,6 +51,14 @@ class DepthPlanes:
         """(D,) from far to near, float64; the first may be infinite."""
         return 1 / self.inverse
 
+    def share_of(self, depth: Tensor) -> Tensor:
+        """Inverse depth as a share of the range: 0 at the farthest plane, 1 at the nearest, not clamped."""
+        return (1 / depth - 1 / self.far) / (1 / self.near - 1 / self.far)
+
+    def depth_of(self, share: Tensor) -> Tensor:
+        """Metres of a share of the range."""
+        return 1 / (1 / self.far + share * (1 / self.near - 1 / self.far))
+
     def known(self, depth: Tensor) -> Tensor:
         """Where depth is a number in the design range, half a bin of margin included; boolean, shape of ``depth``."""
         inverse, margin = 1 / depth.double(), self.step / 2 * (1 + 1e-6)

@@ -95,6 +95,7 @@ class FreeForm(HeightMaps):
 
     Raises:
         ShapeError: not K maps.
+        SettingError: start values beyond the stroke; what is learned later is kept within it.
     """
 
     heights: Tensor
@@ -102,6 +103,8 @@ class FreeForm(HeightMaps):
     def __init__(self, heights: Tensor, stroke: Stroke | None = None, *, learnable: bool = False) -> None:
         _check_dims("heights", heights, 3, "(K, H, W)")
         super().__init__((heights.shape[1], heights.shape[2]), stroke)
+        if stroke is not None:
+            stroke.check(heights)
         self.unit = _unit(heights)
         self._hold("heights", heights / self.unit, learnable)
 

@@ -50,19 +50,23 @@ def mask_heights(
         learnable: whether they are learned.
 
     Raises:
-        SettingError: unknown family, no modes, or a negative rms.
+        SettingError: unknown family, no modes, a negative rms, or a lens on a bench that has one.
     """
     if family not in FAMILIES:
         raise SettingError("mask", repr(family), f"one of {', '.join(FAMILIES)}")
+    if family == "lens" and bench.focus is not None:
+        known = f"one of {', '.join(FAMILIES[:-1])}"
+        raise SettingError("mask", "a lens on a bench with a lens", known, "or set no focus, for a bench without")
     if slots < 1 or modes < 1 or not rms >= 0:
         found = f"{slots} slots, {modes} modes, {rms:g} m rms"
         raise SettingError("mask", found, "a slot and a mode or more, rms ≥ 0")
     size, generator = bench.mask_size, torch.Generator().manual_seed(seed)
     if family == "flat":
-        return FreeForm(torch.zeros(slots, *size), stroke, learnable=learnable)
+        middle = 0.0 if stroke is None else min(max(0.0, stroke.low), stroke.high)
+        return FreeForm(torch.full((slots, *size), middle), stroke, learnable=learnable)
     if family == "lens":
         heights = fresnel_lens(size, bench.mask_pitch, bench.distance, wavelength, bench.phase_material(), slots)
-        return FreeForm(heights, stroke, learnable=learnable)
+        return FreeForm(_within(heights, stroke), stroke, learnable=learnable)
     if family == "rotational":
         radii = _of_rms(torch.randn(slots, _RADII, generator=generator), rms * _RADII**0.5)
         return RotationalProfile(radii, size, stroke=stroke, learnable=learnable)
@@ -70,7 +74,14 @@ def mask_heights(
     kept = ZernikeHeights(
         _of_rms(drawn, rms), [noll(4 + index) for index in range(modes)], size, stroke=stroke, learnable=learnable
     )
-    return kept if family == "zernike" else FreeForm(kept.profile().detach(), stroke, learnable=learnable)
+    if family == "zernike":
+        return kept
+    return FreeForm(_within(kept.profile().detach(), stroke), stroke, learnable=learnable)
+
+
+def _within(heights: Tensor, stroke: Stroke | None) -> Tensor:
+    """Start values of a family, cut at the ends of the device's stroke."""
+    return heights if stroke is None else heights.clamp(stroke.low, stroke.high)
 
 
 def _of_rms(values: Tensor, rms: float) -> Tensor:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from math import isfinite
+from typing import Any
 from warnings import warn
 
 import torch
@@ -157,6 +158,20 @@ class PhaseMaskBench:
                 Undersampled,
                 stacklevel=3,
             )
+
+
+def changed_bench(bench: PhaseMaskBench, changes: Mapping[str, Any]) -> PhaseMaskBench:
+    """A bench with other values of some arguments.
+
+    Raises:
+        SettingError: a name that is none of them, or an impossible value.
+    """
+    known = [field.name for field in fields(bench)]
+    for name in changes:
+        if name not in known:
+            raise SettingError("bench", name, f"some of {', '.join(known)}")
+    given = {**changes, **({"window": tuple(changes["window"])} if "window" in changes else {})}
+    return replace(bench, **given)
 
 
 def stray_light(spread: PointSpread) -> Tensor:

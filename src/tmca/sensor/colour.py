@@ -135,7 +135,11 @@ def channel_response(sensor: str | Tensor | Sequence[Sequence[float]], wavelengt
     if isinstance(sensor, str):
         if sensor not in SENSORS:
             raise SettingError("channels", repr(sensor), f"one of {', '.join(SENSORS)}, or a table (C, L)")
-        return torch.ones(1, len(wavelengths)) if sensor == "monochrome" else _camera_sensitivities(wavelengths)
+        found = torch.ones(1, len(wavelengths)) if sensor == "monochrome" else _camera_sensitivities(wavelengths)
+        if found.sum(1).min() <= 0:
+            bands = f"{min(wavelengths) * 1e9:.0f} to {max(wavelengths) * 1e9:.0f} nm"
+            raise SettingError("channels", f"{sensor}, a channel of which is blind at {bands}", "bands that it sees")
+        return found
     values = torch.as_tensor(sensor, dtype=torch.get_default_dtype())
     if values.ndim != 2 or values.shape[1] != len(wavelengths):
         raise ShapeError("channels", str(tuple(values.shape)), f"(C, {len(wavelengths)})")

@@ -186,5 +186,4 @@ class DepthSystem(nn.Module):
         return self.sensors[step % len(self.sensors)]
 
     def _metres(self, place: Tensor) -> Tensor:
-        planes = self.camera.planes
-        return 1 / (1 / planes.far + place * (1 / planes.near - 1 / planes.far))
+        return self.camera.planes.depth_of(place)

@@ -19,7 +19,7 @@ from tmca.data import make_folder
 from tmca.decoders.depth_weights import DepthWeights, rendered_depth_prior
 from tmca.decoders.two_headed import TwoHeadedUNet, build_depth_network
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.optics import PhaseMaskBench
+from tmca.optics import PhaseMaskBench, Stroke, changed_bench
 from tmca.priors import GaussianPrior, load_prior
 from tmca.priors.spectral_depth import learn_depth_prior
 from tmca.sensor import Sensor
@@ -32,7 +32,6 @@ from tmca.training.settings import (
     DataSettings,
     LearningSettings,
     OptimiserSettings,
-    Share,
     Strict,
     TrainSettings,
     settings_of,
@@ -43,6 +42,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from lightning_fabric import Fabric
 
+_OF_MASKS = ("mask", "bench", "stroke", "depth", "planes", "energy")
+"""What is taken over of a static code that starts all slots."""
+_ASKED = ("depth", "planes", "filters", "channels", "exposure", "period")
+"""What a run may ask for beside codes to start from, if it is what they were made for."""
 _CHECKS = 4
 """Crops of every validation scene."""
 
@@ -51,7 +54,9 @@ class SpectralDepthCameraSettings(Strict):
     """The spectral-depth camera of a run; names as in `SpectralDepthCamera`, what is None as in the preset, and
     so is the number of slots that is not given.
 
-    ``size`` is that of the patches: point spread functions and tiles fit any. ``learn`` says what is learned.
+    ``size`` is that of the patches: point spread functions and tiles fit any. ``learn`` says what is learned,
+    ``stroke`` (lowest and highest, metres) and ``levels`` what the device can show, ``bench`` replaces arguments of
+    `PhaseMaskBench`.
     """
 
     preset: str = "quick"
@@ -61,6 +66,9 @@ class SpectralDepthCameraSettings(Strict):
     planes: int | None = Field(default=None, ge=2)
     mask: str | None = None
     rms: float | None = Field(default=None, ge=0)
+    stroke: tuple[float, float] | None = None
+    levels: int | None = Field(default=None, ge=2)
+    bench: dict[str, Any] = Field(default={})
     shutter: str | None = None
     filters: str | None = None
     channels: str | None = None
@@ -87,7 +95,7 @@ class SpectralDepthDataSettings(DataSettings):
     from_rgb: bool = False
     placed: str | None = None
     side: int = Field(default=256, ge=16)
-    redrawn: Share = 0.5
+    redrawn: float = Field(default=0.5, ge=0, le=1)
     margin: int | None = Field(default=None, ge=0)
     motion: Literal[0] = 0
     batch: int = Field(default=4, ge=1)
@@ -114,6 +122,14 @@ class SpectralDepthTrainSettings(TrainSettings):
     data: SpectralDepthDataSettings = SpectralDepthDataSettings()
     codes: LearningSettings = LearningSettings()  # type: ignore[assignment]
     optimiser: SpectralDepthOptimiserSettings = SpectralDepthOptimiserSettings()
+
+    @model_validator(mode="after")
+    def _has_levels(self) -> SpectralDepthTrainSettings:
+        if self.camera.levels is not None and self.camera.stroke is None:
+            raise ValueError("camera.levels: beside camera.stroke alone")
+        if (self.camera.bench or self.camera.stroke) and self.codes.start not in ("random", "one-hot"):
+            raise ValueError("camera.bench, camera.stroke: nothing, codes.start brings its own")
+        return self
 
     @model_validator(mode="after")
     def _has_depth(self) -> SpectralDepthTrainSettings:
@@ -144,7 +160,7 @@ SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
         "camera": {"preset": "quick", "size": [64, 64], "shutter": "one-hot"},
         "decoder": {"kind": "two-headed"},
         "noise": [{"read_noise": 0.002}],
-        "data": {"patch": 64, "batch": 4, "pool": 512},
+        "data": {"patch": 64, "batch": 4, "pool": 256},
         "optimiser": {"steps": 400},
     },
 }
@@ -165,13 +181,17 @@ def spectral_depth_settings(
 def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera:
     """The camera with the codes that a run starts from: the preset's, those of earlier weights, or of `tmca design`.
 
-    It sees a patch with its margin. Codes of one slot show their mask in every slot.
+    It sees a patch with its margin. Codes that were designed or learned bring the camera that they were made for; those
+    of one slot show their mask in every slot.
 
     Raises:
         SettingError, DataError: an impossible camera, or codes that do not fit it.
     """
     given = {name: value for name, value in settings.camera.model_dump().items() if value is not None}
     learn, preset = given.pop("learn"), SPECTRAL_DEPTH_PRESETS.get(settings.camera.preset, {})
+    stroke, levels, bench = given.pop("stroke", None), given.pop("levels", None), given.pop("bench")
+    given |= {} if stroke is None else {"stroke": Stroke(stroke[0], stroke[1], levels)}
+    given |= {"bench": changed_bench(preset.get("bench", PhaseMaskBench()), bench)} if bench else {}
     if "slots" not in settings.camera.model_fields_set:
         given["slots"] = preset.get("slots", given["slots"])
     given["learnable"] = False if learn == "none" else learn
@@ -179,7 +199,7 @@ def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera
     if start in ("random", "one-hot"):
         given |= {"shutter": "one-hot"} if start == "one-hot" else {}
         return SpectralDepthCamera.from_preset(given.pop("preset"), **_with_margin(given, settings))
-    given |= _started(Path(start), given)
+    given |= _started(Path(start), given, settings)
     given = _with_margin(given, settings)
     try:
         return SpectralDepthCamera.from_preset(given.pop("preset"), **given)
@@ -199,28 +219,40 @@ def _with_margin(given: dict[str, Any], settings: SpectralDepthTrainSettings) ->
     return {**given, "size": tuple(side + 2 * margin for side in settings.camera.size)}
 
 
-def _started(start: Path, given: dict[str, Any]) -> dict[str, Any]:
-    """Arguments of the camera that show the codes of weights, or of a file of `tmca design`."""
-    if start.suffix == ".nc":
-        found = read_phase_codes(start)
-    else:
-        before = DepthWeights.load(start).camera
-        found = {"mask": before.spread.heights().detach(), "shutter": before.tile()[1].detach(), "bench": before.bench}
-        found |= {"filters": before.filters.filters, "cells": before.filters.cells(), "period": before.period}
+def _started(start: Path, given: dict[str, Any], settings: SpectralDepthTrainSettings) -> dict[str, Any]:
+    """Arguments of the camera that show the codes of weights, or of a file of `tmca design`, with all these were for.
+
+    Raises:
+        DataError: other numbers of slots.
+        SettingError: another camera is asked for than the one that the codes were made for.
+    """
+    found = read_phase_codes(start) if start.suffix == ".nc" else _of_weights(start)
     slots = len(found["mask"])
     if slots not in (1, given["slots"]):
         raise DataError(start, f"{slots} slots", f"1 or {given['slots']}", "set camera.slots")
-    mask = {"mask": found["mask"].expand(given["slots"], -1, -1).clone(), "bench": found["bench"]}
-    if slots != given["slots"]:
-        return mask
-    return mask | {name: found[name] for name in ("shutter", "filters", "cells", "period")}
+    said = _OF_MASKS if slots != given["slots"] else tuple(found)
+    for name in {*_ASKED} & {*said} & settings.camera.model_fields_set:
+        if given.get(name) != found[name] and not isinstance(found[name], torch.Tensor):
+            known = f"{found[name]}, as in {start}"
+            raise SettingError(f"camera.{name}", str(given.get(name)), known, "leave it out, or start from other codes")
+    taken = {name: found[name] for name in said if name in found and name not in ("mask", "slots")}
+    return taken | {"mask": found["mask"].expand(given["slots"], -1, -1).clone()}
+
+
+def _of_weights(start: Path) -> dict[str, Any]:
+    """The same of a trained camera."""
+    before = DepthWeights.load(start).camera
+    heights = before.spread.heights
+    found = {"mask": heights().detach(), "shutter": before.tile()[1].detach(), "bench": before.bench}
+    found |= {"stroke": heights.stroke, "depth": (before.planes.near, before.planes.far), "planes": before.planes.count}
+    found |= {"filters": before.filters.filters, "cells": before.filters.cells(), "period": before.period}
+    return found | {"channels": before.response, "exposure": before.exposure, "energy": before.spread.energy}
 
 
 def channels_of(scene: xr.Dataset, camera: SpectralDepthCamera) -> NDArray[np.float32]:
     """(L + 1, H, W): cube, and inverse depth as a share of the range, NaN where it is unknown or outside."""
     depth, planes = torch.from_numpy(np.array(scene["depth"].values, dtype=np.float64)), camera.planes
-    place = (1 / depth - 1 / planes.far) / (1 / planes.near - 1 / planes.far)
-    place = torch.where(planes.known(depth), place, torch.full_like(place, torch.nan))
+    place = torch.where(planes.known(depth), planes.share_of(depth), torch.full_like(depth, torch.nan))
     return np.concatenate((scene["radiance"].values, place.numpy()[None])).astype(np.float32)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from tmca.cameras.checks import choice
-from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
+from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS, preset_bench
 from tmca.design import SensorSheet
 from tmca.design.mask_advice import MaskAdvice
 from tmca.design.mask_search import MaskEffort, MaskTask, Told, search_masks
@@ -21,7 +21,7 @@ from tmca.experiments.design.depth_page import described, design_files, write_de
 from tmca.experiments.design.flat_scenes import JUDGING, judge_on
 from tmca.experiments.results import check_new
 from tmca.experiments.scenes import at_bands
-from tmca.optics import PhaseMaskBench, Stroke
+from tmca.optics import PhaseMaskBench, Stroke, changed_bench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
 
@@ -115,8 +115,7 @@ def _counts(sheet: SensorSheet, slots: Sequence[int] | None) -> list[int]:
 
 
 def _bench(preset: str, changes: Mapping[str, Any]) -> PhaseMaskBench:
-    own: PhaseMaskBench = SPECTRAL_DEPTH_PRESETS[preset]["bench"]
-    return replace(own, **changes)
+    return changed_bench(preset_bench(preset), changes)
 
 
 def _stroke(reach: float | None, levels: int | None) -> Stroke | None:

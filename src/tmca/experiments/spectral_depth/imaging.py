@@ -23,7 +23,7 @@ from tmca.experiments.reconstructions import write_parts
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
 from tmca.experiments.spectral_depth.scenes import READING, depth_tensor, middle_of
-from tmca.optics import DepthPlanes
+from tmca.optics import DepthPlanes, stray_light
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,7 +82,11 @@ def take_spectral_depth_snapshot(
         camera: that takes it.
         seed: of the sensor's noise, whose stream no code shares.
         progress: told the share that is done.
+
+    Warns:
+        StrayLight: point spread functions that do not fit their window.
     """
+    stray_light(camera.spread)
     cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
     depth = depth_tensor(scene)
     with torch.no_grad():

@@ -104,7 +104,7 @@ def training_of(
         "noise": [NOISES[name] for name in noises],
         "decoder": NETWORKS[decoder],
         "codes": {"start": codes} if codes else {},
-        "data": {"patch": sizes.patch, "batch": 4, "pool": 512, "side": sizes.side, "brightness": 1.0},
+        "data": {"patch": sizes.patch, "batch": 4, "pool": 256, "side": sizes.side, "brightness": 1.0},
         "optimiser": {"steps": steps, "decoder_rate": 2e-3},
         "validate_every": max(1, steps // 4),
         "seed": seed,
