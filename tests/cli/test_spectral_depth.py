@@ -96,6 +96,14 @@ def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
         (("--reduce", "0"), "--reduce"),
         (("--placed", "upside-down"), "slanted"),
         (("--read-noise", "-1"), "--read-noise"),
+        (("--psf-window", "12"), "odd"),
+        (("--aperture", "-1"), "diameter"),
+        (("--focus", "1", "--no-lens"), "--no-lens"),
+        (("--mask", "lens"), "a lens on a bench with a lens"),
+        (("--mask", "flat", "--rms-nm", "50"), "--rms-nm"),
+        (("--rms-nm", "-5"), "--rms-nm"),
+        (("--scene-seed", "-1"), "--scene-seed"),
+        (("--from-rgb",), "leave --from-rgb out"),
         (("--preset", "huge"), "quick"),
     ],
 )
@@ -106,6 +114,21 @@ def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, mes
     said = refused(capsys, "simulate", "spectral-depth", scene, "--reduce", "8", "--crop", "32x32", *given)
     assert message in said
     assert not list(tmp_path.glob("*_snapshot*"))
+
+
+def test_a_crop_narrower_than_its_blur_is_refused(capsys, tmp_path):
+    said = refused(capsys, "simulate", "spectral-depth", "chelsea", "--reduce", "8", "--crop", "16x33")
+    assert "found 16×33 pixels, expected at least 31, the width of the point spread functions" in said
+    assert not list(tmp_path.glob("*_snapshot*"))
+
+
+def test_depth_outside_the_range_is_told(capsys, tmp_path):
+    arguments = ("chelsea", "--reduce", "8", "--crop", "32x32", "--metric-depth", "--no-figures")
+    main(["simulate", "spectral-depth", *arguments, "--depth", "1.3,1.6", "--focus", "1.4"])
+    assert "1024 of 1024 pixels of unknown depth" in capsys.readouterr().out
+    with xr.open_dataset("chelsea_snapshot.nc") as kept:
+        assert kept.attrs["unknown_depth_pixels"] == 1024
+        assert "inverse_depth_scale" not in kept.attrs
 
 
 def test_options_of_other_cameras_are_refused(capsys, prior):

@@ -9,10 +9,12 @@ import torch
 import xarray as xr
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import write_phase_codes
 from tmca.data import label
 from tmca.decoders.depth_weights import DepthWeights
 from tmca.decoders.two_headed import DepthEstimate
 from tmca.errors import SettingError
+from tmca.optics import PhaseMaskBench, Stroke
 from tmca.sensor import Sensor
 from tmca.training import spectral_depth_settings, train_spectral_depth
 from tmca.training.depth_patches import DepthPatchSource
@@ -30,6 +32,9 @@ TINY = {
     "data.margin": 0,
     "optimiser.steps": 6, "validate_every": 3, "checkpoint_every": 2, "precision": "32-true",
 }  # fmt: skip
+
+
+CHOSEN_BY_CODES = ("camera.planes", "camera.period", "camera.channels", "camera.filters", "camera.shutter")
 
 
 def settings(**changes):
@@ -193,6 +198,27 @@ def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
     assert np.isfinite([loss, dark]).all()
 
 
+def test_codes_bring_the_camera_they_were_made_for(tmp_path):
+    bench = PhaseMaskBench(window=(11, 11), mask_pixels=32)
+    made = SpectralDepthCamera.from_preset(
+        "quick", size=(32, 32), slots=2, depth=(0.5, 1.5), planes=4, bench=bench, channels="monochrome", period=2,
+        filters="gaussian", mask="free-form", stroke=Stroke(-2e-7, 3e-7, 9), shutter="random", energy="aperture",
+    )  # fmt: skip
+    file = write_phase_codes(made, tmp_path / "codes.nc", "gaussian", "monochrome")
+    own = {"codes.start": str(file), "camera.bench": {}, "data.margin": None}
+    free = {name: value for name, value in (TINY | own).items() if name not in CHOSEN_BY_CODES}
+    camera = training_camera(spectral_depth_settings(None, None, free))
+    assert (camera.planes, camera.bench) == (made.planes, made.bench)
+    assert camera.spread.heights.stroke == Stroke(-2e-7, 3e-7, 9)
+    assert (camera.spread.energy, len(camera.filters.filters)) == ("aperture", len(made.filters.filters))
+    torch.testing.assert_close(camera.codes()[0], made.codes()[0])
+    torch.testing.assert_close(camera.tile()[1], made.tile()[1])
+    with pytest.raises(SettingError, match=r"camera\.planes: found 3, expected 4, as in .*codes\.nc"):
+        training_camera(spectral_depth_settings(None, None, free | {"camera.planes": 3}))
+    with pytest.raises(SettingError, match=r"camera\.bench.*brings its own"):
+        spectral_depth_settings(None, None, free | {"camera.bench": {"pitch": 5e-6}})
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -201,6 +227,11 @@ def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
         ({"data.side": 40, "data.margin": 10}, "a patch and its margin, 44"),
         ({"codes.throughput": 0.5}, "throughput"),
         ({"codes.through_start": True}, "an unknown name"),
+        ({"data.redrawn": 5}, "redrawn"),
+        ({"camera.learn": ["filters"]}, "filters, of which there is one"),
+        ({"camera.bench": {"lens": 3}}, "bench: found lens"),
+        ({"camera.levels": 4}, r"beside camera\.stroke"),
+        ({"camera.bench": {"window": [31, 31]}}, "at least 31"),
         ({"camera.learn": ["lens"]}, "learn"),
         ({"camera.preset": "huge"}, "preset"),
         ({"decoder": {"kind": "two-headed", "levels": 3}}, "levels"),
