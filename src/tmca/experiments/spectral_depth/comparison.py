@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.presets import preset_bench
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, source_digest, timed
 from tmca.experiments.design.flat_scenes import some_of
@@ -131,9 +132,10 @@ def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
 
 
 def _check_side(own: Sizes, decoders: Sequence[str]) -> None:
-    least = max(min(own.crop), own.patch if {*decoders} & {*NETWORKS} else 1)
+    margins = 2 * (max(preset_bench(own.preset).window) // 2)
+    least = max(min(own.crop), own.patch + margins if {*decoders} & {*NETWORKS} else 1)
     if own.side < least:
-        raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches and --crop need")
+        raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches with margins and --crop need")
 
 
 def _check_apart(train: Sequence[str], test: Sequence[str]) -> None:

@@ -24,11 +24,11 @@ COLUMNS = (
     ("uiqi", "UIQI", ".3f"),
 )
 _FIGURES = (
-    ("flat", 1, "measured_depth_mae"),
-    ("confusion", 1, "measured_depth_mae"),
-    ("fisher", -1, "measured_depth_mae"),
-    ("kullback_leibler", -1, "measured_depth_mae"),
-    ("psnr", 1, "measured_psnr"),
+    ("flat", 1, "depth_mae"),
+    ("confusion", 1, "depth_mae"),
+    ("fisher", -1, "depth_mae"),
+    ("kullback_leibler", -1, "depth_mae"),
+    ("psnr", 1, "psnr"),
 )
 """What is foretold, the sign of its correlation with what it foretells, and that."""
 _THESIS = """Thesis, table 7 (other scenes, bench and training): diffractive element only 37.14 dB, SAM 8.75, UIQI .976,
@@ -67,34 +67,39 @@ def results(
 
 
 def _foretold(measured: Sequence[Measured], rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """What the prior says of every code and noise, means over seeds, beside what the patch likelihood made of it."""
+    """What is known of every code and noise before a test scene, means over seeds, beside what decoders made of it."""
     groups: dict[tuple[str, str], list[dict[str, float]]] = {}
     for cell in measured:
         if "figures" in cell:
             groups.setdefault((cell["code"], cell["noise"]), []).append(cell["figures"])
-    made = {(row["code"], row["noise"]): row for row in rows if row["decoder"] == "likelihood"}
+    made: dict[tuple[str, str], dict[str, Any]] = {}
+    for row in rows:
+        own = {name: row[name] for name in ("depth_mae", "psnr") if name in row}
+        made.setdefault((row["code"], row["noise"]), {})[row["decoder"]] = own
     return [
         {"code": key[0], "noise": key[1], **mean_over_scenes({str(i): own for i, own in enumerate(figures)}),
-         "measured_depth_mae": made[key]["depth_mae"], "measured_psnr": made[key]["psnr"]}
+         "measured": made[key]}
         for key, figures in groups.items() if key in made
     ]  # fmt: skip
 
 
 def order(found: dict[str, Any]) -> list[dict[str, Any]]:
-    """Spearman's rank correlation over codes, noise by noise, of what is foretold with what was measured.
+    """Spearman's rank correlation over codes, noise by noise and decoder by decoder, of what is foretold with what was
+    measured.
 
     Its sign is such that 1 is the right order.
     """
     from scipy.stats import spearmanr
 
     said = []
-    for noise in dict.fromkeys(row["noise"] for row in found["foretold"]):
-        own = [row for row in found["foretold"] if row["noise"] == noise]
+    told = found["foretold"]
+    for noise, decoder in dict.fromkeys((row["noise"], decoder) for row in told for decoder in row["measured"]):
+        own = [row for row in told if row["noise"] == noise and decoder in row["measured"]]
         if len(own) < 3:
             continue
-        row = {"noise": noise, "codes": len(own)}
+        row = {"noise": noise, "decoder": DECODER_NAMES[decoder], "codes": len(own)}
         for name, sign, result in (figure for figure in _FIGURES if all(figure[0] in one for one in own)):
-            foretold, made = ([one[key] for one in own] for key in (name, result))
+            foretold, made = [one[name] for one in own], [one["measured"][decoder][result] for one in own]
             row[name] = sign * float(spearmanr(foretold, made).statistic)
         said.append(row)
     return said
@@ -198,13 +203,18 @@ def _order(found: dict[str, Any]) -> list[str]:
     )  # fmt: skip
     told = [("noise", "noise", ""), ("code", "code", ""), *figures]
     told += [("measured_depth_mae", "measured depth MAE (m)", ".3f"), ("measured_psnr", "measured PSNR (dB)", ".2f")]
-    ranked = (("noise", "noise", ""), ("codes", "codes", "d"), *((name, label, "+.2f") for name, label, _ in figures))
+    ranked = [("noise", "noise", ""), ("decoder", "decoder", ""), ("codes", "codes", "d")]
+    ranked += [(name, label, "+.2f") for name, label, _ in figures]
+    shown = [
+        {**row, **{f"measured_{name}": value for name, value in row["measured"].get("likelihood", {}).items()}}
+        for row in found["foretold"]
+    ]
     return [
         "## What is foretold without a test scene\n",
         "The patch likelihood's error on some training scenes that stand at every plane in turn; and under the prior "
         f"alone, of windows of {found['budget']['searched']} pixels, means over planes (of Fisher information the "
         "geometric one); beside what the patch likelihood made of the test scenes.\n",
-        markdown_table(found["foretold"], told),
+        markdown_table(shown, told),
         "Rank correlation of each with the measured depth MAE, of PSNR with the measured one; 1: the right order.\n",
         markdown_table(order(found), ranked),
     ]
