@@ -1,8 +1,9 @@
 """Time and memory of a spectral-depth camera's whole frame: ``python benchmarks/full_frame.py --size 2816x4096``.
 
 The thesis' camera (25 bands, K = 4, 8 planes, RGB) takes a made-up scene, and depth and spectrum are decoded by patch
-likelihood. One thread, CPU time; the peak is that of the process's memory so far. Bound: 8 GB. With ``--only decode``
-the snapshot is one of 256×256 pixels, repeated.
+likelihood, or by a two-headed network of the usual size that starts from it (``--decoder network``, untrained). One
+thread, CPU time; the peak is that of the process's memory so far. Bound: 8 GB. With ``--only decode`` the snapshot is one
+of 256×256 pixels, repeated.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.depth_likelihood import WINDOW, PatchLikelihood
+from tmca.decoders.depth_weights import TwoHeadedDecoder
+from tmca.decoders.two_headed import build_depth_network
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
@@ -89,6 +92,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--size", default="704x1024")
     parser.add_argument("--only", choices=("simulate", "decode"))
+    parser.add_argument("--decoder", choices=("likelihood", "network"), default="likelihood")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
@@ -96,9 +100,14 @@ def main() -> None:
     camera, steps = camera_of((height, width)), Steps(height * width)
     snapshot = (repeated if arguments.only == "decode" else snapshot_of)(camera, steps)
     if arguments.only != "simulate":
-        decoder = PatchLikelihood(steps.run("prior", lambda: prior_of(camera)), camera)
-        steps.run("matrices", lambda: decoder._basis((0, 0)))
-        steps.run("decode", lambda: decoder(snapshot, planes=False))
+        prior = steps.run("prior", lambda: prior_of(camera))
+        if arguments.decoder == "network":
+            network = TwoHeadedDecoder(build_depth_network({}, camera), camera, prior)
+            steps.run("decode", lambda: network(snapshot))
+        else:
+            decoder = PatchLikelihood(prior, camera)
+            steps.run("matrices", lambda: decoder._basis((0, 0)))
+            steps.run("decode", lambda: decoder(snapshot, planes=False))
     if arguments.json:
         print(json.dumps(steps.found, indent=1))
 

@@ -50,20 +50,19 @@ def fitted_depth(
     mapped = scale * inverse + shift
     usable = known & (mapped > 0)
     fitted = np.where(usable, 1 / np.where(usable, mapped, 1.0), np.nan)
-    tolerance = 1e-6 * (1 / near - 1 / far)
-    outside = known & ((mapped < 1 / far - tolerance) | (mapped > 1 / near + tolerance))
     about = {
-        "inverse_depth_scale": scale,
-        "inverse_depth_shift": shift,
-        "design_near": float(near),
-        "design_far": float(far),
-        "fitted_percentiles": [float(low), float(high)],
-        "source_near": float(1 / ends[1]),
-        "source_far": float(1 / ends[0]),
-        "unknown_pixels": int(np.sum(~usable)),
-        "outside_pixels": int(np.sum(outside)),
-    }
+        "inverse_depth_scale": scale, "inverse_depth_shift": shift,
+        "design_near": float(near), "design_far": float(far), "fitted_percentiles": [float(low), float(high)],
+        "source_near": float(1 / ends[1]), "source_far": float(1 / ends[0]),
+        "unknown_pixels": int(np.sum(~usable)), "outside_pixels": _outside(mapped[known], near, far),
+    }  # fmt: skip
     return depth.copy(data=fitted.astype(np.float32)).assign_attrs(about), about
+
+
+def _outside(inverse: NDArray[np.float64], near: float, far: float) -> int:
+    """How many inverse depths are beyond a range by more than rounding."""
+    tolerance = 1e-6 * (1 / near - 1 / far)
+    return int(np.sum((inverse < 1 / far - tolerance) | (inverse > 1 / near + tolerance)))
 
 
 def _affine(ends: NDArray[np.float64], near: float, far: float) -> tuple[float, float]:

@@ -174,8 +174,8 @@ def first_likelihood(network: TwoHeadedUNet, prior: GaussianPrior, camera: Spect
 def first_stage(likelihood: PatchLikelihood, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
     """(B, L + D, H, W) LMMSE cube and log-probability of every plane, the likeliest at zero."""
     found = likelihood(snapshot, progress)
-    relative = (found.planes - found.planes.amax(1, keepdim=True)).clamp_min(_LEAST_LIKELY)
-    return torch.cat((found.estimate, relative), 1).to(snapshot)
+    found.planes -= found.planes.amax(1, keepdim=True)  # in place: of whole frames every copy counts
+    return torch.cat((found.estimate, found.planes.clamp_min_(_LEAST_LIKELY)), 1).to(snapshot)
 
 
 @torch.no_grad()
