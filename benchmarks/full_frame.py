@@ -2,8 +2,8 @@
 
 The thesis' camera (25 bands, K = 4, 8 planes, RGB) takes a made-up scene, and depth and spectrum are decoded by patch
 likelihood, or by a two-headed network of the usual size that starts from it (``--decoder network``, untrained). One
-thread, CPU time; the peak is that of the process's memory so far. Bound: 8 GB. With ``--only decode`` the snapshot is one
-of 256×256 pixels, repeated.
+thread, CPU time; the peak is that of the process's memory so far. Bound: 8 GB. With ``--only decode`` the snapshot is
+one of 256×256 pixels, repeated.
 """
 
 from __future__ import annotations
