@@ -17,10 +17,11 @@ from tmca.errors import SettingError
 from tmca.optics import PhaseMaskBench, Stroke
 from tmca.sensor import Sensor
 from tmca.training import spectral_depth_settings, train_spectral_depth
+from tmca.training.depth_camera import training_camera
 from tmca.training.depth_patches import DepthPatchSource
 from tmca.training.loop import Stopped
 from tmca.training.patches import CubeStore, Patch
-from tmca.training.spectral_depth import channels_of, training_camera
+from tmca.training.spectral_depth import channels_of
 
 TINY = {
     "camera.size": [24, 24], "camera.slots": 2, "camera.planes": 3, "camera.period": 2, "camera.preset": "quick",

@@ -54,3 +54,10 @@ def learned_parts(learnable: bool | str | Collection[str], known: tuple[str, ...
         if name not in known:
             raise SettingError("learnable", repr(name), f"True, False, or some of {', '.join(known)}")
     return names
+
+
+def check_holds(size: tuple[int, int], window: tuple[int, int]) -> None:
+    """Raises SettingError where a frame is narrower than its point spread functions."""
+    if min(size) < max(window):
+        found, known = f"{size[0]}×{size[1]} pixels", f"at least {max(window)}, the width of the point spread functions"
+        raise SettingError("size", found, known, "take a larger crop or patch")

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, choice, learned_parts
+from tmca.cameras.checks import band_wavelengths, check_holds, choice, learned_parts
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
 from tmca.codes import CodePlane, balanced_choice, one_hot_planes
@@ -111,10 +111,7 @@ class SpectralDepthCamera(Camera):
         )
         if isinstance(shutter, str) and shutter == "one-hot":
             self.shutter.show(one_hot_planes(balanced_choice(slots, (period, period), 2 * seed + 1), slots))
-        if min(self.size) < max(self.bench.window):
-            height, width = self.size
-            known = f"at least {max(self.bench.window)}, the width of the point spread functions"
-            raise SettingError("size", f"{height}×{width} pixels", known, "take a larger crop or patch")
+        check_holds(self.size, self.bench.window)
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):
             raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")
@@ -255,9 +252,7 @@ class SpectralDepthCamera(Camera):
     def operator(self, depth: Tensor) -> LayeredOperator:
         """The linear part at depth maps (B, 1, H, W) in metres; unknown depth is in the farthest plane."""
         weights = self.planes.weights(depth).to(self.response)
-        return LayeredOperator(
-            weights, self.transfer(), self.frame, self.colour(), self.shutter(), self.exposure
-        )  # fmt: skip
+        return LayeredOperator(weights, self.transfer(), self.frame, self.colour(), self.shutter(), self.exposure)
 
     def A(self, scene: Tensor, depth: Tensor) -> Tensor:
         """(B, L, H, W) at depth (B, 1, H, W) → exact snapshot (B, C, H, W) of the linear model."""
