@@ -69,7 +69,7 @@ def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
         (["--slots", "0"], "slots: found 0"),
         (["--slots", "two"], "whole numbers"),
         (["--steps", "0"], "a step or more"),
-        (["--stroke", "1e-7", "--rms", "200"], "the device's stroke"),
+        (["--stroke", "1e-7", "--rms-nm", "200"], "the device's stroke"),
         (["--stroke", "-1"], "metres above 0"),
         (["--levels", "4"], "--stroke"),
         (["--stroke", "1e-6", "--levels", "1"], "2 or more"),

@@ -16,16 +16,16 @@ from tmca.experiments.spectral_depth.tables import margins, markdown, order
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks of two steps are rough
 SHOWN = ("diffractive element only, optimised", "TMCA random K = 4", "diffractive element only, learned")
-SMALL = Sizes(side=60, crop=(32, 36), window=8, patch=24, searched=4)
+SMALL = Sizes(side=68, crop=(32, 36), window=8, patch=32, searched=4)
 
 
 def scene(path, seed):
-    """A textured cube (8, 60, 64) before a slope."""
+    """A textured cube (8, 68, 72) before a slope."""
     source = torch.Generator().manual_seed(seed)
     coarse = torch.rand(1, 8, 20, 22, generator=source)
-    fine = torch.nn.functional.interpolate(coarse, size=(60, 64), mode="bicubic").clamp(0, 1)[0]
+    fine = torch.nn.functional.interpolate(coarse, size=(68, 72), mode="bicubic").clamp(0, 1)[0]
     waves = np.array(SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths)
-    depth = (1 / np.linspace(0.6, 2.4, 64)[None].repeat(60, 0)).astype(np.float32)
+    depth = (1 / np.linspace(0.6, 2.4, 72)[None].repeat(68, 0)).astype(np.float32)
     whole = xr.Dataset({"radiance": label(fine.numpy(), waves), "depth": (("y", "x"), depth, {"units": "m"})})
     return str(write_dataset(whole, path))
 
@@ -75,7 +75,7 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     with xr.open_dataset(scenes[1]) as truth:
         inverse = 1 / truth["depth"].values
     fitted = 0.5 + 2.0 * (inverse - inverse.min()) / np.ptp(inverse)  # affine in inverse metres, onto 0.4 to 2 m
-    middle = 1 / fitted[14:46, 14:50]
+    middle = 1 / fitted[18:50, 18:54]
     assert guess["depth_mae"] == pytest.approx(float(np.abs(middle - 2 / 3).mean()), rel=1e-3)
     told = []
     compare(tmp_path, scenes, overwrite=True, progress=lambda done, total, name, left: told.append(name))
@@ -135,7 +135,7 @@ def test_networks_learn_from_no_scene_that_is_measured(tmp_path):
     rendered = sorted(split_rendered()["train"])
     common = {
         "source": "",
-        "side": 60,
+        "side": 68,
         "placed": None,
         "from_rgb": False,
         "checksums": [],

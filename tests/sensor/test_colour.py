@@ -16,7 +16,9 @@ def test_camera_channels_are_the_measured_ones():
     found = channel_response("rgb", BANDS)
     for band, row in zip(BANDS, found.T, strict=True):
         np.testing.assert_allclose(row, table[band * 1e9], atol=1e-6)
-    assert channel_response("rgb", [300e-9]).sum() == 0
+    assert channel_response("rgb", [300e-9, *BANDS])[:, 0].sum() == 0
+    with pytest.raises(SettingError, match="blind at 850 to 900 nm"):
+        channel_response("rgb", [850e-9, 900e-9])
     assert torch.equal(channel_response("monochrome", BANDS), torch.ones(1, 9))
 
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, check_holds, choice, learned_parts
+from tmca.cameras.checks import band_wavelengths, choice, learned_parts
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
 from tmca.codes import CodePlane, balanced_choice, one_hot_planes
@@ -111,7 +111,6 @@ class SpectralDepthCamera(Camera):
         )
         if isinstance(shutter, str) and shutter == "one-hot":
             self.shutter.show(one_hot_planes(balanced_choice(slots, (period, period), 2 * seed + 1), slots))
-        check_holds(self.size, self.bench.window)
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):
             raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.checks import check_holds
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.decoders.depth_weights import DepthWeights
@@ -59,6 +60,7 @@ def _with_margin(given: dict[str, Any], settings: SpectralDepthTrainSettings) ->
         margin = -(-reach // period) * period
     if margin % period:
         raise SettingError("data.margin", f"{margin} pixels", f"whole tiles of {period} pixels")
+    check_holds(settings.camera.size, own["bench"].window)
     return {**given, "size": tuple(side + 2 * margin for side in settings.camera.size)}
 
 

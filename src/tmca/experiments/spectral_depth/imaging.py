@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.cameras.checks import check_holds
 from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded, PatchLikelihood
 from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
@@ -83,9 +84,13 @@ def take_spectral_depth_snapshot(
         seed: of the sensor's noise, whose stream no code shares.
         progress: told the share that is done.
 
+    Raises:
+        SettingError: a frame narrower than the point spread functions.
+
     Warns:
         StrayLight: point spread functions that do not fit their window.
     """
+    check_holds(camera.size, camera.bench.window)
     stray_light(camera.spread)
     cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
     depth = depth_tensor(scene)
