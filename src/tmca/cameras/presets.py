@@ -80,6 +80,10 @@ SPECTRAL_DEPTH_PRESETS: dict[str, dict[str, Any]] = {
 }
 
 
+PROBE = (512, 512)
+"""Pixels of a spectral-depth camera that is only asked what it is, or whether it can be: any tile fits."""
+
+
 def preset_bench(name: str) -> PhaseMaskBench:
     """The bench of a preset of ``SPECTRAL_DEPTH_PRESETS``.
 

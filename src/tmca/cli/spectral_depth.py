@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from tmca.cameras import SpectralDepthCamera
 
-_PROBE = (512, 512)
-"""Pixels of a camera that is asked for its bands and depth range alone: any tile and point spread function fit it."""
 _SCENE = Group("Reading the scene", sort_key=0)
 _CAMERA = Group("Camera", sort_key=1)
 
@@ -164,9 +162,10 @@ def take(
     output: OutputOptions,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
+    from tmca.cameras.presets import PROBE
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
 
-    probe = options.camera(sensor, bench, _PROBE)
+    probe = options.camera(sensor, bench, PROBE)
     loaded = reading.load(scene, probe, size(crop, "--crop"))
     target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
     check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)

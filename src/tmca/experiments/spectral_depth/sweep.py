@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
+from tmca.cameras.presets import PROBE
 from tmca.decoders.depth_likelihood import WINDOW
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
@@ -25,8 +26,6 @@ from tmca.sensor import Sensor
 if TYPE_CHECKING:
     import xarray as xr
 
-_PROBE = (512, 512)
-"""Pixels of a camera that is only made to see whether it can be."""
 _CODES = ("slots", "shutter", "filters", "channels", "mask", "rms", "period", "exposure", "seed")
 """Settings that a file of codes says."""
 
@@ -69,7 +68,7 @@ def _check(preset: str, camera: dict[str, Any], sensor: dict[str, Any]) -> None:
     beside = [name for name in _CODES[:-1] if name in camera and "codes" in camera]
     if beside:
         raise SettingError("--set codes", f"a file beside {beside[0]}", "one of them: the file says it", "leave it out")
-    _camera(preset, camera, sensor, _PROBE)
+    _camera(preset, camera, sensor, PROBE)
 
 
 def spectral_depth_swept(preset: str) -> Swept:
