@@ -11,8 +11,9 @@ from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
 from tmca.experiments.spectral_depth import comparison, plan
+from tmca.experiments.spectral_depth.margin_tables import learning, margins, order
 from tmca.experiments.spectral_depth.rows import CODES, CONSTANT, Sizes
-from tmca.experiments.spectral_depth.tables import margins, markdown, order
+from tmca.experiments.spectral_depth.tables import markdown
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks of two steps are rough
 SHOWN = ("diffractive element only, optimised", "TMCA random K = 4", "diffractive element only, learned")
@@ -68,8 +69,13 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     assert {file.name for file in (tmp_path / "out").glob("*.png")} == {
         "spectral-depth_fisher.png", "spectral-depth_measured.png"
     }  # fmt: skip
-    assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN[:2] for n in noises}
+    assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN for n in noises}
     assert all(row["confusion"] > 0 and row["psnr"] > 0 and row["fisher"] > 0 for row in found["foretold"])
+    assert all(0.3 < row["arrived"] <= 1 for row in found["rows"] if row["code"] != CONSTANT)
+    assert rows[SHOWN[0], "σ = 0.002", "likelihood"]["search_cpu_minutes"] > 0
+    assert {row["code"] for row in learning(found)} == {SHOWN[2]}
+    assert "What learning codes adds" in page
+    assert "also rendered, chose the best step" in page
     assert "measured 100%" in page  # of its pixels have a known depth
     guess = rows[CONSTANT, "", CONSTANT]
     with xr.open_dataset(scenes[1]) as truth:
@@ -115,6 +121,20 @@ def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
     assert found["ratio_in_hindsight"] == pytest.approx(0.1 / 0.3)
     assert found["alone_in_hindsight"] == pytest.approx(0.1 / 0.35 - 1)
     assert margins({"rows": rows, "foretold": [], "budget": {"training": []}}) == []
+
+
+def test_learned_codes_stand_beside_their_start_and_their_static_case():
+    made = {"TMCA optimised K = 4": (0.2, 30.0), "TMCA learned K = 4": (0.15, 31.0),
+            "diffractive element only, learned": (0.3, 29.0)}  # fmt: skip
+    rows = [
+        {"code": code, "decoder": "two-headed", "noise": "n", "depth_mae": mae, "psnr": psnr}
+        for code, (mae, psnr) in made.items()
+    ]
+    (found,) = learning({"rows": rows})
+    assert (found["code"], found["depth_mae"]) == ("TMCA learned K = 4", 0.15)
+    assert (found["start"], found["start_psnr"]) == (0.2, 1.0)
+    assert (found["static"], found["static_psnr"]) == (0.3, 2.0)
+    assert learning({"rows": rows[:1]}) == []
 
 
 def test_the_right_order_is_one_and_the_opposite_minus_one():

@@ -5,7 +5,8 @@ import pytest
 import torch
 from scipy.special import j1
 
-from tmca.errors import SettingError
+from tmca.cameras import SpectralDepthCamera
+from tmca.errors import SettingError, ShapeError
 from tmca.optics import (
     FAMILIES,
     DepthPlanes,
@@ -16,6 +17,7 @@ from tmca.optics import (
     mask_heights,
     stray_light,
 )
+from tmca.optics.zernike import noll, pupil_coordinates
 
 GREEN = 550e-9
 
@@ -115,3 +117,32 @@ def test_impossible_masks_are_refused():
     for family, settings in (("bumpy", {}), ("zernike", {"modes": 0}), ("zernike", {"rms": -1.0})):
         with pytest.raises(SettingError, match="mask"):
             mask_heights(family, 2, bench, **settings)
+
+
+@pytest.mark.parametrize("family", ["zernike", "free-form", "rotational"])
+@pytest.mark.parametrize("pixels", [64, 65])
+def test_random_masks_have_the_rms_that_is_asked_for(family, pixels):
+    bench = PhaseMaskBench(mask_pixels=pixels)
+    inside = pupil_coordinates(bench.mask_size)[0] <= 1
+    for seed in range(4):
+        found = mask_heights(family, 3, bench, rms=0.2e-6, seed=seed)()[:, inside].std(1, correction=0)
+        torch.testing.assert_close(found, torch.full((3,), 0.2e-6), rtol=0.03, atol=0)
+
+
+def test_a_camera_has_as_many_modes_as_are_asked_for():
+    made = SpectralDepthCamera(2, (40, 40), slots=2, modes=33, learnable="mask")
+    assert made.spread.heights.metres().shape == (2, 33)
+    assert made.spread.heights.modes[-1] == noll(36)
+
+
+def test_repeated_maps_are_those_of_their_family():
+    bench = PhaseMaskBench(mask_pixels=17)
+    for family in ("zernike", "free-form", "rotational"):
+        maps = mask_heights(family, 1, bench, stroke=Stroke(-2e-7, 2e-7))
+        again = maps.repeated(3, learnable=True)
+        assert type(again) is type(maps)
+        assert again.stroke == maps.stroke
+        assert len(list(again.parameters())) == 1
+        torch.testing.assert_close(again().detach(), maps().expand(3, -1, -1))
+        with pytest.raises(ShapeError, match="as many as there are maps"):
+            again.repeated(2)

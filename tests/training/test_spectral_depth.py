@@ -14,7 +14,7 @@ from tmca.data import label
 from tmca.decoders.depth_weights import DepthWeights
 from tmca.decoders.two_headed import DepthEstimate
 from tmca.errors import SettingError
-from tmca.optics import PhaseMaskBench, Stroke
+from tmca.optics import PhaseMaskBench, RotationalProfile, StrayLight, Stroke, ZernikeHeights
 from tmca.sensor import Sensor
 from tmca.training import spectral_depth_settings, train_spectral_depth
 from tmca.training.depth_camera import training_camera
@@ -23,6 +23,7 @@ from tmca.training.loop import Stopped
 from tmca.training.patches import CubeStore, Patch
 from tmca.training.spectral_depth import channels_of
 
+pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # windows of 11 pixels
 TINY = {
     "camera.size": [24, 24], "camera.slots": 2, "camera.planes": 3, "camera.period": 2, "camera.preset": "quick",
     "camera.bench": {"window": [11, 11]},
@@ -84,6 +85,12 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
     assert {name for name, is_moved in moved.items() if is_moved} <= set(learn)
     assert moved["mask"] == ("mask" in learn)
     assert set(after.tile()[1].unique().tolist()) <= {0.0, 1.0}
+
+
+def test_masks_that_learn_to_send_light_away_are_told(tmp_path):
+    changes = {"camera.learn": ["mask"], "optimiser.code_rate": 0.2, "codes.frozen": 0.0}
+    with pytest.warns(StrayLight, match="of a point's light"):
+        train(tmp_path, **changes)
 
 
 def test_the_first_stage_follows_codes_that_learn(tmp_path):
@@ -216,8 +223,37 @@ def test_codes_bring_the_camera_they_were_made_for(tmp_path):
     torch.testing.assert_close(camera.tile()[1], made.tile()[1])
     with pytest.raises(SettingError, match=r"camera\.planes: found 3, expected 4, as in .*codes\.nc"):
         training_camera(spectral_depth_settings(None, None, free | {"camera.planes": 3}))
+    for name, value in {"rms": 3e-7, "shutter": "open", "filters": "clear", "channels": "rgb", "mask": "flat"}.items():
+        with pytest.raises(SettingError, match=rf"camera\.{name}: found {value}"):
+            training_camera(spectral_depth_settings(None, None, free | {f"camera.{name}": value}))
     with pytest.raises(SettingError, match=r"camera\.bench.*brings its own"):
         spectral_depth_settings(None, None, free | {"camera.bench": {"pitch": 5e-6}})
+
+
+@pytest.mark.parametrize(("family", "kept"), [("zernike", ZernikeHeights), ("rotational", RotationalProfile)])
+def test_masks_go_on_in_their_family(tmp_path, family, kept):
+    first = {"camera.mask": family, "camera.shutter": "one-hot", "optimiser.steps": 2, "validate_every": 2}
+    static = first | {"camera.slots": 1, "camera.shutter": "open", "camera.stroke": (-3e-7, 3e-7)}
+    before = train(tmp_path / "static", **static).weights
+    maps = DepthWeights.load(before).camera.spread.heights
+    assert isinstance(maps, kept)
+    asked = ("camera.bench", *CHOSEN_BY_CODES[:3])
+    own = {name: value for name, value in (TINY | first).items() if name not in asked}
+    going = own | {"codes.start": str(before), "camera.learn": ["mask"], "codes.frozen": 0.0}
+    found = training_camera(spectral_depth_settings(None, None, going)).spread.heights
+    assert isinstance(found, kept)
+    assert found.stroke == Stroke(-3e-7, 3e-7)
+    torch.testing.assert_close(found().detach(), maps().expand(2, -1, -1))
+    run = train_spectral_depth(spectral_depth_settings(None, None, going), tmp_path / "learned", load)
+    learned = DepthWeights.load(run.weights).camera.spread.heights
+    assert isinstance(learned, kept)
+    assert float((learned() - found()).abs().max()) > 1e-9
+    going |= {"camera.mask": "free-form"}
+    free = training_camera(spectral_depth_settings(None, None, going)).spread.heights
+    torch.testing.assert_close(free().detach(), found().detach())
+    assert free.heights.requires_grad
+    with pytest.raises(SettingError, match=r"camera\.filters: found rgbw"):
+        training_camera(spectral_depth_settings(None, None, going | {"camera.filters": "rgbw", "camera.slots": 1}))
 
 
 @pytest.mark.parametrize(

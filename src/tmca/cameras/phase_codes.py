@@ -15,10 +15,16 @@ import numpy as np
 import torch
 
 from tmca.cameras.spectral_depth import SpectralDepthCamera
-from tmca.errors import DataError
-from tmca.optics import PhaseMaskBench, Stroke
+from tmca.errors import DataError, TmcaError
+from tmca.optics import PhaseMaskBench, Stroke, changed_bench, family_parameters, restored_maps
 
 _PARTS = ("heights", "shutter", "cells")
+_OF_FAMILY = {
+    "coefficients": (("slot", "mode"), {"units": "m", "long_name": "rms of Zernike modes over the aperture"}),
+    "noll": (("mode",), {"long_name": "Noll index of the mode"}),
+    "radii": (("slot", "radius"), {"units": "m", "long_name": "heights at even radii, from the middle to the rim"}),
+}
+"""Variables of masks that are not free-form."""
 _SAID = ("bench", "depth", "filters", "channels", "exposure", "energy")
 
 
@@ -34,7 +40,8 @@ def write_phase_codes(
     """Write a camera's codes as NetCDF.
 
     ``heights`` (slot, y_mask, x_mask) in metres, ``shutter`` (slot, y_tile, x_tile), and ``cells`` (y_tile, x_tile),
-    the index of the filter over every pixel.
+    the index of the filter over every pixel; of Zernike masks also ``coefficients`` (slot, mode) in metres rms and
+    their ``noll`` indices, of rotationally symmetric ones ``radii`` (slot, radius) in metres.
 
     Args:
         camera: whose shutter repeats.
@@ -56,6 +63,10 @@ def write_phase_codes(
         "shutter": (("slot", "y_tile", "x_tile"), shutter.cpu().numpy().astype(np.uint8), {"meaning": "1 = open"}),
         "cells": (("y_tile", "x_tile"), camera.filters.cells().cpu().numpy(), {"long_name": "index of the filter"}),
     }
+    parts |= {
+        name: (_OF_FAMILY[name][0], values.cpu().numpy(), _OF_FAMILY[name][1])
+        for name, values in family_parameters(camera.spread.heights).items()
+    }
     about = {
         "bench": json.dumps(asdict(camera.bench)), "depth": json.dumps(asdict(camera.planes)), "filters": filters,
         "channels": channels, "exposure": camera.exposure, "energy": camera.spread.energy,
@@ -66,7 +77,8 @@ def write_phase_codes(
 
 
 def read_phase_codes(path: str | Path) -> dict[str, Any]:
-    """Arguments of ``SpectralDepthCamera`` that show the codes of a file of ``write_phase_codes``.
+    """Arguments of ``SpectralDepthCamera`` that show the codes of a file of ``write_phase_codes``, masks as
+    ``HeightMaps`` of their family.
 
     Raises:
         DataError: no such file, or a part of it is missing or does not fit the others.
@@ -76,19 +88,21 @@ def read_phase_codes(path: str | Path) -> dict[str, Any]:
     stored, remedy = read_dataset(path, _PARTS), "write codes with `tmca design spectral-depth`"
     if unsaid := [name for name in _SAID if name not in stored.attrs]:
         raise DataError(path, f"no attribute {', '.join(unsaid)}", f"attributes {', '.join(_SAID)}", remedy)
-    heights, shutter = (torch.from_numpy(stored[n].values.astype(np.float32)) for n in ("heights", "shutter"))
+    numbers = {str(name): torch.from_numpy(stored[name].values.astype(np.float32)) for name in stored.data_vars}
+    heights, shutter = numbers["heights"], numbers["shutter"]
     cells = torch.from_numpy(stored["cells"].values.astype(np.int64))
     if (heights.ndim, shutter.ndim) != (3, 3) or shutter.shape != (len(heights), *cells.shape):
         found = f"heights {tuple(heights.shape)}, shutter {tuple(shutter.shape)}, cells {tuple(cells.shape)}"
         raise DataError(path, found, "(K, rows, columns) of maps, (K, Q, Q) and (Q, Q) of a tile", remedy)
     try:
         bench, depth = json.loads(stored.attrs["bench"]), json.loads(stored.attrs["depth"])
-        known = {"bench": PhaseMaskBench(**{**bench, "window": tuple(bench["window"])}), "planes": int(depth["count"])}
+        known: dict[str, Any] = {"bench": changed_bench(PhaseMaskBench(), bench), "planes": int(depth["count"])}
         known["depth"] = (float(depth["near"]), float(depth["far"]))
         if "stroke" in stored.attrs:
             known["stroke"] = Stroke(**json.loads(stored.attrs["stroke"]))
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(path, f"bench or depth that are none ({error})", "those of a camera", remedy) from error
+        maps = restored_maps(heights, numbers, known.get("stroke"))
+    except (KeyError, TypeError, ValueError, TmcaError) as error:
+        raise DataError(path, f"masks, bench or depth that are none ({error})", "those of a camera", remedy) from error
     named = {name: str(stored.attrs[name]) for name in ("filters", "channels", "exposure", "energy")}
-    return {**known, **named, "mask": heights, "shutter": shutter, "cells": cells, "slots": len(heights),
+    return {**known, **named, "mask": maps, "shutter": shutter, "cells": cells, "slots": len(heights),
             "period": len(cells)}  # fmt: skip

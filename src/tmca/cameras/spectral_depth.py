@@ -25,7 +25,7 @@ from tmca.operators.spectral_depth import (
     layered,
     periodic_transfer_functions,
 )
-from tmca.optics import DepthPlanes, FreeForm, HeightMaps, PhaseMaskBench, Stroke, mask_heights
+from tmca.optics import MODES, DepthPlanes, FreeForm, HeightMaps, PhaseMaskBench, Stroke, mask_heights
 from tmca.sensor import ColourCodedAperture, Sensor, channel_response, feasible_filters
 
 IMAGE_FORMATIONS = ("linear", "occlusion")
@@ -49,6 +49,7 @@ class SpectralDepthCamera(Camera):
         bench: distances, pitches and sizes.
         mask: family of the height maps (``tmca.optics.FAMILIES``), the maps (K, H, W) in metres, or ``HeightMaps``.
         rms: of random heights, metres.
+        modes: number of Zernike modes of random heights.
         stroke: of the device that shows them; any height without, or that of ``HeightMaps``.
         shutter: family of the shutter codes (``tmca.codes.FAMILIES``; ``"one-hot"`` opens as many pixels of a tile in
             every slot) or patterns (K, H, W), or (K, Q, Q) of a tile.
@@ -82,6 +83,7 @@ class SpectralDepthCamera(Camera):
         bench: PhaseMaskBench | None = None,
         mask: str | Tensor | HeightMaps = "zernike",
         rms: float = 0.1e-6,
+        modes: int = MODES,
         stroke: Stroke | None = None,
         shutter: str | Tensor = "one-hot",
         filters: str | Tensor = "clear",
@@ -102,7 +104,7 @@ class SpectralDepthCamera(Camera):
         self.bench = bench or PhaseMaskBench()
         self.image_formation = choice("image formation", image_formation, IMAGE_FORMATIONS)
         self.register_buffer("response", channel_response(channels, self.wavelengths))
-        heights = self._heights(mask, rms, stroke, seed, "mask" in learned)
+        heights = self._heights(mask, stroke, "mask" in learned, rms=rms, modes=modes, seed=seed)
         self.spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
         self.period = int(period)
         tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == self.size else period
@@ -138,11 +140,13 @@ class SpectralDepthCamera(Camera):
         return cls(**{**SPECTRAL_DEPTH_PRESETS[choice("preset", name, known)], **changes})
 
     def _heights(
-        self, mask: str | Tensor | HeightMaps, rms: float, stroke: Stroke | None, seed: int, learnable: bool
+        self, mask: str | Tensor | HeightMaps, stroke: Stroke | None, learnable: bool, **drawn: Any
     ) -> HeightMaps:
         if isinstance(mask, str):
-            return mask_heights(mask, self.slots, self.bench, rms=rms, stroke=stroke, seed=seed, learnable=learnable)
+            return mask_heights(mask, self.slots, self.bench, stroke=stroke, learnable=learnable, **drawn)
         maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, stroke, learnable=learnable)
+        if learnable and not list(maps.parameters()):
+            maps = maps.repeated(self.slots, learnable=True)
         found, wanted = tuple(maps().shape), (self.slots, *self.bench.mask_size)
         if found != wanted:
             raise ShapeError("mask", str(found), f"{wanted}, (K, mask pixels, mask pixels)")

@@ -71,6 +71,8 @@ class MaskSearchOptions:
     "Family of the masks: zernike, free-form or rotational."
     rms_nm: Annotated[float | None, Parameter(group=_SEARCH)] = None
     "Of the random masks that searches start from, nm. [default: 100, less where the stroke is small]"
+    modes: Annotated[Whole, Parameter(group=_SEARCH)] = 18
+    "Zernike modes of the masks, from defocus on; 18 are those of a mirror with 40 actuators."
     learn: Annotated[str, Parameter(group=_SEARCH)] = "mask"
     "What is searched: some of mask, shutter, filters, separated by commas."
     window: Annotated[Whole, Parameter(group=_SEARCH)] = 8
@@ -86,7 +88,9 @@ class MaskSearchOptions:
 
     def search(self) -> dict[str, Any]:
         """Arguments of ``design_spectral_depth``."""
-        own = {name: getattr(self, name) for name in ("prior", "shutter", "mask", "window", "seed", "overwrite")}
+        own = {
+            name: getattr(self, name) for name in ("prior", "shutter", "mask", "modes", "window", "seed", "overwrite")
+        }
         learn = [part for part in self.learn.split(",") if part not in ("", "none")]
         rms = None if self.rms_nm is None else self.rms_nm * 1e-9
         told = {"effort": self._effort(), "command": ["tmca", *sys.argv[1:]]}

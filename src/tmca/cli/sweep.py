@@ -142,8 +142,8 @@ def spectral_depth(
         scenes: scenes with depth, RGB-D scenes, cubes, rendered scenes, or split files (.txt) of them; the rendered
             test scenes without any.
         vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
-            slots, mask, rms (metres), shutter, filters, channels, planes, exposure, image_formation, period, seed,
-            contrast of the scenes' texture (0 to 1), or codes: files of `tmca design spectral-depth`.
+            slots, mask, rms (metres), modes, shutter, filters, channels, planes, exposure, image_formation, period,
+            seed, contrast of the scenes' texture (0 to 1), or codes: files of `tmca design spectral-depth`.
         out: results, without a suffix.
         work: folder of the prior and finished cells.
         test: more of them.

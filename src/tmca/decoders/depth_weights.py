@@ -17,15 +17,15 @@ from tmca.decoders.network import TILE, seen_by_tile
 from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, camera_sizes, first_likelihood, first_stage
 from tmca.decoders.weights_file import fill_network, read_weights, write_weights
 from tmca.errors import DataError, SettingError
-from tmca.optics import PhaseMaskBench, Stroke
+from tmca.optics import PhaseMaskBench, Stroke, changed_bench, family_parameters, restored_maps
 from tmca.priors import GaussianPrior, load_prior, rendered_prior
 from tmca.priors.spectral_depth import needed_block
 
 _FIRST = 0.8
 """Share of the time that the first stage takes, as a rule."""
-_NO_MATTER = ("size", "bands", "stroke")
+_CODES, _OF_FAMILY = ("heights", "shutter", "filters", "cells", "response"), ("coefficients", "noll", "radii")
+_NO_MATTER = ("size", "bands", "stroke", *_OF_FAMILY)
 """What a snapshot's camera may have otherwise."""
-_CODES = ("heights", "shutter", "filters", "cells", "response")
 
 
 @dataclass
@@ -105,7 +105,8 @@ class DepthWeights:
         if about.get("application") != SpectralDepthCamera.application:
             found = f"weights of a {about.get('application', 'spectral')} camera"
             raise DataError(path, found, "those of a spectral-depth camera", "name other weights")
-        camera = _restored({name: tensors[name] for name in _CODES}, about["camera"])
+        parts = (*_CODES, *(name for name in _OF_FAMILY if name in tensors))
+        camera = _restored({name: tensors[name] for name in parts}, about["camera"])
         network = TwoHeadedUNet(**about["settings"])
         fill_network(network, tensors, path)
         return cls(network.eval(), camera, about["prior"], about["card"], path)
@@ -195,6 +196,7 @@ def _tensors(camera: SpectralDepthCamera) -> dict[str, Tensor]:
         codes = {
             "heights": camera.spread.heights(), "shutter": camera.tile()[1], "filters": camera.filters.filters,
             "cells": camera.filters.cells(), "response": camera.response,
+            **family_parameters(camera.spread.heights),
         }  # fmt: skip
     return {name: value.clone() for name, value in codes.items()}
 
@@ -212,10 +214,9 @@ def _settings(camera: SpectralDepthCamera) -> dict[str, Any]:
 
 def _restored(codes: dict[str, Tensor], settings: dict[str, Any], **changes: Any) -> SpectralDepthCamera:
     given = {**settings, **changes}
-    bench = PhaseMaskBench(**{**given.pop("bench"), "window": tuple(settings["bench"]["window"])})
-    stroke = given.pop("stroke", None)
+    bench, said = changed_bench(PhaseMaskBench(), given.pop("bench")), given.pop("stroke", None)
+    maps = restored_maps(codes["heights"], codes, None if said is None else Stroke(**said))
     return SpectralDepthCamera(
-        **{**given, "size": tuple(given["size"]), "depth": tuple(given["depth"])}, bench=bench, mask=codes["heights"],
-        stroke=None if stroke is None else Stroke(**stroke),
+        **{**given, "size": tuple(given["size"]), "depth": tuple(given["depth"])}, bench=bench, mask=maps,
         shutter=codes["shutter"], filters=codes["filters"], cells=codes["cells"].long(), channels=codes["response"],
     )  # fmt: skip

@@ -14,7 +14,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.design.mask_advice import MaskAdvice, MaskCandidate
 from tmca.design.spectral_depth import confusion, design_masks, window_covariance
 from tmca.errors import SettingError
-from tmca.optics import HeightMaps, PhaseMaskBench, Stroke, mask_heights
+from tmca.optics import MODES, HeightMaps, PhaseMaskBench, Stroke, mask_heights
 from tmca.priors import GaussianPrior
 
 SEARCHED = ("zernike", "free-form", "rotational")
@@ -66,6 +66,7 @@ class MaskTask:
         shutter: family of the shutter where there are several slots; a static mask has it open.
         family: of the masks, one of ``SEARCHED``.
         rms: of random heights, metres; if None 100 nm, or less where the stroke is small.
+        modes: number of Zernike modes.
         stroke: of the device.
         learn: some of ``"mask"``, ``"shutter"``, ``"filters"``.
         window: side of the windows of a snapshot that are judged, pixels.
@@ -84,6 +85,7 @@ class MaskTask:
     learn: Collection[str] = ("mask",)
     window: int = 8
     seed: int = 0
+    modes: int = MODES
 
     def __post_init__(self) -> None:
         if self.family not in SEARCHED:
@@ -104,7 +106,7 @@ class MaskTask:
         reach = float("inf") if self.stroke is None else (self.stroke.high - self.stroke.low) / 12
         heights = mask_heights(
             self.family, slots, self.bench, rms=min(_RMS, reach) if self.rms is None else self.rms, stroke=self.stroke,
-            seed=self.seed + _APART * number, learnable="mask" in self.learn,
+            modes=self.modes, seed=self.seed + _APART * number, learnable="mask" in self.learn,
         )  # fmt: skip
         if self.stroke is not None and self.rms is not None:
             self.stroke.check(heights.profile(), "heights of random masks")

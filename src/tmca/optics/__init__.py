@@ -4,7 +4,7 @@ from tmca.optics.depth import DepthPlanes
 from tmca.optics.dispersion import Dispersion
 from tmca.optics.heights import FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
 from tmca.optics.light_field import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
-from tmca.optics.mask_families import FAMILIES, mask_heights
+from tmca.optics.mask_families import FAMILIES, MODES, family_parameters, mask_heights, restored_maps
 from tmca.optics.materials import MATERIALS, Material
 from tmca.optics.point_spread import PointSpread
 from tmca.optics.propagation import AngularSpectrum, FocalPlane, Undersampled
@@ -14,6 +14,7 @@ from tmca.optics.spectral_depth import PhaseMaskBench, StrayLight, changed_bench
 __all__ = [
     "FAMILIES",
     "MATERIALS",
+    "MODES",
     "AngularSpectrum",
     "DepthPlanes",
     "Dispersion",
@@ -31,9 +32,11 @@ __all__ = [
     "ViewShear",
     "ZernikeHeights",
     "changed_bench",
+    "family_parameters",
     "fresnel_lens",
     "gaussian_spread",
     "mask_heights",
+    "restored_maps",
     "shear_step",
     "stray_light",
     "view_coordinates",

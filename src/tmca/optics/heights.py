@@ -77,6 +77,16 @@ class HeightMaps(nn.Module):
         """(K, H, W), before the device's limits."""
         raise TypeError(f"{type(self).__name__} defines no profile")
 
+    def repeated(self, slots: int, *, learnable: bool = False) -> HeightMaps:
+        """The same maps in K slots, of the same family; of one slot that of all of them."""
+        raise TypeError(f"{type(self).__name__} cannot be repeated")
+
+    def _rows(self, values: Tensor, slots: int) -> Tensor:
+        """(slots, ...) of (1, ...), or of as many."""
+        if len(values) not in (1, slots):
+            raise ShapeError("slots", str(slots), f"{len(values)}, as many as there are maps")
+        return values.detach().expand(slots, *values.shape[1:]).clone()
+
     def _hold(self, name: str, values: Tensor, learnable: bool) -> None:
         kept = values.detach().clone().float()
         if learnable:
@@ -112,6 +122,10 @@ class FreeForm(HeightMaps):
         """(K, H, W)."""
         return self.heights * self.unit
 
+    def repeated(self, slots: int, *, learnable: bool = False) -> FreeForm:
+        """See ``HeightMaps``; within the stroke."""
+        return FreeForm(self._rows(self(), slots), self.stroke, learnable=learnable)
+
 
 class ZernikeHeights(HeightMaps):
     """Sums of Zernike modes over a circular aperture, as a deformable mirror shows them.
@@ -145,13 +159,22 @@ class ZernikeHeights(HeightMaps):
         if coefficients.shape[1] != len(modes):
             raise ShapeError("coefficients", f"{coefficients.shape[1]} modes", f"{len(modes)}, as many as modes")
         super().__init__(size, stroke)
-        self.modes, self.unit = tuple(modes), _unit(coefficients)
+        self.modes, self.diameter, self.unit = tuple(modes), diameter, _unit(coefficients)
         self.register_buffer("basis", zernike_modes(modes, self.size, diameter).float(), persistent=False)
         self._hold("coefficients", coefficients / self.unit, learnable)
 
     def profile(self) -> Tensor:
         """(K, H, W)."""
-        return torch.tensordot(self.coefficients * self.unit, self.basis, 1)
+        return torch.tensordot(self.metres(), self.basis, 1)
+
+    def metres(self) -> Tensor:
+        """(K, M) coefficients in metres rms."""
+        return self.coefficients * self.unit
+
+    def repeated(self, slots: int, *, learnable: bool = False) -> ZernikeHeights:
+        """See ``HeightMaps``."""
+        rows = self._rows(self.metres(), slots)
+        return ZernikeHeights(rows, self.modes, self.size, self.diameter, self.stroke, learnable=learnable)
 
 
 class RotationalProfile(HeightMaps):
@@ -185,15 +208,24 @@ class RotationalProfile(HeightMaps):
         super().__init__(size, stroke)
         place = pupil_coordinates(self.size, diameter)[0].clamp(max=1) * (radii.shape[1] - 1)
         below = place.floor().clamp(max=radii.shape[1] - 2)
-        self.unit = _unit(radii)
+        self.diameter, self.unit = diameter, _unit(radii)
         self.register_buffer("below", below.long(), persistent=False)
         self.register_buffer("share", (place - below).float(), persistent=False)
         self._hold("radii", radii / self.unit, learnable)
 
     def profile(self) -> Tensor:
         """(K, H, W)."""
-        radii = self.radii * self.unit
+        radii = self.metres()
         return torch.lerp(radii[:, self.below], radii[:, self.below + 1], self.share)
+
+    def metres(self) -> Tensor:
+        """(K, R) heights in metres."""
+        return self.radii * self.unit
+
+    def repeated(self, slots: int, *, learnable: bool = False) -> RotationalProfile:
+        """See ``HeightMaps``."""
+        rows = self._rows(self.metres(), slots)
+        return RotationalProfile(rows, self.size, self.diameter, self.stroke, learnable=learnable)
 
 
 def fresnel_lens(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor
 
 from tmca.errors import SettingError
 from tmca.optics.heights import FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
-from tmca.optics.zernike import noll
+from tmca.optics.zernike import noll, noll_index, pupil_coordinates
 
 if TYPE_CHECKING:
     from tmca.optics.spectral_depth import PhaseMaskBench
@@ -42,7 +43,7 @@ def mask_heights(
         family: one of ``FAMILIES``.
         slots: K.
         bench: size, pitch and material of the maps.
-        rms: of random heights over the aperture, metres.
+        rms: of random heights over the aperture, but for their mean, metres.
         wavelength: that ``"lens"`` focuses, metres.
         modes: number of Zernike modes, from Noll's fourth on.
         stroke: of the device.
@@ -68,8 +69,9 @@ def mask_heights(
         heights = fresnel_lens(size, bench.mask_pitch, bench.distance, wavelength, bench.phase_material(), slots)
         return FreeForm(_within(heights, stroke), stroke, learnable=learnable)
     if family == "rotational":
-        radii = _of_rms(torch.randn(slots, _RADII, generator=generator), rms * _RADII**0.5)
-        return RotationalProfile(radii, size, stroke=stroke, learnable=learnable)
+        radii = torch.randn(slots, _RADII, generator=generator)
+        seen = RotationalProfile(radii, size).profile()[:, pupil_coordinates(size)[0] <= 1].std(1, correction=0)
+        return RotationalProfile(radii * (rms / seen)[:, None], size, stroke=stroke, learnable=learnable)
     drawn = torch.randn(slots, modes, generator=generator)
     kept = ZernikeHeights(
         _of_rms(drawn, rms), [noll(4 + index) for index in range(modes)], size, stroke=stroke, learnable=learnable
@@ -87,3 +89,41 @@ def _within(heights: Tensor, stroke: Stroke | None) -> Tensor:
 def _of_rms(values: Tensor, rms: float) -> Tensor:
     """Scaled so that every row has this norm: Zernike modes have unit variance, their squares add up."""
     return values * (rms / values.norm(dim=-1, keepdim=True))
+
+
+def family_parameters(maps: HeightMaps) -> dict[str, Tensor]:
+    """What a family's maps are made of, to be kept beside them; nothing of free-form maps.
+
+    Returns:
+        ``coefficients`` (K, M) in metres rms and ``noll`` (M,) of Zernike modes, or ``radii`` (K, R) in metres.
+    """
+    if isinstance(maps, ZernikeHeights) and maps.diameter is None:
+        places = torch.tensor([noll_index(mode) for mode in maps.modes])
+        return {"coefficients": maps.metres().detach(), "noll": places}
+    if isinstance(maps, RotationalProfile) and maps.diameter is None:
+        return {"radii": maps.metres().detach()}
+    return {}
+
+
+def restored_maps(heights: Tensor, parameters: Mapping[str, Tensor], stroke: Stroke | None = None) -> HeightMaps:
+    """Maps of the family that ``family_parameters`` described, free-form without.
+
+    Args:
+        heights: (K, H, W) metres, as shown.
+        parameters: of the family.
+        stroke: of the device.
+
+    Raises:
+        ShapeError, SettingError: parameters that make no or other maps, or heights beyond the stroke.
+    """
+    size, maps = (heights.shape[-2], heights.shape[-1]), FreeForm(heights, stroke)
+    if "coefficients" in parameters:
+        modes = [noll(int(index)) for index in parameters["noll"]]
+        family: HeightMaps = ZernikeHeights(parameters["coefficients"], modes, size, stroke=stroke)
+    elif "radii" in parameters:
+        family = RotationalProfile(parameters["radii"], size, stroke=stroke)
+    else:
+        return maps
+    if family().shape != heights.shape or not torch.allclose(family(), maps(), rtol=1e-4, atol=1e-9):
+        raise SettingError("heights", "others than their modes or radii make", "the same", "leave modes and radii out")
+    return family

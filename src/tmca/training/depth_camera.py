@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.checks import check_holds
@@ -13,13 +14,24 @@ from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.decoders.depth_weights import DepthWeights
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.optics import PhaseMaskBench, Stroke, changed_bench
+from tmca.optics import (
+    FreeForm,
+    HeightMaps,
+    PhaseMaskBench,
+    RotationalProfile,
+    Stroke,
+    ZernikeHeights,
+    changed_bench,
+)
+from tmca.sensor import channel_response, feasible_filters
 from tmca.training.depth_settings import SpectralDepthTrainSettings
 
 _OF_MASKS = ("mask", "bench", "stroke", "depth", "planes", "energy")
 """What is taken over of a static code that starts all slots."""
-_ASKED = ("depth", "planes", "filters", "channels", "exposure", "period")
-"""What a run may ask for beside codes to start from, if it is what they were made for."""
+_OF_CAMERA = ("mask", "rms", "modes")
+"""What a run may not ask for beside codes, if it is not what they have."""
+_PARTS = ("mask", "shutter", "filters", "channels")
+_FAMILIES: dict[str, type[HeightMaps]] = {"zernike": ZernikeHeights, "rotational": RotationalProfile}
 
 
 def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera:
@@ -41,7 +53,8 @@ def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera
     given["learnable"] = False if learn == "none" else learn
     start = settings.codes.start
     if start in ("random", "one-hot"):
-        given |= {"shutter": "one-hot"} if start == "one-hot" else {}
+        if start == "one-hot":
+            given.setdefault("shutter", "one-hot")
         return SpectralDepthCamera.from_preset(given.pop("preset"), **_with_margin(given, settings))
     given |= _started(Path(start), given, settings)
     given = _with_margin(given, settings)
@@ -67,28 +80,47 @@ def _with_margin(given: dict[str, Any], settings: SpectralDepthTrainSettings) ->
 def _started(start: Path, given: dict[str, Any], settings: SpectralDepthTrainSettings) -> dict[str, Any]:
     """Arguments of the camera that show the codes of weights, or of a file of `tmca design`, with all these were for.
 
+    Masks go on in their family, or free-form if ``camera.mask`` says so.
+
     Raises:
         DataError: other numbers of slots.
         SettingError: another camera is asked for than the one that the codes were made for.
     """
-    found = read_phase_codes(start) if start.suffix == ".nc" else _of_weights(start)
-    slots = len(found["mask"])
-    if slots not in (1, given["slots"]):
-        raise DataError(start, f"{slots} slots", f"1 or {given['slots']}", "set camera.slots")
-    said = _OF_MASKS if slots != given["slots"] else tuple(found)
-    for name in {*_ASKED} & {*said} & settings.camera.model_fields_set:
-        if given.get(name) != found[name] and not isinstance(found[name], torch.Tensor):
-            known = f"{found[name]}, as in {start}"
+    found, slots = read_phase_codes(start) if start.suffix == ".nc" else _of_weights(start), given["slots"]
+    maps: HeightMaps = found["mask"]
+    if len(maps()) not in (1, slots):
+        raise DataError(start, f"{len(maps())} slots", f"1 or {slots}", "set camera.slots")
+    said = _OF_MASKS if len(maps()) != slots else tuple(found)
+    for name in {*_OF_CAMERA, *said} & settings.camera.model_fields_set - {"slots", "bench", "stroke"}:
+        if not _alike(name, given.get(name), found):
+            own = found.get(name)
+            known = f"that of {start}" if own is None or name in _PARTS else f"{own}, as in {start}"
             raise SettingError(f"camera.{name}", str(given.get(name)), known, "leave it out, or start from other codes")
-    taken = {name: found[name] for name in said if name in found and name not in ("mask", "slots")}
-    return taken | {"mask": found["mask"].expand(given["slots"], -1, -1).clone()}
+    if given.get("mask") == "free-form":
+        maps = FreeForm(maps().detach(), maps.stroke)
+    return {name: found[name] for name in said if name in found and name != "slots"} | {"mask": maps.repeated(slots)}
+
+
+def _alike(name: str, asked: Any, found: dict[str, Any]) -> bool:
+    """Whether codes have what is asked for by a setting, a name or numbers."""
+    if name == "mask":
+        return asked == "free-form" or isinstance(found["mask"], _FAMILIES.get(asked, ()))
+    if name == "shutter":
+        opened = found["shutter"].sum(0)
+        return bool((opened == {"open": len(found["shutter"]), "one-hot": 1}.get(asked, -1)).all())
+    own = found.get(name)
+    if isinstance(own, Tensor):
+        made = feasible_filters if name == "filters" else channel_response
+        wanted = made(asked, found["bands"])
+        return wanted.shape == own.shape and torch.allclose(wanted.to(own), own, atol=1e-6)
+    return bool(asked == own)
 
 
 def _of_weights(start: Path) -> dict[str, Any]:
     """The same of a trained camera."""
     before = DepthWeights.load(start).camera
     heights = before.spread.heights
-    found = {"mask": heights().detach(), "shutter": before.tile()[1].detach(), "bench": before.bench}
+    found = {"mask": heights, "shutter": before.tile()[1].detach(), "bench": before.bench, "bands": before.wavelengths}
     found |= {"stroke": heights.stroke, "depth": (before.planes.near, before.planes.far), "planes": before.planes.count}
     found |= {"filters": before.filters.filters, "cells": before.filters.cells(), "period": before.period}
     return found | {"channels": before.response, "exposure": before.exposure, "energy": before.spread.energy}

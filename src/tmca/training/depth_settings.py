@@ -34,6 +34,7 @@ class SpectralDepthCameraSettings(Strict):
     planes: int | None = Field(default=None, ge=2)
     mask: str | None = None
     rms: float | None = Field(default=None, ge=0)
+    modes: int | None = Field(default=None, ge=1)
     stroke: tuple[float, float] | None = None
     levels: int | None = Field(default=None, ge=2)
     bench: dict[str, Any] = Field(default={})
@@ -125,7 +126,8 @@ SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
     },
     # a step takes under a second on two cores
     "quick": {
-        "camera": {"preset": "quick", "size": [64, 64], "shutter": "one-hot"},
+        "camera": {"preset": "quick", "size": [64, 64]},
+        "codes": {"start": "one-hot"},
         "decoder": {"kind": "two-headed"},
         "noise": [{"read_noise": 0.002}],
         "data": {"patch": 64, "batch": 4, "pool": 256},

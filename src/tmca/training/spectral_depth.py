@@ -15,6 +15,7 @@ from tmca.data import make_folder
 from tmca.decoders.depth_weights import DepthWeights, rendered_depth_prior
 from tmca.decoders.two_headed import TwoHeadedUNet, build_depth_network
 from tmca.errors import DataError
+from tmca.optics import stray_light
 from tmca.priors import GaussianPrior, load_prior
 from tmca.priors.spectral_depth import learn_depth_prior
 from tmca.sensor import Sensor
@@ -50,8 +51,14 @@ def train_spectral_depth(settings: SpectralDepthTrainSettings, folder: Path, loa
         load: from a scene's name to a dataset of ``radiance`` (wavelength, y, x) and ``depth`` (y, x) at the camera's
             bands and depth range.
         how: see ``train``.
+
+    Warns:
+        StrayLight: learned masks send light beside their windows.
     """
-    return train(_prepare, settings, folder, load, **how)
+    found = train(_prepare, settings, folder, load, **how)
+    if "mask" in settings.camera.learn:
+        stray_light(DepthWeights.load(found.weights).camera.spread)
+    return found
 
 
 def _prepare(

@@ -29,7 +29,7 @@ from tmca.cameras.snapshots.parts import (
 )
 from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.errors import DataError
-from tmca.optics import PhaseMaskBench
+from tmca.optics import PhaseMaskBench, changed_bench
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,7 +90,7 @@ def _camera(dataset: xr.Dataset, where: str, size: tuple[int, int]) -> SpectralD
     bench = json_attribute(dataset.attrs, "bench", {}, where)
     try:
         arguments = {
-            "bench": PhaseMaskBench(**{**bench, "window": tuple(bench["window"])}),
+            "bench": changed_bench(PhaseMaskBench(), bench),
             "depth": (float(planes["near"]), float(planes["far"])),
             "planes": int(planes["count"]),
         }

@@ -21,7 +21,7 @@ from tmca.experiments.design.depth_page import described, design_files, write_de
 from tmca.experiments.design.flat_scenes import JUDGING, judge_on
 from tmca.experiments.results import check_new
 from tmca.experiments.scenes import at_bands
-from tmca.optics import PhaseMaskBench, Stroke, changed_bench
+from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
 
@@ -43,6 +43,7 @@ def design_spectral_depth(
     shutter: str = "one-hot",
     mask: str = "zernike",
     rms: float | None = None,
+    modes: int = MODES,
     stroke: float | None = None,
     levels: int | None = None,
     learn: Collection[str] = ("mask",),
@@ -68,7 +69,7 @@ def design_spectral_depth(
             ``channels`` by name, which are clear and monochrome without.
         slots: numbers of slots to try; those of ``SLOTS`` that fit the exposure without. One slot is always tried.
         shutter: family of the shutter beside several slots.
-        mask, rms, learn, window: see ``MaskTask``.
+        mask, rms, modes, learn, window: see ``MaskTask``.
         stroke: largest height range of the device, metres; any without.
         levels: heights that it can show; any without.
         effort: of every search.
@@ -90,7 +91,16 @@ def design_spectral_depth(
     check_new((out / name for name in design_files(counts)), overwrite)
     settings = _camera(preset, bands, {**(camera or {}), "sensor": sheet.sensor()})
     task = MaskTask(
-        _bench(preset, bench or {}), settings, shutter, mask, rms, _stroke(stroke, levels), learn, window, seed
+        _bench(preset, bench or {}),
+        settings,
+        shutter,
+        mask,
+        rms,
+        _stroke(stroke, levels),
+        learn,
+        window,
+        seed,
+        modes,
     )
     for count in counts:
         task.made(count, 0)

@@ -87,7 +87,7 @@ def foretold(cell: Settings, folder: Path) -> Measured:
     from tmca.design.spectral_depth import confusion, fisher_information, foretell, kullback_leibler
     from tmca.priors import load_prior
 
-    camera, prior = coded_camera(cell, SIZE, cell["codes"]), load_prior(cell["prior"])
+    camera, prior = _camera(cell, SIZE), load_prior(cell["prior"])
     judge = judge_on(examples_of(cell), prior, cell["window"])  # type: ignore[arg-type]
     with torch.no_grad():
         found = foretell(camera, prior, cell["window"])  # type: ignore[arg-type]
@@ -150,7 +150,10 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
         metrics[name], seconds[name] = found.metrics, found.seconds
         if cell["keep"]:
             kept[name] = str(found.save(folder / f"estimate-{cell_key(cell)}-{len(kept)}.nc", overwrite=True))
-    return {"metrics": metrics, "seconds": seconds, "throughput": probe.throughput(), "kept": kept}
+    with torch.no_grad():
+        arrived = probe.spread.arrived()
+    light = {"throughput": probe.throughput(), "arrived": float(arrived.mean())}
+    return {"metrics": metrics, "seconds": seconds, **light, "kept": kept}
 
 
 def _camera(cell: Settings, size: tuple[int, int]) -> SpectralDepthCamera:

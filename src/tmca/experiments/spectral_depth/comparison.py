@@ -92,6 +92,9 @@ def compare_spectral_depth(
     table = plan.Table(common, own, learned, tuple(decoders), range(seed, seed + seeds), effort or EFFORT, steps, work)
     found = _measured(grid, table)
     split = {"train": list(short_names(list(learned)).values()), "test": list(names.values()), **how}
+    if {*decoders} & {*NETWORKS}:
+        rendered = plan.network_scenes(table)
+        split["rendered"] = {"train": rendered["train"][len(learned) :], "validation": rendered["validation"]}
     told = results(found, split, {**vars(own), "effort": dict(table.effort), "steps": steps}, command)
     write_table(told, markdown(told), files, overwrite)
     probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
@@ -125,7 +128,8 @@ def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
         rows = plan.untrained(table, codes)
         found += grid.run(rows) + grid.run(plan.foretold(table, rows))
     trained = grid.run(plan.trainings(table, codes))
-    found += trained + grid.run(plan.behind_networks(table, trained))
+    rows = plan.behind_networks(table, trained)
+    found += trained + grid.run(rows) + grid.run(plan.foretold(table, rows))
     if not any("metrics" in cell for cell in found):
         grid.failures.check()
     return found

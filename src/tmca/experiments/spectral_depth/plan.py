@@ -94,18 +94,18 @@ def untrained(table: Table, codes: Codes) -> list[Settings]:
 
 def foretold(table: Table, rows: Sequence[Settings]) -> list[Settings]:
     """What is foretold of every row without a network."""
-    kept = (*_JUDGED_BY, "code", "noise", "sensor", "seed", "codes")
+    kept = (*_JUDGED_BY, "code", "noise", "sensor", "seed", "codes", "camera_of")
     return [
-        {**{name: row[name] for name in kept}, "kind": "foretold", "window": table.sizes.searched,
+        {**{name: row[name] for name in kept if name in row}, "kind": "foretold", "window": table.sizes.searched,
          "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}
-        for row in rows
+        for row in rows if row["decoder"] == "likelihood"
     ]  # fmt: skip
 
 
 def trainings(table: Table, codes: Codes) -> list[Settings]:
     """A network behind every code, on the given scenes and the rendered ones."""
     kept = {name: table.common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
-    scenes, found = _scenes(table), list[Settings]()
+    scenes, found = network_scenes(table), list[Settings]()
     for decoder in (name for name in table.decoders if name in NETWORKS):
         for code in (name for name in TRAINED if name not in LEARNED or decoder == LEARNED_WITH):
             for seed in table.seeds:
@@ -120,7 +120,7 @@ def trainings(table: Table, codes: Codes) -> list[Settings]:
     return found
 
 
-def _scenes(table: Table) -> Settings:
+def network_scenes(table: Table) -> Settings:
     """Those of a training: what is measured teaches nothing, a rendered scene chooses the best step."""
     from tmca.data import split_rendered
 

@@ -33,6 +33,11 @@ LEARNED = {
     "TMCA learned K = 4 + CCA": "TMCA optimised K = 4 + CCA",
 }
 """Codes that go on being learned together with a network, and the codes they start from."""
+STATIC_CASES = {
+    "TMCA learned K = 4": "diffractive element only, learned",
+    "TMCA learned K = 4 + CCA": "static mask + CCA, learned",
+}
+"""Static special cases of learned codes: equal masks in all slots."""
 LEARNED_WITH = "two-headed"
 """The network: its gradient reaches the masks through the snapshot, and no first stage is made anew in every step."""
 STATIC_CODES = tuple(name for name, settings in CODES.items() if settings["slots"] == 1)

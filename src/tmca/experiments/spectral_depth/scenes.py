@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 READING = "scene_reading"
 """Attribute of a snapshot, JSON: how its scene was read."""
-SURROUNDINGS = 40
-"""Pixels beside what is measured: half of a point spread function of 31, and the reach of the patch likelihood."""
+SURROUNDINGS = 64
+"""Pixels beside what is measured, more than what reaches it: half of a point spread function of 31, the patch
+likelihood's reach of 24 and its window of 12; most of what a two-headed network sees."""
 _ASKED = {"placed": "has no depth", "from_rgb": "has no spectra"}
 
 

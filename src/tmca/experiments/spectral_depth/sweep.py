@@ -26,7 +26,7 @@ from tmca.sensor import Sensor
 if TYPE_CHECKING:
     import xarray as xr
 
-_CODES = ("slots", "shutter", "filters", "channels", "mask", "rms", "period", "exposure", "seed")
+_CODES = ("slots", "shutter", "filters", "channels", "mask", "rms", "modes", "period", "exposure", "seed")
 """Settings that a file of codes says."""
 
 
@@ -79,8 +79,8 @@ def spectral_depth_swept(preset: str) -> Swept:
 
     return Swept(
         title="Spectral-depth camera",
-        camera=("slots", "mask", "rms", "shutter", "filters", "channels", "planes", "exposure", "image_formation",
-                "period", "contrast", "codes"),
+        camera=("slots", "mask", "rms", "modes", "shutter", "filters", "channels", "planes", "exposure",
+                "image_formation", "period", "contrast", "codes"),
         words=("mask", "shutter", "filters", "channels", "exposure", "image_formation", "decoder", "codes"),
         check=check,
         decoders={"likelihood": "patch likelihood"},

@@ -9,13 +9,8 @@ import numpy as np
 
 from tmca.experiments.cells import Measured
 from tmca.experiments.results import DEPTH_METRICS, markdown_table, mean_over_scenes, repository_commit
-from tmca.experiments.spectral_depth.rows import (
-    CONSTANT,
-    DECODER_NAMES,
-    DIFFRACTIVE,
-    NOISES,
-    STATIC_CODES,
-)
+from tmca.experiments.spectral_depth.margin_tables import learning, margins, order
+from tmca.experiments.spectral_depth.rows import CONSTANT, DECODER_NAMES, LEARNED, NOISES
 
 COLUMNS = (
     *DEPTH_METRICS,
@@ -23,14 +18,6 @@ COLUMNS = (
     ("sam", "SAM (°)", ".2f"),
     ("uiqi", "UIQI", ".3f"),
 )
-_FIGURES = (
-    ("flat", 1, "depth_mae"),
-    ("confusion", 1, "depth_mae"),
-    ("fisher", -1, "depth_mae"),
-    ("kullback_leibler", -1, "depth_mae"),
-    ("psnr", 1, "psnr"),
-)
-"""What is foretold, the sign of its correlation with what it foretells, and that."""
 _THESIS = """Thesis, table 7 (other scenes, bench and training): diffractive element only 37.14 dB, SAM 8.75, UIQI .976,
 depth MAE .377 m, RMSE .517 m; TMCA 37.92 dB, 8.15, .988, .258 m, .403 m."""
 
@@ -58,12 +45,22 @@ def results(
          "validation": cell["best"]}
         for cell in measured if "best" in cell
     ]  # fmt: skip
-    rows = [_row(key, cells) for key, cells in groups.items()]
+    spent = _search_minutes(searches)
+    rows = [_row(key, cells) | {"search_cpu_minutes": spent.get(key[0], 0.0)} for key, cells in groups.items()]
     return {
         "command": " ".join(command), "commit": repository_commit(), "split": split,
         "budget": {**sizes, "training": trainings}, "searches": searches, "rows": rows,
         "foretold": _foretold(measured, rows),
     }  # fmt: skip
+
+
+def _search_minutes(searches: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """CPU minutes of the search for a code's masks, or for those that it started from, means over seeds."""
+    seconds: dict[str, list[float]] = {}
+    for search in searches:
+        seconds.setdefault(search["code"], []).append(search["seconds"])
+    known = {code: float(np.mean(own)) / 60 for code, own in seconds.items()}
+    return known | {code: known[start] for code, start in LEARNED.items() if start in known}
 
 
 def _foretold(measured: Sequence[Measured], rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -83,28 +80,6 @@ def _foretold(measured: Sequence[Measured], rows: Sequence[dict[str, Any]]) -> l
     ]  # fmt: skip
 
 
-def order(found: dict[str, Any]) -> list[dict[str, Any]]:
-    """Spearman's rank correlation over codes, noise by noise and decoder by decoder, of what is foretold with what was
-    measured.
-
-    Its sign is such that 1 is the right order.
-    """
-    from scipy.stats import spearmanr
-
-    said = []
-    told = found["foretold"]
-    for noise, decoder in dict.fromkeys((row["noise"], decoder) for row in told for decoder in row["measured"]):
-        own = [row for row in told if row["noise"] == noise and decoder in row["measured"]]
-        if len(own) < 3:
-            continue
-        row = {"noise": noise, "decoder": DECODER_NAMES[decoder], "codes": len(own)}
-        for name, sign, result in (figure for figure in _FIGURES if all(figure[0] in one for one in own)):
-            foretold, made = [one[name] for one in own], [one["measured"][decoder][result] for one in own]
-            row[name] = sign * float(spearmanr(foretold, made).statistic)
-        said.append(row)
-    return said
-
-
 def _row(key: tuple[str, str, str], cells: Sequence[Measured]) -> dict[str, Any]:
     code, noise, decoder = key
     scenes = {
@@ -118,54 +93,12 @@ def _row(key: tuple[str, str, str], cells: Sequence[Measured]) -> dict[str, Any]
         "seed_depth_mae": [float(np.mean([m["depth_mae"] for m in cell["metrics"].values()])) for cell in cells],
         "training_cpu_minutes": float(np.mean(spent)) / 60 if spent else 0.0,
     }  # fmt: skip
-    for name in ("throughput", "seconds"):
+    for name in ("throughput", "arrived", "seconds"):
         known = [cell[name] for cell in cells if name in cell]
         if known:
             levels = [float(np.mean(list(k.values()))) if isinstance(k, dict) else float(k) for k in known]
             row[name] = float(np.mean(levels))
     return row
-
-
-def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
-    """Noise by noise and decoder by decoder: time-multiplexed against static, and against the mask alone.
-
-    Codes are chosen by what is known without a test scene: the patch likelihood's by their error on flat training
-    scenes, networks' by the depth error in validation. What the least errors on the test scenes make, chosen in
-    hindsight, is told too.
-    """
-    said = []
-    for decoder, noise in dict.fromkeys((row["decoder"], row["noise"]) for row in found["rows"]):
-        known = _known_before(found, decoder, noise)
-        rows = [row for row in found["rows"] if (row["decoder"], row["noise"]) == (decoder, noise)]
-        groups = (
-            [row for row in rows if row["code"] not in (*STATIC_CODES, CONSTANT)],
-            [row for row in rows if row["code"] in STATIC_CODES],
-            [row for row in rows if row["code"] in DIFFRACTIVE],
-        )
-        if not all(any(row["code"] in known for row in group) for group in groups):
-            continue  # their cells failed
-        best, static, alone = (
-            min((row for row in group if row["code"] in known), key=lambda row: known[row["code"]]) for group in groups
-        )
-        least, base, mask = (min(row["depth_mae"] for row in group) for group in groups)
-        said.append({
-            "decoder": DECODER_NAMES[decoder], "noise": noise, "best": best["code"], "static": static["code"],
-            "ratio": best["depth_mae"] / static["depth_mae"], "alone": best["depth_mae"] / alone["depth_mae"] - 1,
-            "psnr": best["psnr"] - alone["psnr"], "sam": best["sam"] - alone["sam"],
-            "ratio_in_hindsight": least / base, "alone_in_hindsight": least / mask - 1,
-        })  # fmt: skip
-    return said
-
-
-def _known_before(found: dict[str, Any], decoder: str, noise: str) -> dict[str, float]:
-    """The depth error of codes without a test scene, under a noise or in validation."""
-    if decoder == "likelihood":
-        return {row["code"]: row["flat"] for row in found["foretold"] if row["noise"] == noise and "flat" in row}
-    errors: dict[str, list[float]] = {}
-    for training in found["budget"]["training"]:
-        if training["decoder"] == decoder:
-            errors.setdefault(training["code"], []).append(training["validation"]["depth_mae"])
-    return {code: float(np.mean(own)) for code, own in errors.items()}
 
 
 def markdown(found: dict[str, Any]) -> str:
@@ -185,13 +118,28 @@ def markdown(found: dict[str, Any]) -> str:
         f"confusion of depths under {next(iter(NOISES))}, best of them and of random masks on flat training scenes; "
         "static masks have twice the descents, as a search for several slots begins with one for a static mask. Noise "
         "is in units of one band of a white scene; all "
-        "exposures last equally long.\n",
+        "exposures last equally long. Images are those of the linear model (thesis eqs 30–36), point spread functions "
+        "have unit energy within their window; the share of a point's light that really arrives there is told.\n",
+        *_training(found),
     ]
     for noise in NOISES:
         lines += [f"## {noise}\n", _table(found, noise)]
     lines += _margins(found)
     lines += _order(found) if found["foretold"] else []
     return "\n".join([*lines, _THESIS, ""])
+
+
+def _training(found: dict[str, Any]) -> list[str]:
+    """What networks learned from, and for how long."""
+    rendered, budget = found["split"].get("rendered"), found["budget"]
+    if rendered is None:
+        return []
+    return [
+        f"Networks learned from these scenes and rendered ones ({', '.join(rendered['train'])}), {budget['steps']} "
+        f"steps each; {', '.join(rendered['validation'])}, also rendered, chose the best step. A step costs more where "
+        "there are more slots and filters: CPU minutes of search and training are told. Learned codes start from the "
+        "searched ones of their kind and stay in their family.\n"
+    ]
 
 
 def _order(found: dict[str, Any]) -> list[str]:
@@ -226,10 +174,11 @@ def _table(found: dict[str, Any], noise: str) -> str:
     scenes = found["split"]["test"]
     for row in shown:
         row |= {f"depth_{name}": row["scenes"][name]["depth_mae"] for name in scenes}
-        row["minutes"] = row["training_cpu_minutes"] or None
+        row["minutes"], row["search"] = row["training_cpu_minutes"] or None, row["search_cpu_minutes"] or None
     columns = [("code", "code", ""), ("decoder", "decoder", ""), *COLUMNS]
     columns += [(f"depth_{name}", f"depth MAE {name}", ".3f") for name in scenes]
-    columns += [("throughput", "light", ".2f"), ("seconds", "seconds a scene", ".1f")]
+    columns += [("throughput", "light", ".2f"), ("arrived", "in the window", ".1%")]
+    columns += [("seconds", "seconds a scene", ".1f"), ("search", "search (CPU min)", ".1f")]
     return markdown_table(shown, [*columns, ("minutes", "training (CPU min)", ".1f")])
 
 
@@ -246,7 +195,18 @@ def _margins(found: dict[str, Any]) -> list[str]:
         "Codes of least error without a test scene: on flat training scenes (patch likelihood), or in validation "
         "(networks). In hindsight: the least depth errors on the test scenes on either side.\n",
         markdown_table(margins(found), columns),
+        *_learning(found),
     ]
+
+
+def _learning(found: dict[str, Any]) -> list[str]:
+    columns = (
+        ("decoder", "decoder", ""), ("noise", "noise", ""), ("code", "code", ""), ("depth_mae", "depth MAE (m)", ".3f"),
+        ("start", "of its start (m)", ".3f"), ("start_psnr", "PSNR above its start (dB)", "+.2f"),
+        ("static", "of its static special case, learned (m)", ".3f"), ("static_psnr", "PSNR above it (dB)", "+.2f"),
+    )  # fmt: skip
+    rows = learning(found)
+    return ["## What learning codes adds\n", markdown_table(rows, columns)] if rows else []
 
 
 def _known(found: dict[str, Any]) -> str:

@@ -1,0 +1,110 @@
+"""What the rows of the spectral-depth table say beside each other: margins, what learning adds, what was foretold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tmca.experiments.spectral_depth.rows import (
+    CONSTANT,
+    DECODER_NAMES,
+    DIFFRACTIVE,
+    LEARNED,
+    STATIC_CASES,
+    STATIC_CODES,
+)
+
+_FIGURES = (
+    ("flat", 1, "depth_mae"),
+    ("confusion", 1, "depth_mae"),
+    ("fisher", -1, "depth_mae"),
+    ("kullback_leibler", -1, "depth_mae"),
+    ("psnr", 1, "psnr"),
+)
+"""What is foretold, the sign of its correlation with what it foretells, and that."""
+
+
+def order(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Spearman's rank correlation over codes, noise by noise and decoder by decoder, of what is foretold with what was
+    measured.
+
+    Its sign is such that 1 is the right order.
+    """
+    from scipy.stats import spearmanr
+
+    said = []
+    told = found["foretold"]
+    for noise, decoder in dict.fromkeys((row["noise"], decoder) for row in told for decoder in row["measured"]):
+        own = [row for row in told if row["noise"] == noise and decoder in row["measured"]]
+        if len(own) < 3:
+            continue
+        row = {"noise": noise, "decoder": DECODER_NAMES[decoder], "codes": len(own)}
+        for name, sign, result in (figure for figure in _FIGURES if all(figure[0] in one for one in own)):
+            foretold, made = [one[name] for one in own], [one["measured"][decoder][result] for one in own]
+            row[name] = sign * float(spearmanr(foretold, made).statistic)
+        said.append(row)
+    return said
+
+
+def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Noise by noise and decoder by decoder: time-multiplexed against static, and against the mask alone.
+
+    Codes are chosen by what is known without a test scene: the patch likelihood's by their error on flat training
+    scenes, networks' by the depth error in validation. What the least errors on the test scenes make, chosen in
+    hindsight, is told too.
+    """
+    said = []
+    for decoder, noise in dict.fromkeys((row["decoder"], row["noise"]) for row in found["rows"]):
+        known = _known_before(found, decoder, noise)
+        rows = [row for row in found["rows"] if (row["decoder"], row["noise"]) == (decoder, noise)]
+        groups = (
+            [row for row in rows if row["code"] not in (*STATIC_CODES, CONSTANT)],
+            [row for row in rows if row["code"] in STATIC_CODES],
+            [row for row in rows if row["code"] in DIFFRACTIVE],
+        )
+        if not all(any(row["code"] in known for row in group) for group in groups):
+            continue  # their cells failed
+        best, static, alone = (
+            min((row for row in group if row["code"] in known), key=lambda row: known[row["code"]]) for group in groups
+        )
+        least, base, mask = (min(row["depth_mae"] for row in group) for group in groups)
+        said.append({
+            "decoder": DECODER_NAMES[decoder], "noise": noise, "best": best["code"], "static": static["code"],
+            "ratio": best["depth_mae"] / static["depth_mae"], "alone": best["depth_mae"] / alone["depth_mae"] - 1,
+            "psnr": best["psnr"] - alone["psnr"], "sam": best["sam"] - alone["sam"],
+            "ratio_in_hindsight": least / base, "alone_in_hindsight": least / mask - 1,
+        })  # fmt: skip
+    return said
+
+
+def _known_before(found: dict[str, Any], decoder: str, noise: str) -> dict[str, float]:
+    """The depth error of codes without a test scene, under a noise or in validation."""
+    if decoder == "likelihood":
+        return {row["code"]: row["flat"] for row in found["foretold"] if row["noise"] == noise and "flat" in row}
+    errors: dict[str, list[float]] = {}
+    for training in found["budget"]["training"]:
+        if training["decoder"] == decoder:
+            errors.setdefault(training["code"], []).append(training["validation"]["depth_mae"])
+    return {code: float(np.mean(own)) for code, own in errors.items()}
+
+
+def learning(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """Learned codes beside those that they started from, and beside their static special case, learned likewise.
+
+    Decoder by decoder and noise by noise: depth errors in metres, PSNR in dB above either.
+    """
+    rows = {(row["code"], row["decoder"], row["noise"]): row for row in found["rows"]}
+    said = []
+    for (code, decoder, noise), row in rows.items():
+        start, static = rows.get((LEARNED.get(code, ""), decoder, noise)), None
+        if code in STATIC_CASES:
+            static = rows.get((STATIC_CASES[code], decoder, noise))
+        if code not in LEARNED or not (start or static):
+            continue
+        told = {"code": code, "decoder": DECODER_NAMES[decoder], "noise": noise, "depth_mae": row["depth_mae"]}
+        for name, other in (("start", start), ("static", static)):
+            if other is not None:
+                told |= {name: other["depth_mae"], f"{name}_psnr": row["psnr"] - other["psnr"]}
+        said.append(told)
+    return said
