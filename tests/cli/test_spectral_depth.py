@@ -9,6 +9,7 @@ import xarray as xr
 
 from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
 from tmca.data import rendered_scene, write_dataset
 from tmca.priors import GaussianPrior
@@ -105,6 +106,12 @@ def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
         (("--scene-seed", "-1"), "--scene-seed"),
         (("--from-rgb",), "leave --from-rgb out"),
         (("--preset", "huge"), "quick"),
+        (("--codes", "run", "--pitch", "5e-6"), "--pitch beside weights"),
+        (("--codes", "run", "--no-lens"), "--no-lens beside weights"),
+        (("--codes", "run", "--psf-window", "25"), "--psf-window beside weights"),
+        (("--materials", "test"), "add --from-rgb"),
+        (("--placed", "plane", "--from-rgb"), "--from-rgb: found --placed plane beside it"),
+        (("--placed", "plane", "--metric-depth"), "--metric-depth: found --placed plane beside it"),
     ],
 )
 def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, message):
@@ -114,6 +121,14 @@ def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, mes
     said = refused(capsys, "simulate", "spectral-depth", scene, "--reduce", "8", "--crop", "32x32", *given)
     assert message in said
     assert not list(tmp_path.glob("*_snapshot*"))
+
+
+def test_a_file_of_codes_names_the_option_beside_it(capsys):
+    camera = SpectralDepthCamera.from_preset("quick", size=(32, 32), filters="clear", channels="monochrome")
+    write_phase_codes(camera, "codes.nc", "clear", "monochrome")
+    for given in (("--pitch", "5e-6"), ("--rms-nm", "20"), ("--image-formation", "linear", "--planes", "4")):
+        said = refused(capsys, "simulate", "spectral-depth", "chelsea", "--codes", "codes.nc", *given)
+        assert f"{given[-2]} beside it" in said
 
 
 def test_a_crop_narrower_than_its_blur_is_refused(capsys, tmp_path):
