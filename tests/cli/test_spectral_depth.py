@@ -165,3 +165,26 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     capsys.readouterr()
     assert "--mixture" in refused(capsys, *learn, "motorcycle_snapshot.nc", "--mixture", "--overwrite")
     assert "spectral-depth" in refused(capsys, *learn, "coffee_snapshot.nc", "--overwrite")
+    assert "--window: found 12" in refused(capsys, "reconstruct", "coffee_snapshot.nc", "--window", "12")
+
+
+@pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # a narrow window is a fast one
+def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_path):
+    own = ("--period", "16", "--channels", "monochrome", "--planes", "2", "--psf-window", "11", "--no-figures")
+    main(["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "32x32", *own])
+    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
+    write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
+    main(["prior", "learn", "cube.nc", "--out", "p.nc", "--like", "motorcycle_snapshot.nc"])
+    assert "8 × 26 × 26" in capsys.readouterr().out
+    decode = ("reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures", "--out")
+    main([*decode, "usual.nc"])
+    main([*decode, "given.nc", "--window", "16"])
+    with xr.open_dataset("usual.nc") as usual, xr.open_dataset("given.nc") as given:
+        assert np.isfinite(usual["depth"].values).all()
+        xr.testing.assert_allclose(usual["depth"], given["depth"])
+    capsys.readouterr()
+    for window in ("12", "33"):
+        said = refused(capsys, *decode, "other.nc", "--window", window)
+        assert f"--window: found {window} pixels, expected 16 (the tile of the codes) to 32 (the sensor)" in said
+    assert "beside weights" in refused(capsys, *decode[:2], "--weights", "run", "--window", "16")
+    assert not (tmp_path / "other.nc").exists()

@@ -203,8 +203,10 @@ def reconstruct(
     output: OutputOptions,
     prior: Path | None,
     weights: str | None = None,
+    window: int | None = None,
 ) -> tuple[Any, list[Path]]:
     """Cube and depth of a snapshot, and the files that were written."""
+    from tmca.decoders.depth_likelihood import check_window
     from tmca.experiments.spectral_depth.imaging import (
         reconstruct_spectral_depth,
         spectral_depth_files,
@@ -213,10 +215,14 @@ def reconstruct(
     from tmca.experiments.spectral_depth.scenes import true_spectral_depth
 
     check_targets(spectral_depth_files(target, output.figures), output.overwrite, snapshot)
+    if window is not None and weights is not None:
+        raise SettingError("--window", f"{window} beside weights", "none: a network brings its own", "leave it out")
+    if window is not None:
+        check_window(window, taken.camera, "--window")
     scene = None if truth is None else true_spectral_depth(truth, taken)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         result = reconstruct_spectral_depth(
-            taken, decoder, prior=prior, weights=weights, truth=scene, progress=progress
+            taken, decoder, prior=prior, weights=weights, window=window, truth=scene, progress=progress
         )
     written = [result.save(target, overwrite=output.overwrite)]
     if output.figures:
