@@ -9,6 +9,7 @@ import xarray as xr
 
 from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
 from tmca.data import rendered_scene, write_dataset
 from tmca.priors import GaussianPrior
@@ -105,6 +106,12 @@ def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
         (("--scene-seed", "-1"), "--scene-seed"),
         (("--from-rgb",), "leave --from-rgb out"),
         (("--preset", "huge"), "quick"),
+        (("--codes", "run", "--pitch", "5e-6"), "--pitch beside weights"),
+        (("--codes", "run", "--no-lens"), "--no-lens beside weights"),
+        (("--codes", "run", "--psf-window", "25"), "--psf-window beside weights"),
+        (("--materials", "test"), "add --from-rgb"),
+        (("--placed", "plane", "--from-rgb"), "--from-rgb: found --placed plane beside it"),
+        (("--placed", "plane", "--metric-depth"), "--metric-depth: found --placed plane beside it"),
     ],
 )
 def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, message):
@@ -114,6 +121,14 @@ def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, mes
     said = refused(capsys, "simulate", "spectral-depth", scene, "--reduce", "8", "--crop", "32x32", *given)
     assert message in said
     assert not list(tmp_path.glob("*_snapshot*"))
+
+
+def test_a_file_of_codes_names_the_option_beside_it(capsys):
+    camera = SpectralDepthCamera.from_preset("quick", size=(32, 32), filters="clear", channels="monochrome")
+    write_phase_codes(camera, "codes.nc", "clear", "monochrome")
+    for given in (("--pitch", "5e-6"), ("--rms-nm", "20"), ("--image-formation", "linear", "--planes", "4")):
+        said = refused(capsys, "simulate", "spectral-depth", "chelsea", "--codes", "codes.nc", *given)
+        assert f"{given[-2]} beside it" in said
 
 
 def test_a_crop_narrower_than_its_blur_is_refused(capsys, tmp_path):
@@ -150,3 +165,26 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     capsys.readouterr()
     assert "--mixture" in refused(capsys, *learn, "motorcycle_snapshot.nc", "--mixture", "--overwrite")
     assert "spectral-depth" in refused(capsys, *learn, "coffee_snapshot.nc", "--overwrite")
+    assert "--window: found 12" in refused(capsys, "reconstruct", "coffee_snapshot.nc", "--window", "12")
+
+
+@pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # a narrow window is a fast one
+def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_path):
+    own = ("--period", "16", "--channels", "monochrome", "--planes", "2", "--psf-window", "11", "--no-figures")
+    main(["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "32x32", *own])
+    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
+    write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
+    main(["prior", "learn", "cube.nc", "--out", "p.nc", "--like", "motorcycle_snapshot.nc"])
+    assert "8 × 26 × 26" in capsys.readouterr().out
+    decode = ("reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures", "--out")
+    main([*decode, "usual.nc"])
+    main([*decode, "given.nc", "--window", "16"])
+    with xr.open_dataset("usual.nc") as usual, xr.open_dataset("given.nc") as given:
+        assert np.isfinite(usual["depth"].values).all()
+        xr.testing.assert_allclose(usual["depth"], given["depth"])
+    capsys.readouterr()
+    for window in ("12", "33"):
+        said = refused(capsys, *decode, "other.nc", "--window", window)
+        assert f"--window: found {window} pixels, expected 16 (the tile of the codes) to 32 (the sensor)" in said
+    assert "beside weights" in refused(capsys, *decode[:2], "--weights", "run", "--window", "16")
+    assert not (tmp_path / "other.nc").exists()

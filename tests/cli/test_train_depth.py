@@ -77,7 +77,7 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
         ({"train": "bare.nc"}, ("bare.nc", "without depth", "--placed random")),
         ({"train": "motorcycle.nc"}, ("motorcycle.nc", "no such file")),
         ({"validation": "small.nc"}, ("small.nc", "20×22", "at least 64×64")),
-        ({"start": ["data.side=20"]}, ("data.side 20", "at least a patch")),
+        ({"start": ["data.side=20"]}, ("data.side: found 20", "a patch and its margin, 64")),
         ({"start": ["data.bands=31"]}, ("data.bands", "camera.preset")),
         ({"start": ["codes.start=bare.nc"]}, ("bare.nc", "heights")),
         ({"start": ["optimiser.steps=0"]}, ("optimiser.steps", "0")),

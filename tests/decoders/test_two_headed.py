@@ -112,6 +112,17 @@ def test_weights_bring_camera_and_network_back(tmp_path, prior):
     assert again.path == file
 
 
+def test_windows_hold_a_tile_of_the_codes(prior):
+    large = camera(period=16)
+    assert build_depth_network({"widths": [6, 8], "blocks": 1}, large).window == 16
+    assert build_depth_network({"widths": [6, 8], "blocks": 1}, camera()).window == 12
+    with pytest.raises(SettingError, match=r"decoder\.window: found 4 pixels, expected 16 .*leave it out"):
+        build_depth_network({**SMALL, "start": "likelihood"}, large)
+    network = build_depth_network({**SMALL, "start": "likelihood"}, camera())
+    with pytest.raises(SettingError, match=r"window of the weights: found 4 pixels, expected 16 .*trained for such"):
+        TwoHeadedDecoder(network, large, prior)
+
+
 def test_weights_keep_the_first_stage_that_they_were_trained_behind(tmp_path, prior):
     made, own = camera(), {"temperature": 3.0, "reach": 5, "contamination": 0.3}
     network = build_depth_network({**SMALL, "start": "likelihood", **own}, made)

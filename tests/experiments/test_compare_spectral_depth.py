@@ -176,6 +176,8 @@ def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, scenes):
     assert "a training scene" in said(test=scenes[0])
     assert "--steps" in said("--steps", "0")
     assert "at least 96" in said("--side", "0")
+    margins = ("--crop", "64x64", "--decoders", "two-headed")
+    assert "at least 96" in said("--side", "94", *margins)  # 15 pixels around a patch of 64 are 16 in whole tiles
     (tmp_path / "folder").mkdir()
     assert "a training scene" in said(test=tmp_path / "folder" / ".." / "learned.nc")
     assert "no such" in said(train=tmp_path / "none.nc")

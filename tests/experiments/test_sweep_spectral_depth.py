@@ -74,11 +74,18 @@ def test_files_of_codes_are_swept_and_say_their_own_settings(capsys, tmp_path):
         (("--vary", "slots=0"), "slots"),
         (("--vary", "mask=spiral"), "mask"),
         (("--vary", "slots=1,2", "--set", "codes=none.nc"), "codes"),
+        (("--vary", "period=4,40"), "--crop: found 36×40 pixels, expected at least the 40 of the tile of the codes"),
     ],
 )
 def test_what_makes_no_camera_is_refused(capsys, tmp_path, more, said):
     assert said in refused(capsys, *sweep(*more))
     assert not list(tmp_path.glob("sweep.*"))
+
+
+@pytest.mark.usefixtures("scenes")
+def test_tiles_larger_than_the_usual_window_are_swept(capsys):
+    main(sweep("--vary", "period=2,14", "--set", "slots=2", "--set", "noise=0.01", "--json"))
+    assert [row["period"] for row in json.loads(capsys.readouterr().out)["rows"]] == [2, 14]
 
 
 @pytest.mark.usefixtures("scenes")

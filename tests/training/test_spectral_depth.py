@@ -262,6 +262,8 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
         ({"camera.size": [32, 24]}, "patches"),
         ({"data.margin": 3}, "whole tiles of 2"),
         ({"data.side": 40, "data.margin": 10}, "a patch and its margin, 44"),
+        ({"data.side": 35, "data.margin": None}, "a patch and its margin, 36"),
+        ({"decoder": {"kind": "two-headed", "window": 1}}, r"decoder\.window: found 1 pixels, expected 2"),
         ({"codes.throughput": 0.5}, "throughput"),
         ({"codes.through_start": True}, "an unknown name"),
         ({"data.redrawn": 5}, "redrawn"),

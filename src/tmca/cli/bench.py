@@ -41,6 +41,11 @@ class BenchOptions:
     oversampling: _Number = None
     "Samples per side of a pixel, over whose area light is summed."
 
+    def named(self) -> list[str]:
+        """The options that are given, as they are typed."""
+        given = [f"--{name.replace('_', '-')}" for name, value in vars(self).items() if value is not None]
+        return [name for name in given if name != "--lens"] + ([] if self.lens else ["--no-lens"])
+
     def changes(self) -> dict[str, Any]:
         """Arguments of `PhaseMaskBench`.
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli import spectral_depth
+from tmca.cli.numbers import MaybeWhole
 from tmca.cli.options import OutputOptions, TruthOptions, check_targets, warned
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
@@ -29,6 +30,7 @@ def reconstruct(
     truth: str | None = None,
     tv_weight: float | None = None,
     uncertainty: bool = True,
+    window: MaybeWhole = None,
     reading: TruthOptions = _SCENE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -49,6 +51,7 @@ def reconstruct(
             was for the snapshot.
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
+        window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
     """
     from tmca.cameras import Snapshot
 
@@ -57,11 +60,13 @@ def reconstruct(
     decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual)
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     how: dict[str, Any] = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty}
+    if window is not None and usual != "likelihood":
+        raise SettingError("--window", str(window), "none: spectral-depth snapshots alone have one", "leave it out")
     if taken.camera.application == "light-field":
         found = _light_field(taken, snapshot, target, decoder, truth, reading, output, how | {"dictionary": dictionary})
     elif taken.camera.application == "spectral-depth":
         spectral_depth.refuse_reading(reading, dictionary=dictionary, tv_weight=tv_weight)
-        found = spectral_depth.reconstruct(taken, snapshot, target, decoder, truth, output, prior, weights)
+        found = spectral_depth.reconstruct(taken, snapshot, target, decoder, truth, output, prior, weights, window)
     elif dictionary is not None:
         raise SettingError(
             "--dictionary", str(dictionary), "none: only light fields are decoded by one", "leave it out"

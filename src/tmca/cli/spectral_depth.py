@@ -48,11 +48,22 @@ class DepthSceneOptions:
         if self.reduce < 1 or self.scene_seed < 0:
             found = f"{self.reduce}, {self.scene_seed}"
             raise SettingError("--reduce, --scene-seed", found, "1 or more, and 0 or more")
+        self._check_pairs()
         return load_spectral_depth(
             source, camera.wavelengths, near=camera.planes.near, far=camera.planes.far, size=crop,
             reduce=self.reduce, placed=self.placed, from_rgb=self.from_rgb, materials=self.materials,
             fitted=not self.metric_depth, seed=self.scene_seed,
         )  # fmt: skip
+
+    def _check_pairs(self) -> None:
+        """Refuses options that no kind of scene uses together."""
+        if self.materials != "train" and not self.from_rgb:
+            known = "beside --from-rgb alone, which makes spectra up of them"
+            raise SettingError("--materials", self.materials, known, "leave it out, or add --from-rgb")
+        for name, given in (("--from-rgb", self.from_rgb), ("--metric-depth", self.metric_depth)):
+            if given and self.placed is not None:
+                known = "one of them: --placed is for cubes, which have spectra and no depth"
+                raise SettingError(name, f"--placed {self.placed} beside it", known, "leave one of the two out")
 
 
 @Parameter(name="*")
@@ -102,12 +113,12 @@ class SpectralDepthOptions:
         if self.depth is not None:
             given["depth"] = depth_range(self.depth)
         given |= self._rms()
+        if self.codes is not None and self.codes.suffix != ".nc":
+            return self._trained(sensor, bench, crop)
         if changes := bench.changes():
             given["bench"] = changed_bench(preset_bench(self.preset), changes)
-        if self.codes is not None and self.codes.suffix != ".nc":
-            return self._trained(sensor, crop)
         if self.codes is not None:
-            given |= self._designed(given)
+            given |= self._designed(given, bench)
         return SpectralDepthCamera.from_preset(self.preset, size=crop, sensor=Sensor(**vars(sensor)), **given)
 
     def _rms(self) -> dict[str, float]:
@@ -119,26 +130,27 @@ class SpectralDepthOptions:
             raise SettingError("--rms-nm", f"a mask that is {self.mask}", "a random mask", "leave one of the two out")
         return {"rms": self.rms_nm * 1e-9}
 
-    def _trained(self, sensor: SensorOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
+    def _trained(self, sensor: SensorOptions, bench: BenchOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
         """The camera of a trained network, which nothing else may set."""
         from tmca.decoders.depth_weights import DepthWeights
         from tmca.sensor import Sensor
 
         plain = vars(SpectralDepthOptions())
         beside = [name for name, value in vars(self).items() if name not in ("codes", "seed") and value != plain[name]]
-        if beside:
-            raise SettingError("--codes", f"--{beside[0].replace('_', '-')} beside weights", "one of them")
+        if named := [*(f"--{name.replace('_', '-')}" for name in beside), *bench.named()]:
+            raise SettingError("--codes", f"{named[0]} beside weights", "one of them", "leave one of the two out")
         return DepthWeights.load(self.codes or "").sized_camera(crop, sensor=Sensor(**vars(sensor)))
 
-    def _designed(self, given: dict[str, Any]) -> dict[str, Any]:
+    def _designed(self, given: dict[str, Any], bench: BenchOptions) -> dict[str, Any]:
         """Camera arguments of a file of codes, which nothing else may set."""
         from tmca.cameras.phase_codes import read_phase_codes
 
         found = read_phase_codes(self.codes or "")
         beside = [name for name in given if name in (*found, "rms") and name != "slots"]
         if beside:
-            option = {"rms": "rms-nm", "bench": "the bench's options"}.get(beside[0], beside[0])
-            raise SettingError("--codes", f"--{option} beside it", "one of them")
+            own = {"rms": "--rms-nm", "bench": next(iter(bench.named()), "")}
+            option = own.get(beside[0], f"--{beside[0].replace('_', '-')}")
+            raise SettingError("--codes", f"{option} beside it", "one of them")
         if given.get("slots", found["slots"]) != found["slots"]:
             raise SettingError("--slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
         return found
@@ -191,8 +203,10 @@ def reconstruct(
     output: OutputOptions,
     prior: Path | None,
     weights: str | None = None,
+    window: int | None = None,
 ) -> tuple[Any, list[Path]]:
     """Cube and depth of a snapshot, and the files that were written."""
+    from tmca.decoders.depth_likelihood import check_window
     from tmca.experiments.spectral_depth.imaging import (
         reconstruct_spectral_depth,
         spectral_depth_files,
@@ -201,10 +215,14 @@ def reconstruct(
     from tmca.experiments.spectral_depth.scenes import true_spectral_depth
 
     check_targets(spectral_depth_files(target, output.figures), output.overwrite, snapshot)
+    if window is not None and weights is not None:
+        raise SettingError("--window", f"{window} beside weights", "none: a network brings its own", "leave it out")
+    if window is not None:
+        check_window(window, taken.camera, "--window")
     scene = None if truth is None else true_spectral_depth(truth, taken)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         result = reconstruct_spectral_depth(
-            taken, decoder, prior=prior, weights=weights, truth=scene, progress=progress
+            taken, decoder, prior=prior, weights=weights, window=window, truth=scene, progress=progress
         )
     written = [result.save(target, overwrite=output.overwrite)]
     if output.figures:

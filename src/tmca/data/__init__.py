@@ -20,7 +20,7 @@ from tmca.data.rendering import (
     split_rendered,
     split_rendered_light_fields,
 )
-from tmca.data.rgbd import holds_rgbd, read_rgbd, refuse_rgbd
+from tmca.data.rgbd import holds_rgbd, read_rgbd, refuse_rgbd, rgbd_sources
 from tmca.data.shifts import view_shifts
 from tmca.data.spectral_depth import label_spectral_depth, read_spectral_depth
 from tmca.data.splits import checksum_of, read_split, write_split
@@ -71,6 +71,7 @@ __all__ = [
     "rendered_light_field",
     "rendered_names",
     "rendered_scene",
+    "rgbd_sources",
     "select_bands",
     "spectral_from_rgb",
     "split_rendered",

@@ -12,7 +12,7 @@ from tmca.data.formats.arrays import QUANTITY
 from tmca.data.formats.rgbd_files import find_rgbd
 from tmca.data.light_fields import COLOURS, centre_window
 from tmca.data.rendering.resample import area_average, nearest
-from tmca.data.rgbd_layouts import load_rgbd
+from tmca.data.rgbd_layouts import SHEETS, load_rgbd
 from tmca.data.srgb import decoded
 from tmca.errors import DataError
 
@@ -66,6 +66,21 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
     rgb = xr.DataArray(np.ascontiguousarray(linear), dims=("colour", "y", "x"), attrs=units)
     variables = {"rgb": rgb, "depth": label_depth(values, path)}
     return xr.Dataset(variables, {"colour": ("colour", list(COLOURS))}, about)
+
+
+def rgbd_sources(path: str | Path) -> list[Path]:
+    """The files that `read_rgbd` takes for a scene: picture, depth map, and the calibrations in their folder.
+
+    Nothing where a path names no picture with its depth, or several; a light field's are its folder's.
+    """
+    try:
+        files = find_rgbd(path)
+    except DataError:
+        return []
+    if files is None or files.picture is None or files.depth is None:
+        return []
+    sheets = {sheet for pattern in SHEETS for sheet in files.folder.glob(pattern) if sheet.is_file()}
+    return [files.picture, files.depth, *sorted(sheets)]
 
 
 def holds_rgbd(path: str | Path) -> bool:

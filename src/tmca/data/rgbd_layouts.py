@@ -23,6 +23,8 @@ from tmca.errors import DataError
 BORDER = 8
 """Pixels cut on every side of a NYU picture whose frame is white: what its registration left empty, and its edge."""
 ANNOTATIONS = "metric3d_annotations.json"
+SHEETS = ("*dmin.txt", "calib.txt", "camera*.json", ANNOTATIONS)
+"""Files beside picture and depth map that calibrate them."""
 _CROPPED_TO = 32
 """Hole-filled Middlebury 2005 maps cover the centre of their picture, down to whole multiples of this."""
 

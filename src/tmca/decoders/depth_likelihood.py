@@ -87,6 +87,28 @@ class _Found:
         return cls(estimate, depth, confidence, every, shares)
 
 
+def usual_window(camera: SpectralDepthCamera) -> int:
+    """Side of windows in pixels where none is given: ``WINDOW``, or the tile of the codes where that is larger.
+
+    Raises:
+        SettingError: shutter patterns that do not repeat.
+    """
+    return max(WINDOW, camera.tile_size)
+
+
+def check_window(
+    window: int,
+    camera: SpectralDepthCamera,
+    where: str = "window",
+    remedy: str = "leave it out, or give one in between",
+) -> None:
+    """Raises SettingError unless windows of this side hold a tile of the codes and lie on the sensor."""
+    least, most = camera.tile_size, min(camera.size)
+    if not isinstance(window, int) or not least <= window <= most:
+        known = f"{least} (the tile of the codes) to {most} (the sensor)"
+        raise SettingError(where, f"{window} pixels", known, remedy)
+
+
 class PatchLikelihood:
     """Depth and spectrum from windows of a snapshot.
 
@@ -95,7 +117,7 @@ class PatchLikelihood:
     Args:
         prior: stationary Gaussian prior of the camera's bands, its blocks at least ``needed_block``.
         camera: with periodic shutter and filters.
-        window: m, pixels.
+        window: m, pixels; `usual_window` if None.
         gains: variances over the prior's that are tried for every window.
         temperature: what a window's log-likelihood is divided by before it counts as a probability.
         reach: pixels beyond its rim at which a window still has a say in the depth.
@@ -111,16 +133,15 @@ class PatchLikelihood:
         self,
         prior: GaussianPrior,
         camera: SpectralDepthCamera,
-        window: int = WINDOW,
+        window: int | None = None,
         gains: Sequence[float] = GAINS,
         *,
         temperature: float = TEMPERATURE,
         reach: int = REACH,
         contamination: float = CONTAMINATION,
     ) -> None:
-        if window < camera.tile_size or window > min(camera.size):
-            known = f"{camera.tile_size} (the tile) to {min(camera.size)} (the sensor) pixels"
-            raise SettingError("window", f"{window} pixels", known)
+        window = usual_window(camera) if window is None else window
+        check_window(window, camera)
         if not temperature > 0 or reach < 0 or not 0 <= contamination <= 1:
             given = f"{temperature:g}, {reach} pixels, {contamination:g}"
             raise SettingError("temperature, reach, contamination", given, "above 0, 0 pixels or more, and 0 to 1")

@@ -12,14 +12,14 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.decoding import Progress
-from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded
+from tmca.decoders.depth_likelihood import DepthDecoded
+from tmca.decoders.depth_prior import find_depth_prior
 from tmca.decoders.network import TILE, seen_by_tile
 from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, camera_sizes, first_likelihood, first_stage
 from tmca.decoders.weights_file import fill_network, read_weights, write_weights
 from tmca.errors import DataError, SettingError
 from tmca.optics import PhaseMaskBench, Stroke, changed_bench, family_parameters, restored_maps
-from tmca.priors import GaussianPrior, load_prior, rendered_prior
-from tmca.priors.spectral_depth import needed_block
+from tmca.priors import GaussianPrior
 
 _FIRST = 0.8
 """Share of the time that the first stage takes, as a rule."""
@@ -75,12 +75,8 @@ class DepthWeights:
         """
         if not self.prior:
             return None
-        if self.prior == "rendered":
-            return rendered_depth_prior(self.camera, self.network.window)
-        found = load_prior(self.path.parent / self.prior if self.path is not None else Path(self.prior))
-        if not isinstance(found, GaussianPrior):
-            raise DataError(self.prior, f"a {type(found).__name__}", "a Gaussian prior")
-        return found
+        beside = self.path.parent / self.prior if self.path is not None else Path(self.prior)
+        return find_depth_prior(None if self.prior == "rendered" else beside, self.camera, self.network.window)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the file, whole or not at all; the network in half precision.
@@ -181,13 +177,6 @@ def _alike(one: Any, other: Any) -> bool:
     if isinstance(one, Tensor):
         return one.shape == other.shape and torch.allclose(one.float(), other.float(), rtol=1e-5, atol=1e-9)
     return bool(one == other)
-
-
-def rendered_depth_prior(camera: SpectralDepthCamera, window: int) -> GaussianPrior:
-    """The rendered scenes' prior at a camera's bands, its blocks large enough for windows of the usual size too."""
-    found = rendered_prior(camera.wavelengths, 0, block=needed_block(max(window, WINDOW), camera.bench.window))
-    assert isinstance(found, GaussianPrior)
-    return found
 
 
 def _tensors(camera: SpectralDepthCamera) -> dict[str, Tensor]:

@@ -13,7 +13,15 @@ from torch import Tensor, nn
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.convolutions import TwoHeadedBody
 from tmca.decoders.decoding import Progress
-from tmca.decoders.depth_likelihood import REACH, TEMPERATURE, WINDOW, DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_likelihood import (
+    REACH,
+    TEMPERATURE,
+    WINDOW,
+    DepthDecoded,
+    PatchLikelihood,
+    check_window,
+    usual_window,
+)
 from tmca.decoders.depth_posterior import DepthPosterior
 from tmca.decoders.network import LEVEL_REACH, RESIDUAL, local_level, noise_maps
 from tmca.errors import SettingError, ShapeError
@@ -167,6 +175,7 @@ def first_likelihood(network: TwoHeadedUNet, prior: GaussianPrior, camera: Spect
         SettingError, ShapeError: see `PatchLikelihood`.
     """
     own = {name: network.settings[name] for name in ("window", "temperature", "reach", "contamination")}
+    check_window(own["window"], camera, "window of the weights", "name weights that were trained for such codes")
     return PatchLikelihood(prior, camera, **own)
 
 
@@ -209,10 +218,12 @@ def camera_sizes(camera: SpectralDepthCamera) -> dict[str, int]:
 def build_depth_network(settings: dict[str, Any], camera: SpectralDepthCamera) -> TwoHeadedUNet:
     """A network for a camera; ``settings`` are those of `TwoHeadedUNet` that the camera does not say.
 
+    Windows of a first stage are the camera's usual ones where the settings do not say.
+
     Raises:
-        SettingError: unknown kind or setting, or impossible sizes.
+        SettingError: unknown kind or setting, impossible sizes, or windows that do not fit the camera.
     """
-    given = {name: value for name, value in settings.items() if name != "kind"}
+    given = {"window": usual_window(camera), **{name: value for name, value in settings.items() if name != "kind"}}
     if settings.get("kind", TwoHeadedUNet.kind) != TwoHeadedUNet.kind:
         raise SettingError("decoder", repr(settings["kind"]), TwoHeadedUNet.kind)
     own: dict[str, Any] = camera_sizes(camera)
@@ -221,6 +232,9 @@ def build_depth_network(settings: dict[str, Any], camera: SpectralDepthCamera) -
     if unknown:
         raise SettingError("decoder two-headed", ", ".join(unknown), f"some of {', '.join(known)}")
     try:
-        return TwoHeadedUNet(**own, **given)
+        network = TwoHeadedUNet(**own, **given)
     except (TypeError, ValueError, RuntimeError, ZeroDivisionError) as error:
         raise SettingError("decoder two-headed", str(given), "numbers that make a network", str(error)) from None
+    if network.start == "likelihood":
+        check_window(network.window, camera, "decoder.window")
+    return network

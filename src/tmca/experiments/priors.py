@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.decoders.depth_likelihood import WINDOW
+from tmca.decoders.depth_likelihood import usual_window
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.scenes import at_bands, load_scene
@@ -74,7 +74,7 @@ def _needed(like: Path, mixture: bool, spread: int | None) -> tuple[tuple[float,
     camera = Snapshot.load(like).camera
     if not isinstance(camera, SpectralDepthCamera):
         raise SettingError("--like", f"a {camera.application} snapshot", "one of the spectral-depth camera")
-    return camera.wavelengths, needed_block(WINDOW, camera.bench.window)
+    return camera.wavelengths, needed_block(usual_window(camera), camera.bench.window)
 
 
 def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: dict[str, Any]) -> dict[str, float]:

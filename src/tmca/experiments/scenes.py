@@ -91,15 +91,18 @@ def at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
 
 
 def identity_of(source: str) -> str | None:
-    """Checksum of a scene's file or of a folder's files, of every scene of a split; None for a rendered scene, or one
-    that is not there."""
-    from tmca.data import checksum_of, read_split
+    """Checksum of a scene's file, of a folder's files, or of an RGB-D scene's, which a stem may name; of every scene of
+    a split; None for a rendered scene, or one that is not there."""
+    from tmca.data import checksum_of, read_split, rendered_names, rgbd_sources
 
     path = Path(source)
     if path.suffix == ".txt" and path.is_file():
         return " ".join(str(identity_of(str(scene))) for scene in read_split(path))
-    if path.is_dir():
-        parts = [f"{file.name} {checksum_of(file)}" for file in sorted(path.iterdir()) if file.is_file()]
+    if not path.exists() and source in rendered_names():
+        return None
+    files = sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else rgbd_sources(path)
+    if path.is_dir() or files:
+        parts = [f"{file.name} {checksum_of(file)}" for file in files]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return checksum_of(path) if path.is_file() else None
 

@@ -24,7 +24,7 @@ from tmca.optics import (
     changed_bench,
 )
 from tmca.sensor import channel_response, feasible_filters
-from tmca.training.depth_settings import SpectralDepthTrainSettings
+from tmca.training.depth_settings import SpectralDepthTrainSettings, usual_margin
 
 _OF_MASKS = ("mask", "bench", "stroke", "depth", "planes", "energy")
 """What is taken over of a static code that starts all slots."""
@@ -66,15 +66,23 @@ def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera
 
 
 def _with_margin(given: dict[str, Any], settings: SpectralDepthTrainSettings) -> dict[str, Any]:
-    """Arguments of the camera with the size of a patch and its margin, of whole tiles."""
+    """Arguments of the camera with the size of a patch and its margin, of whole tiles.
+
+    Raises:
+        SettingError: another margin, a patch narrower than its blur, or scenes that need not hold patch and margin.
+    """
     own = {"period": 1, "bench": PhaseMaskBench(), **SPECTRAL_DEPTH_PRESETS.get(settings.camera.preset, {}), **given}
-    reach, period, margin = max(own["bench"].window) // 2, own["period"], settings.data.margin
+    period, margin = own["period"], settings.data.margin
     if margin is None:
-        margin = -(-reach // period) * period
+        margin = usual_margin(own["bench"].window, period)
     if margin % period:
         raise SettingError("data.margin", f"{margin} pixels", f"whole tiles of {period} pixels")
     check_holds(settings.camera.size, own["bench"].window)
-    return {**given, "size": tuple(side + 2 * margin for side in settings.camera.size)}
+    size = tuple(side + 2 * margin for side in settings.camera.size)
+    if settings.data.side < max(size):
+        known = f"at least a patch and its margin, {max(size)} pixels"
+        raise SettingError("data.side", f"{settings.data.side} pixels", known, "set it larger, or smaller patches")
+    return {**given, "size": size}
 
 
 def _started(start: Path, given: dict[str, Any], settings: SpectralDepthTrainSettings) -> dict[str, Any]:

@@ -101,12 +101,9 @@ class SpectralDepthTrainSettings(TrainSettings):
         return self
 
     @model_validator(mode="after")
-    def _has_depth(self) -> SpectralDepthTrainSettings:
+    def _has_patches(self) -> SpectralDepthTrainSettings:
         if self.camera.size != (self.data.patch, self.data.patch):
             raise ValueError(f"camera.size {self.camera.size}: the patches', ({self.data.patch}, {self.data.patch})")
-        least = self.data.patch + 2 * (self.data.margin or 0)
-        if self.data.side < least:
-            raise ValueError(f"data.side {self.data.side}: at least a patch and its margin, {least} pixels")
         if self.data.bands != type(self.data).model_fields["bands"].default:
             raise ValueError("data.bands: nothing, the bands are those of camera.preset")
         return self
@@ -134,6 +131,16 @@ SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
         "optimiser": {"steps": 400},
     },
 }
+
+
+def usual_margin(window: tuple[int, int], period: int) -> int:
+    """Pixels of scene around a patch where none are given: as far as light reaches, in whole tiles.
+
+    Args:
+        window: (h, w) of the point spread functions.
+        period: of the tile of shutter and filters, pixels.
+    """
+    return -(-(max(window) // 2) // period) * period
 
 
 def spectral_depth_settings(

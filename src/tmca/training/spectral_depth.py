@@ -12,11 +12,12 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import make_folder
-from tmca.decoders.depth_weights import DepthWeights, rendered_depth_prior
+from tmca.decoders.depth_prior import find_depth_prior
+from tmca.decoders.depth_weights import DepthWeights
 from tmca.decoders.two_headed import TwoHeadedUNet, build_depth_network
 from tmca.errors import DataError
 from tmca.optics import stray_light
-from tmca.priors import GaussianPrior, load_prior
+from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import learn_depth_prior
 from tmca.sensor import Sensor
 from tmca.training.depth_camera import training_camera
@@ -108,17 +109,14 @@ def _prior(
     if network.start != "likelihood":
         return None
     if lists.prior == RENDERED:
-        return rendered_depth_prior(camera, network.window)
+        return find_depth_prior(None, camera, network.window)
     file = folder / "prior.nc"
     if fabric.is_global_zero and not file.exists():
         learn_depth_prior(
             lists.prior or lists.train, lambda name: load(name)["radiance"], network.window, camera.bench.window
         ).save(file)
     fabric.barrier()
-    found = load_prior(file)
-    if not isinstance(found, GaussianPrior):
-        raise DataError(file, f"a {type(found).__name__}", "a Gaussian prior", "delete the run's folder")
-    return found
+    return find_depth_prior(file, camera, network.window)
 
 
 def _crops(name: str, channels: NDArray[np.float32], side: int) -> list[Tensor]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.cameras.presets import preset_bench
+from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS, preset_bench
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, source_digest, timed
 from tmca.experiments.design.flat_scenes import some_of
@@ -136,8 +136,11 @@ def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
 
 
 def _check_side(own: Sizes, decoders: Sequence[str]) -> None:
-    margins = 2 * (max(preset_bench(own.preset).window) // 2)
-    least = max(min(own.crop), own.patch + margins if {*decoders} & {*NETWORKS} else 1)
+    """Raises SettingError where scenes may be too small for what is measured, or for what networks learn from."""
+    from tmca.training.depth_settings import usual_margin
+
+    margin = usual_margin(preset_bench(own.preset).window, SPECTRAL_DEPTH_PRESETS[own.preset]["period"])
+    least = max(min(own.crop), own.patch + 2 * margin if {*decoders} & {*NETWORKS} else 1)
     if own.side < least:
         raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches with margins and --crop need")
 

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.depth_prior import find_depth_prior
 from tmca.experiments.figures import save_figure
 from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS
 from tmca.experiments.spectral_depth.figures import depth_figure, psf_figure
 from tmca.experiments.spectral_depth.imaging import (
     SpectralDepthReconstruction,
-    find_depth_prior,
     reconstruct_spectral_depth,
     take_spectral_depth_snapshot,
 )

@@ -14,7 +14,8 @@ import torch
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.cameras.checks import check_holds
 from tmca.decoders.decoding import OtherCodes
-from tmca.decoders.depth_likelihood import WINDOW, DepthDecoded, PatchLikelihood
+from tmca.decoders.depth_likelihood import DepthDecoded, PatchLikelihood, check_window, usual_window
+from tmca.decoders.depth_prior import find_depth_prior
 from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
 from tmca.decoders.neural import same_bands
 from tmca.errors import SettingError
@@ -128,7 +129,7 @@ def reconstruct_spectral_depth(
     *,
     prior: str | Path | GaussianPrior | None = None,
     weights: str | Path | DepthWeights | None = None,
-    window: int = WINDOW,
+    window: int | None = None,
     truth: xr.Dataset | None = None,
     progress: Callable[..., None] | None = None,
 ) -> SpectralDepthReconstruction:
@@ -140,12 +141,13 @@ def reconstruct_spectral_depth(
         prior: a stationary Gaussian prior of the camera's bands, its file, or None for the rendered scenes' one; a
             network brings its own.
         weights: of a network: a run or file of `tmca train spectral-depth`.
-        window: of the patch likelihood, pixels.
+        window: of the patch likelihood, pixels; `usual_window` if None. A network brings its own.
         truth: the scene, for metrics.
         progress: told the share that is done.
 
     Raises:
-        SettingError: another decoder, or a prior or network that does not fit.
+        SettingError: another decoder, or a prior, window or network that does not fit.
+        DataError: a prior of another kind.
 
     Warns:
         OtherCodes: a network that was trained for other codes.
@@ -159,21 +161,28 @@ def reconstruct_spectral_depth(
         raise SettingError("weights", given, "those of a network, for the network alone", "pass --weights RUN")
     start = perf_counter()
     if weights is not None:
-        found = _network(weights, prior, snapshot.camera)(snapshot.values, progress)
+        _refuse_beside_weights(prior=prior, window=window)
+        found = _network(weights, snapshot.camera)(snapshot.values, progress)
     else:
+        window = usual_window(snapshot.camera) if window is None else window
+        check_window(window, snapshot.camera)
         known = find_depth_prior(prior, snapshot.camera, window)
         found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress, planes=False)
     found.seconds = perf_counter() - start
     return _labelled(found, decoder, snapshot, truth)
 
 
-def _network(weights: str | Path | DepthWeights, prior: Any, camera: SpectralDepthCamera) -> TwoHeadedDecoder:
+def _refuse_beside_weights(**given: Any) -> None:
+    for name, value in given.items():
+        if value is not None:
+            raise SettingError(name, str(value), "none beside weights, which bring their own", "leave it out")
+
+
+def _network(weights: str | Path | DepthWeights, camera: SpectralDepthCamera) -> TwoHeadedDecoder:
     """The decoder of some weights for a camera."""
     from warnings import warn
 
     own = weights if isinstance(weights, DepthWeights) else DepthWeights.load(weights)
-    if prior is not None:
-        raise SettingError("prior", str(prior), "none beside weights, which bring their own", "leave it out")
     check_fits(own.network, camera)
     if not same_bands(own.camera.wavelengths, camera.wavelengths):
         found, wanted = (_bands(one.wavelengths) for one in (own.camera, camera))
@@ -186,16 +195,6 @@ def _network(weights: str | Path | DepthWeights, prior: Any, camera: SpectralDep
 
 def _bands(wavelengths: Sequence[float]) -> str:
     return f"{len(wavelengths)} bands of {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm"
-
-
-def find_depth_prior(prior: str | Path | GaussianPrior | None, camera: SpectralDepthCamera, window: int) -> Any:
-    """The prior that a decoder shall use: given, from a file, or of the rendered scenes."""
-    from tmca.priors import load_prior, rendered_prior
-    from tmca.priors.spectral_depth import needed_block
-
-    if prior is not None:
-        return load_prior(prior) if isinstance(prior, (str, Path)) else prior
-    return rendered_prior(camera.wavelengths, 0, block=needed_block(window, camera.bench.window))
 
 
 def middle_of_reconstruction(

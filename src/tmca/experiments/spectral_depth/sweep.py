@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import PROBE
-from tmca.decoders.depth_likelihood import WINDOW
+from tmca.decoders.depth_likelihood import check_window, usual_window
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.scenes import identity_of
@@ -20,7 +20,7 @@ from tmca.experiments.spectral_depth.imaging import (
 )
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
 from tmca.experiments.spectral_depth.scenes import check_depth_scene, load_any_depth_scene, with_surroundings
-from tmca.experiments.sweep import Swept, Values, sweep
+from tmca.experiments.sweep import Swept, Values, parts, sweep
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -71,6 +71,20 @@ def _check(preset: str, camera: dict[str, Any], sensor: dict[str, Any]) -> None:
     _camera(preset, camera, sensor, PROBE)
 
 
+def _window(camera: SpectralDepthCamera, size: tuple[int, int], window: int | None) -> int:
+    """Side of a camera's windows in pixels.
+
+    Raises:
+        SettingError: one that does not hold a tile of the codes, or a tile larger than the crop (H, W).
+    """
+    if camera.tile_size > min(size):
+        found, known = f"{size[0]}×{size[1]} pixels", f"at least the {camera.tile_size} of the tile of the codes"
+        raise SettingError("--crop", found, known, "take a larger crop, or a smaller period")
+    side = usual_window(camera) if window is None else window
+    check_window(side, camera)
+    return side
+
+
 def spectral_depth_swept(preset: str) -> Swept:
     """What a sweep asks of the camera of a preset."""
 
@@ -102,7 +116,7 @@ def sweep_spectral_depth(
     side: int = 256,
     placed: str | None = None,
     from_rgb: bool = False,
-    window: int = WINDOW,
+    window: int | None = None,
     **how: Any,
 ) -> dict[str, Any]:
     """Measure every combination of the varied settings; ``sweep`` says what is not said here.
@@ -119,22 +133,23 @@ def sweep_spectral_depth(
         side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
         placed: how cubes without depth are put at drawn depths.
         from_rgb: make up spectra for RGB-D scenes.
-        window: of the patch likelihood, pixels.
+        window: of the patch likelihood, pixels; the usual one of every camera if None.
         how: further arguments of ``sweep``.
     """
     from tmca.data import rendered_names
 
     reading: Settings = {"side": side, "placed": placed, "from_rgb": from_rgb}
+    swept, size = spectral_depth_swept(preset), size or (96, 128)
 
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
         for name in scenes:
             if Path(name).exists() or name not in rendered_names():
                 check_depth_scene(name, placed, from_rgb)
         files = {str(point["codes"]) for point in points if "codes" in point}
-        return {"prior": learned_depth_prior(train, work, preset, window, reading) if train else None,
+        largest = max(_window(_camera(preset, *parts(swept, point), PROBE), size, window) for point in points)
+        return {"prior": learned_depth_prior(train, work, preset, largest, reading) if train else None,
                 "code_files": [identity_of(name) for name in sorted(files)]}  # fmt: skip
 
-    data: Settings = {**reading, "preset": preset, "size": list(size or (96, 128)), "window": window}
-    swept = spectral_depth_swept(preset)
+    data: Settings = {**reading, "preset": preset, "size": list(size), "window": window}
     return sweep(swept, vary, scenes, out, work, data, prepare=prepare, train=train,
                  **{"decoder": "likelihood", **how})  # fmt: skip
