@@ -53,6 +53,7 @@ def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
     assert "far too optimistic" in page
     with xr.open_dataset("d/codes.nc") as best, xr.open_dataset(f"d/codes_k{found['slots']}.nc") as same:
         np.testing.assert_array_equal(best["heights"], same["heights"])
+        assert "longer path" in best["heights"].attrs["long_name"]
     take = ["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44", "--no-figures"]
     main([*take, "--codes", "d/codes_k2.nc", "--out", "s.nc"])
     with xr.open_dataset("d/codes_k2.nc") as codes, xr.open_dataset("s.nc") as taken:

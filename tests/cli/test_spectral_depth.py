@@ -17,6 +17,7 @@ from tmca.priors import GaussianPrior
 
 WAVES = (480e-9, 620e-9)
 
+
 @pytest.fixture(scope="module")
 def prior(tmp_path_factory):
     waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
@@ -75,6 +76,7 @@ def test_options_describe_the_camera(capsys):
         assert told["oversampling"] == 4
         made = mask_heights("rotational", 1, PhaseMaskBench(**told), rms=20e-9)()
         np.testing.assert_allclose(kept["heights"], made, rtol=1e-5, atol=1e-15)
+        assert "longer path" in kept["heights"].attrs["long_name"]
         assert kept["cells"].shape == kept["shutter"].shape[1:] == (40, 40)
         assert kept.attrs["inverse_depth_scale"] > 0
 

@@ -19,6 +19,7 @@ from tmca.errors import DataError
 from tmca.optics import PhaseMaskBench, Stroke
 
 _PARTS = ("heights", "shutter", "cells")
+MEANING_OF_HEIGHTS = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
 _SAID = ("bench", "depth", "filters", "channels", "exposure", "energy")
 
 
@@ -52,7 +53,7 @@ def write_phase_codes(
 
     heights, shutter = camera.codes()[0].detach(), camera.tile()[1].detach()
     parts = {
-        "heights": (("slot", "y_mask", "x_mask"), heights.cpu().numpy(), {"units": "m"}),
+        "heights": (("slot", "y_mask", "x_mask"), heights.cpu().numpy(), MEANING_OF_HEIGHTS),
         "shutter": (("slot", "y_tile", "x_tile"), shutter.cpu().numpy().astype(np.uint8), {"meaning": "1 = open"}),
         "cells": (("y_tile", "x_tile"), camera.filters.cells().cpu().numpy(), {"long_name": "index of the filter"}),
     }
