@@ -14,7 +14,15 @@ from tmca.priors import GaussianPrior
 
 WAVES = (440e-9, 680e-9)
 QUICK = {"--bands": 2, "--planes": 3, "--window": 3, "--starts": 2, "--steps": 1, "--read-noise": 0.002}
-SMALL = [str(word) for pair in QUICK.items() for word in pair]
+
+
+def words(**changes):
+    """Options, with other values of some."""
+    given = QUICK | {f"--{name}": value for name, value in changes.items()}
+    return [str(word) for pair in given.items() for word in pair]
+
+
+SMALL = words()
 
 
 @pytest.fixture(scope="module")
@@ -31,11 +39,12 @@ def elsewhere(tmp_path, monkeypatch):
 
 def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
     own = ["--slots", "2", "--stroke", "4e-7", "--aperture", "1.5e-3", "--filters", "gaussian", "--channels", "rgb"]
-    main(["design", "spectral-depth", "--prior", str(prior), *SMALL, *own, "--out", "d", "--json"])
+    main(["design", "spectral-depth", "--prior", str(prior), *words(steps=3), *own, "--out", "d", "--json"])
     found = json.loads(capsys.readouterr().out)
     assert json.loads((tmp_path / "d" / "design.json").read_text())["advice"] == found["advice"]
     assert [row["slots"] for row in found["designs"]] == [1, 2]
-    assert all(row["confusion"] <= row["random_confusion"] and row["seconds"] > 0 for row in found["designs"])
+    assert all(row["confusion"] < 0.99 * row["random_confusion"] for row in found["designs"])
+    assert all(row["seconds"] > 0 for row in found["designs"])
     pictures = {"fisher.png", "distances.png", "masks_k1.png", "masks_k2.png", "psf_k1.png", "psf_k2.png"}
     codes = {"codes.nc", "codes_k1.nc", "codes_k2.nc"}
     assert {file.name for file in (tmp_path / "d").iterdir()} == {"design.json", "design.html", *pictures, *codes}
@@ -44,6 +53,7 @@ def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
     assert "far too optimistic" in page
     with xr.open_dataset("d/codes.nc") as best, xr.open_dataset(f"d/codes_k{found['slots']}.nc") as same:
         np.testing.assert_array_equal(best["heights"], same["heights"])
+        assert "longer path" in best["heights"].attrs["long_name"]
     take = ["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44", "--no-figures"]
     main([*take, "--codes", "d/codes_k2.nc", "--out", "s.nc"])
     with xr.open_dataset("d/codes_k2.nc") as codes, xr.open_dataset("s.nc") as taken:

@@ -12,7 +12,11 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
 from tmca.data import rendered_scene, write_dataset
+from tmca.experiments.spectral_depth.scenes import load_spectral_depth
+from tmca.optics import PhaseMaskBench, mask_heights
 from tmca.priors import GaussianPrior
+
+WAVES = (480e-9, 620e-9)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +37,7 @@ def simulate(*more, scene="motorcycle"):
 
 
 def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, prior):
-    simulate("--read-noise", "0.002", "--json")
+    simulate("--read-noise", "0.002", "--shutter", "one-hot", "--json")
     told = json.loads(capsys.readouterr().out)
     assert told["bands"] == 8
     assert told["slots"] == 4
@@ -45,7 +49,9 @@ def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, p
     found = json.loads(capsys.readouterr().out)
     assert found["decoder"] == "likelihood"
     assert found["metrics"]["psnr"] > 15
-    assert 0 < found["metrics"]["depth_mae"] < 1.6
+    truth = load_spectral_depth("motorcycle", WAVES, near=0.4, far=2.0, size=(48, 52), reduce=8)["depth"]
+    middle = 2 / (1 / 0.4 + 1 / 2.0)
+    assert found["metrics"]["depth_mae"] < 0.8 * float(abs(truth - middle).mean())
     with xr.open_dataset("motorcycle_likelihood.nc") as kept:
         assert kept["depth"].shape == (48, 52)
         assert float(kept["depth"].min()) >= 0.4 - 1e-6
@@ -66,9 +72,13 @@ def test_options_describe_the_camera(capsys):
     main(["inspect", "motorcycle_snapshot.nc"])
     with xr.open_dataset("motorcycle_snapshot.nc") as kept:
         assert json.loads(kept.attrs["depth"]) == {"near": 0.5, "far": 1.5, "count": 5}
-        assert kept["heights"].shape[0] == 1
         told = json.loads(kept.attrs["bench"])
         assert (told["diameter"], told["window"], told["material"]) == (1.5e-3, [25, 25], "PMMA")
+        assert told["oversampling"] == 4
+        made = mask_heights("rotational", 1, PhaseMaskBench(**told), rms=20e-9)()
+        np.testing.assert_allclose(kept["heights"], made, rtol=1e-5, atol=1e-15)
+        assert "longer path" in kept["heights"].attrs["long_name"]
+        assert kept["cells"].shape == kept["shutter"].shape[1:] == (40, 40)
         assert kept.attrs["inverse_depth_scale"] > 0
 
 

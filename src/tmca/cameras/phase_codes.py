@@ -25,6 +25,7 @@ _OF_FAMILY = {
     "radii": (("slot", "radius"), {"units": "m", "long_name": "heights at even radii, from the middle to the rim"}),
 }
 """Variables of masks that are not free-form."""
+MEANING_OF_HEIGHTS = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
 _SAID = ("bench", "depth", "filters", "channels", "exposure", "energy")
 
 
@@ -59,7 +60,7 @@ def write_phase_codes(
 
     heights, shutter = camera.codes()[0].detach(), camera.tile()[1].detach()
     parts = {
-        "heights": (("slot", "y_mask", "x_mask"), heights.cpu().numpy(), {"units": "m"}),
+        "heights": (("slot", "y_mask", "x_mask"), heights.cpu().numpy(), MEANING_OF_HEIGHTS),
         "shutter": (("slot", "y_tile", "x_tile"), shutter.cpu().numpy().astype(np.uint8), {"meaning": "1 = open"}),
         "cells": (("y_tile", "x_tile"), camera.filters.cells().cpu().numpy(), {"long_name": "index of the filter"}),
     }

@@ -42,7 +42,7 @@ class SpectralDepthCamera(Camera):
 
     Args:
         bands: number of bands L, or their wavelengths in metres. A number means even spacing from 400 to 700 nm.
-        size: (H, W) of the scene and the sensor, pixels; it is dark around the scene.
+        size: (H, W) of the scene and the sensor, pixels; dark around the scene, which darkens the linear model's rim.
         slots: number of time slots K within the exposure.
         depth: nearest and farthest plane, metres.
         planes: number of depth planes D, even in inverse depth.

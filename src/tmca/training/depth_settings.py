@@ -121,7 +121,7 @@ SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
         "codes": {"frozen": 0.0},
         "precision": "32-true",
     },
-    # a step takes under a second on two cores
+    # a step takes under a second of one core (``benchmarks/training.py``)
     "quick": {
         "camera": {"preset": "quick", "size": [64, 64]},
         "codes": {"start": "one-hot"},

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tmca.cameras.phase_codes import MEANING_OF_HEIGHTS
 from tmca.cameras.snapshots.parts import (
     UNITS,
     camera_from,
@@ -47,7 +48,7 @@ def to_dataset(values: Tensor, camera: SpectralDepthCamera, notes: dict[str, Any
     tiled = camera.shutter.period is not None
     parts = {
         "snapshot": (("channel", "y", "x"), values[0].detach().cpu().numpy(), _MEANING),
-        "heights": (("slot", "y_mask", "x_mask"), camera.codes()[0].detach().cpu().numpy(), {"units": "m"}),
+        "heights": (("slot", "y_mask", "x_mask"), camera.codes()[0].detach().cpu().numpy(), MEANING_OF_HEIGHTS),
         "shutter": (
             ("slot", *(("y_tile", "x_tile") if tiled else ("y", "x"))),
             compact(shutter),
