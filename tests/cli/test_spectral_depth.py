@@ -113,6 +113,8 @@ def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
         (("--mask", "lens"), "a lens on a bench with a lens"),
         (("--mask", "flat", "--rms-nm", "50"), "--rms-nm"),
         (("--rms-nm", "-5"), "--rms-nm"),
+        (("--mask", "rotational", "--modes", "5"), "--modes"),
+        (("--modes", "0"), "0 modes"),
         (("--scene-seed", "-1"), "--scene-seed"),
         (("--from-rgb",), "leave --from-rgb out"),
         (("--preset", "huge"), "quick"),

@@ -83,6 +83,8 @@ class SpectralDepthOptions:
     "Phase mask: flat, zernike, free-form, rotational or lens."
     rms_nm: Annotated[float | None, Parameter(group=_CAMERA)] = None
     "Of a random mask's heights, nm. [default: 100]"
+    modes: Annotated[int | None, Parameter(group=_CAMERA, converter=whole)] = None
+    "Zernike modes of a random mask, from defocus on. [default: 18]"
     shutter: Annotated[str | None, Parameter(group=_CAMERA)] = None
     "Shutter codes: random, open, one-hot, complementary or blue-noise."
     filters: Annotated[str | None, Parameter(group=_CAMERA)] = None
@@ -112,7 +114,7 @@ class SpectralDepthOptions:
         given = {name: value for name, value in vars(self).items() if value is not None and name not in own}
         if self.depth is not None:
             given["depth"] = depth_range(self.depth)
-        given |= self._rms()
+        given |= self._drawn()
         if self.codes is not None and self.codes.suffix != ".nc":
             return self._trained(sensor, bench, crop)
         if changes := bench.changes():
@@ -121,13 +123,17 @@ class SpectralDepthOptions:
             given |= self._designed(given, bench)
         return SpectralDepthCamera.from_preset(self.preset, size=crop, sensor=Sensor(**vars(sensor)), **given)
 
-    def _rms(self) -> dict[str, float]:
+    def _drawn(self) -> dict[str, float]:
+        """What random masks are drawn with."""
+        without = {"rms_nm": ("flat", "lens"), "modes": ("flat", "lens", "rotational")}
+        for name, families in without.items():
+            if getattr(self, name) is not None and self.mask in families:
+                option, found = f"--{name.replace('_', '-')}", f"a mask that is {self.mask}"
+                raise SettingError(option, found, "a random mask that has it", "leave one of the two out")
         if self.rms_nm is None:
             return {}
         if not self.rms_nm >= 0:
             raise SettingError("--rms-nm", f"{self.rms_nm:g} nm", "0 or more")
-        if self.mask in ("flat", "lens"):
-            raise SettingError("--rms-nm", f"a mask that is {self.mask}", "a random mask", "leave one of the two out")
         return {"rms": self.rms_nm * 1e-9}
 
     def _trained(self, sensor: SensorOptions, bench: BenchOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
@@ -146,7 +152,7 @@ class SpectralDepthOptions:
         from tmca.cameras.phase_codes import read_phase_codes
 
         found = read_phase_codes(self.codes or "")
-        beside = [name for name in given if name in (*found, "rms") and name != "slots"]
+        beside = [name for name in given if name in (*found, "rms", "modes") and name != "slots"]
         if beside:
             own = {"rms": "--rms-nm", "bench": next(iter(bench.named()), "")}
             option = own.get(beside[0], f"--{beside[0].replace('_', '-')}")
