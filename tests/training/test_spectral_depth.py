@@ -74,7 +74,12 @@ def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
 
 @pytest.mark.parametrize("learn", [("mask",), ("shutter",), ("mask", "shutter", "filters")])
 def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
-    changes = {"camera.learn": list(learn), "camera.filters": "gaussian", "optimiser.code_rate": 0.5}
+    changes = {
+        "camera.learn": list(learn),
+        "camera.filters": "gaussian",
+        "optimiser.code_rate": 0.5,
+        "optimiser.mask_rate": 0.5,
+    }
     found = train(tmp_path, **changes, **{"codes.frozen": 0.0, "codes.slope": [1.0, 2.0]})
     before, after = training_camera(settings(**changes)), DepthWeights.load(found.weights).camera
     moved = {
@@ -88,14 +93,14 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
 
 
 def test_masks_that_learn_to_send_light_away_are_told(tmp_path):
-    changes = {"camera.learn": ["mask"], "optimiser.code_rate": 0.2, "codes.frozen": 0.0}
+    changes = {"camera.learn": ["mask"], "optimiser.mask_rate": 0.2, "codes.frozen": 0.0}
     with pytest.warns(StrayLight, match="of a point's light"):
         train(tmp_path, **changes)
 
 
 def test_the_first_stage_follows_codes_that_learn(tmp_path):
     decoder = {**TINY["decoder"], "start": "likelihood"}
-    changes = {"decoder": decoder, "camera.learn": ["mask"], "optimiser.code_rate": 0.1, "codes.frozen": 0.5}
+    changes = {"decoder": decoder, "camera.learn": ["mask"], "optimiser.mask_rate": 0.1, "codes.frozen": 0.5}
     found = train(tmp_path, **changes, **{"data.pool": 8, "optimiser.steps": 4, "validate_every": 2})
     weights = DepthWeights.load(found.weights)
     assert weights.prior == "prior.nc"

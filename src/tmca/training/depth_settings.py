@@ -74,13 +74,18 @@ class SpectralDepthOptimiserSettings(OptimiserSettings):
     """Length of the run, learning rates, losses; ``OptimiserSettings`` says what is not said here.
 
     Args:
-        code_rate: of heights, in units of the larger of a micrometre and the highest, and of latent values.
+        mask_rate: learning rate of heights or coefficients (Adam), in units of the larger of a micrometre and the
+            highest: 0.001 moves every one by up to a nanometre in a step.
         depth_weight: of the error of inverse depth, as a share of the range, beside the loss of the cube.
     """
 
-    code_rate: float = Field(default=0.005, ge=0)
+    mask_rate: float = Field(default=0.001, ge=0)
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l1"
     depth_weight: float = Field(default=0.1, ge=0)
+
+    def code_rates(self) -> dict[str, float]:
+        """See ``OptimiserSettings``; shutter and filters have latent values, masks have heights."""
+        return {"codes": self.code_rate, "masks": self.mask_rate}
 
 
 class SpectralDepthTrainSettings(TrainSettings):
@@ -112,7 +117,7 @@ class SpectralDepthTrainSettings(TrainSettings):
 SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
     # thesis 5.2: 25 bands, K = 4, D = 8, R = 4, patches of 256², Adam at 1e-3, everything learned end to end. Assumed,
     # as the thesis does not say: batches of 2, 200 epochs, L1 plus 0.1 times the depth error, the plain two-headed
-    # U-Net, codes started at random, code rate 0.005, no noise; and what `SpectralDepthCamera` assumes.
+    # U-Net, codes started at random, code rate 0.03 and mask rate 0.001, no noise; and what `SpectralDepthCamera` assumes.
     "thesis": {
         "camera": {"preset": "thesis", "size": [256, 256], "learn": ["mask", "shutter", "filters"]},
         "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [64, 128, 256]},

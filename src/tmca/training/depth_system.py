@@ -85,9 +85,10 @@ class DepthSystem(nn.Module):
         return self._first(self._recorded(scenes, step, indexes), self._sensor(step))
 
     def groups(self) -> dict[str, list[nn.Parameter]]:
-        """Parameters of the decoder and of the codes."""
-        parts = {"decoder": self.network, "codes": self.camera}
-        return {name: [p for p in part.parameters() if p.requires_grad] for name, part in parts.items()}
+        """Parameters of the decoder, of the masks, and of shutter and filters."""
+        parts: dict[str, tuple[nn.Module, ...]] = {"decoder": (self.network,), "masks": (self.camera.spread,)}
+        parts |= {"codes": (self.camera.shutter, self.camera.filters)}
+        return {name: [p for part in own for p in part.parameters() if p.requires_grad] for name, own in parts.items()}
 
     def anneal(self, slope: float) -> None:
         """Set the slope of the codes' surrogate derivative; filters are mixtures while they learn."""

@@ -75,9 +75,7 @@ class Run:
 
     def __post_init__(self) -> None:
         groups = self.system.groups()
-        kinds = {"decoder": torch.optim.AdamW, "codes": torch.optim.Adam}
-        rules: dict[str, dict[str, Any]] = {"decoder": {"weight_decay": 1e-4}, "codes": {"betas": (0.9, 0.99)}}
-        self.optimizers = {n: kinds[n](params, lr=1e-3, **rules[n]) for n, params in groups.items() if params}
+        self.optimizers = {name: _optimizer(name, params) for name, params in groups.items() if params}
         assert isinstance(self.system, nn.Module)
         self.module = self.system
         self.log = TrainingLog(self.folder / "log.csv")
@@ -153,11 +151,9 @@ class Run:
 
     def _set_rates(self, step: int) -> None:
         chosen, codes = self.settings.optimiser, self.settings.codes
-        rates = {
-            "decoder": decoder_rate(step, self.steps, chosen.decoder_rate, chosen.warmup),
-            "codes": code_rate(step, self.steps, chosen.code_rate, codes.frozen),
-        }
-        self.system.frozen = "codes" not in self.optimizers or rates["codes"] == 0
+        rates = {name: code_rate(step, self.steps, peak, codes.frozen) for name, peak in chosen.code_rates().items()}
+        self.system.frozen = not any(rates.get(name) for name in self.optimizers)
+        rates["decoder"] = decoder_rate(step, self.steps, chosen.decoder_rate, chosen.warmup)
         for name, optimizer in self.optimizers.items():
             for group in optimizer.param_groups:
                 group["lr"] = rates[name]
@@ -234,3 +230,10 @@ def _asked_to_stop() -> Iterator[list[int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _optimizer(name: str, parameters: list[nn.Parameter]) -> torch.optim.Optimizer:
+    """Of the decoder, or of codes of any kind."""
+    if name == "decoder":
+        return torch.optim.AdamW(parameters, lr=1e-3, weight_decay=1e-4)
+    return torch.optim.Adam(parameters, lr=1e-3, betas=(0.9, 0.99))

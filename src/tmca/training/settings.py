@@ -141,6 +141,10 @@ class OptimiserSettings(Strict):
     clip: float = Field(default=1.0, ge=0)
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l2"
 
+    def code_rates(self) -> dict[str, float]:
+        """Largest learning rate of every group of codes."""
+        return {"codes": self.code_rate}
+
 
 class TrainSettings(Strict):
     """A whole run."""

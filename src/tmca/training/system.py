@@ -30,7 +30,7 @@ class System(Protocol):
         ...
 
     def groups(self) -> dict[str, list[nn.Parameter]]:
-        """``"decoder"`` and ``"codes"``; either may be empty."""
+        """``"decoder"`` and groups of codes, those of ``OptimiserSettings.code_rates``; any may be empty."""
         ...
 
     def anneal(self, slope: float) -> None:
