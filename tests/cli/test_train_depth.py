@@ -13,7 +13,7 @@ from tmca.cli import main
 from tmca.data import label, write_dataset
 
 SMALL = ("camera.channels=monochrome", "camera.filters=clear", "camera.planes=3", "camera.size=[32,32]",
-         "camera.learn=[mask]", "data.patch=32", "data.batch=2", "precision=32-true", "optimiser.code_rate=0.5",
+         "camera.learn=[mask]", "data.patch=32", "data.batch=2", "precision=32-true", "optimiser.mask_rate=0.5",
          "decoder={kind: two-headed, start: snapshot, widths: [6, 8], blocks: 1}")  # fmt: skip
 TAKEN = ("--read-noise", "0.01", "--crop", "36x33", "--no-figures")
 

@@ -242,6 +242,7 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
     before = train(tmp_path / "static", **static).weights
     maps = DepthWeights.load(before).camera.spread.heights
     assert isinstance(maps, kept)
+    first |= {"optimiser.mask_rate": 0.01}
     asked = ("camera.bench", *CHOSEN_BY_CODES[:3])
     own = {name: value for name, value in (TINY | first).items() if name not in asked}
     going = own | {"codes.start": str(before), "camera.learn": ["mask"], "codes.frozen": 0.0}

@@ -117,7 +117,8 @@ class SpectralDepthTrainSettings(TrainSettings):
 SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
     # thesis 5.2: 25 bands, K = 4, D = 8, R = 4, patches of 256², Adam at 1e-3, everything learned end to end. Assumed,
     # as the thesis does not say: batches of 2, 200 epochs, L1 plus 0.1 times the depth error, the plain two-headed
-    # U-Net, codes started at random, code rate 0.03 and mask rate 0.001, no noise; and what `SpectralDepthCamera` assumes.
+    # U-Net, codes started at random, code rate 0.03 and mask rate 0.001, no noise; and what `SpectralDepthCamera`
+    # assumes.
     "thesis": {
         "camera": {"preset": "thesis", "size": [256, 256], "learn": ["mask", "shutter", "filters"]},
         "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [64, 128, 256]},
