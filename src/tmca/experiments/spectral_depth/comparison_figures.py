@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def comparison_pictures(
     for (name, scene), file in zip(scenes.items(), files[1:], strict=True):
         shown = [cell for cell in cells if name in cell.get("kept", {})]
         if shown:
-            written.append(save_figure(scene_figure(shown, name, scene, camera), file, overwrite=overwrite))
+            written.append(save_figure(scene_figure(shown, name, scene, camera), file, overwrite=overwrite, dpi=80))
     return written
 
 
@@ -64,21 +64,50 @@ def foretold_figure(cells: Sequence[Measured], camera: SpectralDepthCamera) -> F
 
 
 def scene_figure(cells: Sequence[Measured], name: str, scene: xr.Dataset, camera: SpectralDepthCamera) -> Figure:
-    """Colours, depth map in metres and spectra of every row, the truth first."""
+    """The truth, then a row for every code: colours and depth in metres by every decoder, and their spectra."""
+    truth, waves = middle_of(scene, camera.size, name), camera.wavelengths
+    real = truth["radiance"].values
+    codes, decoders = (list(dict.fromkeys(cell[part] for cell in cells)) for part in ("code", "decoder"))
+    figure, axes = grid(1 + len(codes), 2 * len(decoders) + 1, width=2.8, aspect=camera.size[0] / camera.size[1])
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    limits, points = (camera.planes.near, camera.planes.far), spread_points(real)
+    look: dict[str, Any] = {"waves": waves, "white": white_level(real, waves), "limits": limits}
+    _pair(axes[0], 0, (real, truth["depth"].values), "truth", **look)
+    mark(axes[0, 0], points)
+    for row, code in zip(axes[1:], codes, strict=True):
+        own = {cell["decoder"]: _kept(cell, name) for cell in cells if cell["code"] == code}
+        for decoder, parts in own.items():
+            _pair(row, 2 * decoders.index(decoder), parts, f"{code}\n{DECODER_NAMES[decoder]}", **look)
+        row[-1].set_axis_on()
+        none = (np.full_like(real, np.nan), None)
+        cubes = {DECODER_NAMES[decoder]: own.get(decoder, none)[0] for decoder in decoders}
+        spectra(row[-1], {"truth": real, **cubes}, waves, points)
+        row[-1].get_legend().remove()
+    axes[0, -1].legend(*axes[-1, -1].get_legend_handles_labels(), loc="center", fontsize=8)
+    return figure
+
+
+def _kept(cell: Measured, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Cube and depth that a cell kept."""
     from tmca.data import read_dataset
 
-    truth, waves = middle_of(scene, camera.size, name), camera.wavelengths
-    parts = {"truth": (truth["radiance"].values, truth["depth"].values)}
-    for cell in cells:
-        found = read_dataset(cell["kept"][name], ("radiance", "depth"))
-        parts[f"{cell['code']}\n{DECODER_NAMES[cell['decoder']]}"] = (found["radiance"].values, found["depth"].values)
-    real = parts["truth"][0]
-    white, points = white_level(real, waves), spread_points(real)
-    figure, axes = grid(len(parts), 3, width=3.2, aspect=camera.size[0] / camera.size[1])
-    for row, (label, (cube, depth)) in zip(np.atleast_2d(axes), parts.items(), strict=True):
-        row[0].imshow(rgb_composite(cube, waves, white))
-        bare(row[0], label)
-        mark(row[0], points)
-        depth_map(row[1], np.asarray(depth), title="depth", limits=(camera.planes.near, camera.planes.far))
-        spectra(row[2], {"truth": real} if label == "truth" else {"truth": real, "estimate": cube}, waves, points)
-    return figure
+    found = read_dataset(cell["kept"][name], ("radiance", "depth"))
+    return found["radiance"].values, found["depth"].values
+
+
+def _pair(
+    row: np.ndarray,
+    first: int,
+    parts: tuple[np.ndarray, np.ndarray],
+    label: str,
+    waves: Sequence[float],
+    white: float,
+    limits: tuple[float, float],
+) -> None:
+    """Colours and depth side by side."""
+    for axis in row[first : first + 2]:
+        axis.set_axis_on()
+    row[first].imshow(rgb_composite(parts[0], waves, white))
+    bare(row[first], label)
+    depth_map(row[first + 1], np.asarray(parts[1]), title="depth", limits=limits)
