@@ -12,18 +12,15 @@ import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
-from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import tmca
 from tmca.data import make_folder, write_json, write_text
 from tmca.errors import SettingError, TmcaError
 
 Settings = dict[str, Any]
 Measured = dict[str, Any]
-_NO_NUMBERS = ("figures", "pictures", "demo", "report", "tables", "composite", "corner")
 Progress = Callable[[int, int, str], None]
 """Called with (cells done, cells in all, name of the last)."""
 Timed = Callable[[int, int, str, float], None]
@@ -108,16 +105,6 @@ def cell_key(settings: Settings) -> str:
     """Name of a cell's file: a digest of everything that makes it."""
     text = json.dumps(settings, sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-@lru_cache(maxsize=1)
-def source_digest() -> str:
-    """Digest of the source that numbers come from, all but commands and pictures: other code makes other cells."""
-    digest, package = hashlib.sha256(), Path(tmca.__file__).parent
-    for file in sorted(package.rglob("*.py")):
-        if file.relative_to(package).parts[0] != "cli" and not file.stem.endswith(_NO_NUMBERS):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:20]
 
 
 def run_cells(

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
-from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key, source_digest
+from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.figures import save_figure
 from tmca.experiments.results import check_new, mean_over_scenes, repository_commit, write_table
 from tmca.experiments.scenes import identity_of, short_names
+from tmca.experiments.source import source_digest
 from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
@@ -212,7 +213,8 @@ def _cell(swept: Swept, point: dict[str, Any], path: str, scene: str, data: dict
     shown = ", ".join(f"{name} = {value}" for name, value in point.items())
     cell: Settings = {"name": f"{scene}: {shown}", "path": path, "scene": scene, "checksum": identity_of(path)}
     common = {name: value for name, value in data.items() if name not in ("validation", "steps")}
-    common |= {"camera": camera, "sensor": sensor, "decoder": point["decoder"], "source": source_digest()}
+    common |= {"camera": camera, "sensor": sensor, "decoder": point["decoder"]}
+    common["source"] = source_digest(__name__, swept.measure.__module__, swept.train.__module__)
     common["checksums"] = [identity_of(name) for name in (*data["train"], *data["validation"])]
     if point["decoder"] in swept.networks:
         common |= {"steps": data["steps"], "validation": data["validation"]}

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.design import design_model, designable, learn_examples
-from tmca.experiments.cells import cell_key, source_digest
+from tmca.experiments.cells import cell_key
 from tmca.experiments.codes.task import save_examples
 from tmca.experiments.scenes import identity_of, load_scene
+from tmca.experiments.source import source_digest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,7 +65,8 @@ def _kept(
     last: str = "",
 ) -> Path:
     """Path of what is learned of scenes; learned where it, or the last file of its folder, is not there yet."""
-    identity = {"scenes": [identity_of(scene) or scene for scene in scenes], "bands": bands, "source": source_digest()}
+    identity = {"scenes": [identity_of(scene) or scene for scene in scenes], "bands": bands}
+    identity["source"] = source_digest(__name__)
     path = work / f"{name}-{cell_key(identity)}{suffix}"
     if not (path / last if last else path).exists():
         learn({Path(scene).stem: load_scene(scene, bands=bands) for scene in scenes}, path)

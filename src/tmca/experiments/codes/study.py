@@ -8,7 +8,7 @@ from typing import Any
 
 from tmca.design import Effort
 from tmca.errors import SettingError
-from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key, source_digest
+from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.codes.ablation import ablation
 from tmca.experiments.codes.figures import files_of, study_figures
 from tmca.experiments.codes.learned import examples_folder, mixture_file, prior_file
@@ -18,6 +18,7 @@ from tmca.experiments.codes.tables import study_markdown
 from tmca.experiments.design.checks import check_size
 from tmca.experiments.results import check_new, repository_commit, write_table
 from tmca.experiments.scenes import identity_of
+from tmca.experiments.source import source_digest
 
 SLOTS = (2, 4, 8, 16)
 READ_NOISES = (0.0, 0.001, 0.00316, 0.01, 0.0316, 0.1, 0.316)
@@ -172,7 +173,7 @@ def _common(train: Sequence[str], work: Path, bands: int, period: tuple[int, int
         "designs": make_folder(work / "designs"),
     }
     common = {"bands": bands, "period": list(period), "effort": vars(effort), "seed": 0, "exposures": 1}
-    return {**{name: str(path) for name, path in learned.items()}, **common, "source": source_digest()}
+    return {**{name: str(path) for name, path in learned.items()}, **common, "source": source_digest(__name__)}
 
 
 def _light(scenes: Sequence[str], bands: int) -> float:

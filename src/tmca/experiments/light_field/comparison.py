@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
-from tmca.experiments.cells import Grid, Measured, Settings, Timed, source_digest
+from tmca.experiments.cells import Grid, Measured, Settings, Timed
 from tmca.experiments.light_field import plan
 from tmca.experiments.light_field.cells import measure
 from tmca.experiments.light_field.comparison_figures import comparison_pictures, picture_files, slug
@@ -20,6 +20,7 @@ from tmca.experiments.light_field.rows import DECODER_NAMES, EFFORT, Sizes
 from tmca.experiments.light_field.tables import markdown, results
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.scenes import identity_of, short_names
+from tmca.experiments.source import source_digest
 from tmca.optics import view_grid
 
 
@@ -107,7 +108,7 @@ def _common(learned: Mapping[str, str], work: Path, sizes: Sizes, effort: Mappin
     """What all cells know."""
     from tmca.data import make_folder
 
-    common: Settings = {"source": source_digest(), "views": 2 * [sizes.views]}
+    common: Settings = {"source": source_digest(__name__), "views": 2 * [sizes.views]}
     common |= {"examples": learned["examples"], "designs": str(make_folder(work / "designs"))}
     return common | {"period": 2 * [sizes.period], "effort": dict(effort), "exposures": 1}
 

@@ -7,9 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tmca.experiments.cells import Settings, cell_key, source_digest
+from tmca.experiments.cells import Settings, cell_key
 from tmca.experiments.light_field.reading import Reading, read
 from tmca.experiments.scenes import identity_of, short_names
+from tmca.experiments.source import source_digest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +38,7 @@ class Learned:
     def identity(self) -> Settings:
         """What a file is made of."""
         scenes = [[identity_of(name) or name, self.reading.of(name)] for name in self.names]
-        return {"scenes": scenes, "source": source_digest(), "views": self.views}
+        return {"scenes": scenes, "source": source_digest(__name__), "views": self.views}
 
     def prior(self) -> str:
         """The Gaussian prior of the patch LMMSE."""

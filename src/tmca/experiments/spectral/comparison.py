@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.experiments.cells import Grid, Measured, Timed, cell_key, source_digest
+from tmca.experiments.cells import Grid, Measured, Timed, cell_key
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
+from tmca.experiments.source import source_digest
 from tmca.experiments.spectral import plan
 from tmca.experiments.spectral.cells import measure
 from tmca.experiments.spectral.figures import comparison_pictures, picture_files
@@ -101,7 +102,7 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
     for kind, users in {"lmmse": {"lmmse", "lmmse-adapted"}, "mixture": {"mixture"}}.items():
         if not users & set(decoders):
             continue
-        identity: dict[str, Any] = {"decoder": kind, "bands": bands, "source": source_digest()}
+        identity: dict[str, Any] = {"decoder": kind, "bands": bands, "source": source_digest(__name__)}
         identity["scenes"] = [checksum_of(s) for s in scenes]
         file = work / f"prior-{kind}-{cell_key(identity)}.nc"
         if not file.exists():

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tmca.experiments.cells import Measured, Settings, cell_key, source_digest
+from tmca.experiments.cells import Measured, Settings, cell_key
+from tmca.experiments.source import source_digest
 from tmca.experiments.spectral.rows import (
     CODES,
     DECODER_NAMES,
@@ -66,7 +67,7 @@ def untrained(table: Table) -> list[Settings]:
 def expectations(table: Table, train: Sequence[Path], patches: int) -> list[Settings]:
     """The expected error of every code, and what it is on patches of training and of test scenes."""
     own: Settings = {
-        "source": source_digest(),
+        "source": _source(),
         "train": [str(path) for path in train],
         "prior": str(table.priors["lmmse"]),
     }
@@ -84,7 +85,7 @@ def trainings(table: Table, train: Path, validation: Path | None) -> list[Settin
 
     data = {"bands": table.bands, **scenes_of([str(train)]), "validation": [str(validation)] if validation else []}
     checksums = [checksum_of(scene) for split in (train, validation) if split for scene in read_split(split)]
-    own: Settings = {"bands": table.bands, "source": source_digest(), "checksums": checksums}
+    own: Settings = {"bands": table.bands, "source": _source(), "checksums": checksums}
     cells: dict[tuple[str, str, int], Settings] = {}
     for code, decoder in trained_rows(table.decoders):
         for seed in table.seeds:
@@ -114,12 +115,16 @@ def behind_networks(table: Table, trained: Sequence[Measured]) -> list[Settings]
     ]
 
 
+def _source() -> str:
+    return source_digest("tmca.experiments.spectral.cells")
+
+
 def _measurement(table: Table, scene: Path, code: str, noise: str, decoder: str, seed: int) -> Settings:
     from tmca.data import checksum_of
 
     return {
         "name": f"{scene.stem} · {code} · {noise} · {DECODER_NAMES[decoder]} · seed {seed}", "scene": scene.stem,
-        "source": source_digest(), "path": str(scene), "checksum": checksum_of(scene), "code": code, "noise": noise,
+        "source": _source(), "path": str(scene), "checksum": checksum_of(scene), "code": code, "noise": noise,
         "decoder": decoder, "bands": table.bands, "seed": seed,
         "keep": (code, decoder) in SHOWN and noise == SHOWN_NOISE,
     }  # fmt: skip

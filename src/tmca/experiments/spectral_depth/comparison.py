@@ -10,10 +10,11 @@ from typing import Any
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS, preset_bench
 from tmca.errors import SettingError
-from tmca.experiments.cells import Grid, Measured, Settings, Timed, source_digest, timed
+from tmca.experiments.cells import Grid, Measured, Settings, Timed, timed
 from tmca.experiments.design.flat_scenes import some_of
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.scenes import identity_of, short_names
+from tmca.experiments.source import source_digest
 from tmca.experiments.spectral_depth import plan
 from tmca.experiments.spectral_depth.cells import measure
 from tmca.experiments.spectral_depth.comparison_figures import comparison_pictures, picture_files
@@ -111,7 +112,7 @@ def _common(
     from tmca.data import make_folder
 
     prior = learned_depth_prior(learned, make_folder(work), own.preset, own.window, how, timed(progress))
-    common: Settings = {"source": source_digest(), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
+    common: Settings = {"source": source_digest(__name__), "preset": own.preset, "prior": prior, "crop": list(own.crop)}
     common |= {**how, "examples": some_of(learned), "scenes": names}
     return common | {"checksums": [identity_of(n) or n for n in (*learned, *names)]}
 

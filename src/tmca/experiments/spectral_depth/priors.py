@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.experiments.cells import Progress, Settings, cell_key, source_digest
+from tmca.experiments.cells import Progress, Settings, cell_key
 from tmca.experiments.scenes import identity_of
+from tmca.experiments.source import source_digest
 from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def learned_depth_prior(
 
     probe = SpectralDepthCamera.from_preset(preset, size=(64, 64))
     about = {**reading, "preset": preset, "window": window, "scenes": [identity_of(n) or n for n in train]}
-    file = make_folder(work) / f"prior-{cell_key({**about, 'source': source_digest()})}.nc"
+    file = make_folder(work) / f"prior-{cell_key({**about, 'source': source_digest(__name__)})}.nc"
 
     def load(name: str) -> xr.DataArray:
         return load_any_depth_scene(name, probe, **reading)["radiance"]
