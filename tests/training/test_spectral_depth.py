@@ -286,3 +286,15 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
 def test_impossible_settings_are_named(tmp_path, changes, said):
     with pytest.raises(SettingError, match=said):
         train(tmp_path, **changes)
+
+
+def test_codes_learn_depth_from_the_likelihood_alone_if_the_network_sees_none(tmp_path):
+    changes = {"camera.learn": ["mask"], "optimiser.depth_weight": 0.0, "codes.frozen": 0.0, "optimiser.steps": 2}
+    heights = {}
+    for weight in (0.0, 1.0, 10.0):
+        folder = tmp_path / str(weight)
+        weights = train(folder, **changes, **{"optimiser.likelihood_weight": weight, "validate_every": 2}).weights
+        heights[weight] = DepthWeights.load(weights).camera.spread.heights().detach()
+        assert DepthWeights.load(weights).prior == ""
+        assert (folder / "prior.nc").exists() == (weight > 0)
+    assert not torch.equal(heights[0.0], heights[1.0])

@@ -77,11 +77,16 @@ class SpectralDepthOptimiserSettings(OptimiserSettings):
         mask_rate: learning rate of heights or coefficients (Adam), in units of the larger of a micrometre and the
             highest: 0.001 moves every one by up to a nanometre in a step.
         depth_weight: of the error of inverse depth, as a share of the range, beside the loss of the cube.
+        likelihood_weight: of the same error of the patch likelihood, while masks, shutter or filters learn: a network
+            may be long in seeing depth, and codes that learn with it alone lose it meanwhile.
+        likelihood_every: steps from one of these errors to the next, which then counts as often.
     """
 
     mask_rate: float = Field(default=0.001, ge=0)
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l1"
     depth_weight: float = Field(default=0.1, ge=0)
+    likelihood_weight: float = Field(default=0.1, ge=0)
+    likelihood_every: int = Field(default=3, ge=1)
 
     def code_rates(self) -> dict[str, float]:
         """See ``OptimiserSettings``; shutter and filters have latent values, masks have heights."""
@@ -117,13 +122,13 @@ class SpectralDepthTrainSettings(TrainSettings):
 SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
     # thesis 5.2: 25 bands, K = 4, D = 8, R = 4, patches of 256², Adam at 1e-3, everything learned end to end. Assumed,
     # as the thesis does not say: batches of 2, 200 epochs, L1 plus 0.1 times the depth error, the plain two-headed
-    # U-Net, codes started at random, code rate 0.03 and mask rate 0.001, no noise; and what `SpectralDepthCamera`
-    # assumes.
+    # U-Net and no other decoder to learn from, codes started at random, code rate 0.03 and mask rate 0.001, no noise;
+    # and what `SpectralDepthCamera` assumes.
     "thesis": {
         "camera": {"preset": "thesis", "size": [256, 256], "learn": ["mask", "shutter", "filters"]},
         "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [64, 128, 256]},
         "data": {"patch": 256, "batch": 2, "side": 512, "brightness": 0.0, "tint": 0.0},
-        "optimiser": {"epochs": 200},
+        "optimiser": {"epochs": 200, "likelihood_weight": 0.0},
         "codes": {"frozen": 0.0},
         "precision": "32-true",
     },

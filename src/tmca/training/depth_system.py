@@ -14,6 +14,7 @@ from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet, first_likelih
 from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
+from tmca.training.depth_windows import DepthWindows
 from tmca.training.imaging import torch_seed
 from tmca.training.losses import LOSSES, psnr_of
 from tmca.training.patches import Patch
@@ -30,21 +31,25 @@ class DepthSystem(nn.Module):
     The loss is that of the cube plus ``depth_weight`` times what depth costs where it is known: the mean absolute error
     of inverse depth, as a share of the range, and ``SURPRISE`` times the cross entropy of its planes, without which
     networks got stuck at one plane. What lies in the margin sends its light into the patch, but is not decoded and does
-    not count. The codes' gradient passes through the snapshot; a physics-based first stage is taken as it is.
+    not count. The codes' gradient passes through the snapshot; a physics-based first stage is taken as it is. While
+    codes learn, ``likelihood_weight`` times what depth costs the patch likelihood is added in some steps: codes need a
+    decoder that sees depth from the first step on, which a network is not.
 
     Args:
         camera: of the size of patches and margin.
         network: decoder.
         sensors: one of them, in turn, in each step.
-        prior: of the first stage.
+        prior: of the first stage, and of the patch likelihood that codes learn from.
         validation: scenes (L + 1, H, W) of the camera's size.
         margin: pixels around every patch, whole tiles.
         loss: of the cube, name in ``LOSSES``.
         depth_weight: of the depth error.
+        likelihood_weight: of that of the patch likelihood.
+        likelihood_every: steps from one of these errors to the next, which counts as often.
         seed: of the noise.
 
     Raises:
-        SettingError: no prior for a network that wants a first stage.
+        SettingError: no prior for a network that wants a first stage, or for codes that learn from the likelihood.
     """
 
     def __init__(
@@ -58,14 +63,18 @@ class DepthSystem(nn.Module):
         margin: int = 0,
         loss: str = "l1",
         depth_weight: float = 0.1,
+        likelihood_weight: float = 0.0,
+        likelihood_every: int = 1,
         seed: int = 0,
     ) -> None:
         super().__init__()
-        if network.start == "likelihood" and prior is None:
-            raise SettingError("prior", "none", "one for a network that starts from the likelihood")
+        self.windows = DepthWindows(prior) if prior is not None and camera.learnable and likelihood_weight else None
+        if prior is None and (network.start == "likelihood" or (camera.learnable and likelihood_weight)):
+            raise SettingError("prior", "none", "one for a network, or for codes, that start from the likelihood")
         self.camera, self.network = camera, network
         self.sensors, self.prior, self.validation = tuple(sensors), prior, tuple(validation)
         self.loss, self.depth_weight, self.seed = LOSSES[loss], depth_weight, seed
+        self.likelihood_weight, self.likelihood_every = likelihood_weight, likelihood_every
         self.margin, self.frozen = margin, not camera.learnable
         self._likelihood: PatchLikelihood | None = None
         self._checked: dict[tuple[int, int], Tensor] = {}
@@ -75,8 +84,11 @@ class DepthSystem(nn.Module):
     ) -> Tensor:
         """Mean loss of a batch; ``start`` holds its first stage where it is known."""
         scenes = torch.stack([patch.scene for patch in patches]).to(self.camera.response.device)
-        found = self._decode(self._recorded(scenes, step, indexes), self._sensor(step), start)
-        return self._loss(found, scenes)
+        snapshot = self._recorded(scenes, step, indexes)
+        loss = self._loss(self._decode(snapshot, self._sensor(step), start), scenes)
+        if self.windows is None or self.frozen or step % self.likelihood_every:
+            return loss
+        return loss + self.likelihood_every * self._unlikely(snapshot, scenes, self._sensor(step))
 
     @torch.no_grad()
     def start(self, patches: Sequence[Patch], step: int, indexes: Sequence[int]) -> Tensor:
@@ -121,10 +133,11 @@ class DepthSystem(nn.Module):
         found = self._decode(snapshot, sensor, self._first_of((place, index), snapshot, sensor))
         planes, cube = self.camera.planes, found.cube.float().clamp_min(0)
         error = (found.decoded(planes).depth - self._metres(self._inner(scene[:, -1:]))).abs()
+        loss = float(self._loss(found, scene) + self._unlikely(snapshot, scene, sensor))
         return {
             "psnr": psnr_of(float((cube - self._inner(scene[:, :-1])).square().mean())),
             "depth_mae": float(error.nanmean()),
-            "score": -float(self._loss(found, scene)),
+            "score": -loss,
         }
 
     def _inner(self, values: Tensor) -> Tensor:
@@ -134,11 +147,16 @@ class DepthSystem(nn.Module):
 
     def _loss(self, found: DepthEstimate, scenes: Tensor) -> Tensor:
         scenes = self._inner(scenes)
-        known = torch.isfinite(scenes[:, -1:])
-        place = scenes[:, -1:].nan_to_num()
-        away = (found.place() - place).abs() + SURPRISE * found.surprise(place)
-        depth = (away * known).sum() / known.sum().clamp_min(1)
-        return self.loss(found.cube.float(), scenes[:, :-1]) + self.depth_weight * depth
+        return self.loss(found.cube.float(), scenes[:, :-1]) + self.depth_weight * _away(found, scenes[:, -1:])
+
+    def _unlikely(self, snapshot: Tensor, scenes: Tensor, sensor: Sensor) -> Tensor:
+        """What depth costs the patch likelihood that codes learn from."""
+        if self.windows is None:
+            return snapshot.new_zeros(())
+        self.camera.sensor = sensor
+        with torch.autocast(snapshot.device.type, enabled=False):
+            found, place = self.windows(self.camera, self._inner(snapshot), self._inner(scenes[:, -1:]))
+        return self.likelihood_weight * _away(found, place)
 
     def _decode(self, snapshot: Tensor, sensor: Sensor, start: Tensor | None) -> DepthEstimate:
         if start is None and self.network.start == "likelihood":
@@ -188,3 +206,11 @@ class DepthSystem(nn.Module):
 
     def _metres(self, place: Tensor) -> Tensor:
         return self.camera.planes.depth_of(place)
+
+
+def _away(found: DepthEstimate, place: Tensor) -> Tensor:
+    """What depth costs, mean over where it is known."""
+    known = torch.isfinite(place)
+    true = place.nan_to_num()
+    away = (found.place() - true).abs() + SURPRISE * found.surprise(true)
+    return (away * known).sum() / known.sum().clamp_min(1)

@@ -24,6 +24,7 @@ from tmca.training.depth_camera import training_camera
 from tmca.training.depth_patches import DepthPatchSource
 from tmca.training.depth_settings import SpectralDepthTrainSettings
 from tmca.training.depth_system import DepthSystem
+from tmca.training.depth_windows import SIDE
 from tmca.training.patches import CubeStore, Load
 from tmca.training.run import Prepared, Trained, card_of, steps_of, train
 from tmca.training.scenes import RENDERED, SceneLists
@@ -67,7 +68,9 @@ def _prepare(
 ) -> Prepared:
     camera = training_camera(settings)
     network = _network(settings, camera)
-    prior = _prior(network, camera, folder, load, lists, fabric)
+    by_likelihood = bool(camera.learnable and settings.optimiser.likelihood_weight)
+    wanted = network.start == "likelihood" or by_likelihood
+    prior = _prior(network, camera, folder, load, lists, fabric) if wanted else None
 
     def channels(name: str) -> NDArray[np.float32]:
         return channels_of(load(name), camera)  # type: ignore[arg-type]
@@ -76,13 +79,14 @@ def _prepare(
     validation = [crop for name in lists.validation for crop in _crops(name, channels(name), camera.size[0])]
     system = DepthSystem(
         camera, network, [Sensor(**noise.model_dump()) for noise in settings.noise], prior, validation,
-        margin=margin, loss=settings.optimiser.loss, depth_weight=settings.optimiser.depth_weight, seed=settings.seed,
+        margin=margin, seed=settings.seed,
+        **settings.optimiser.model_dump(include={"loss", "depth_weight", "likelihood_weight", "likelihood_every"}),
     )  # fmt: skip
     data, store = settings.data, CubeStore(lists.train, channels, make_folder(folder / "cubes"))
     patches = DepthPatchSource(store, camera.size[0], settings.seed, data.brightness, data.tint, data.redrawn)
 
     def keep(best: dict[str, Any]) -> None:
-        named = "" if prior is None else "rendered" if lists.prior == RENDERED else "prior.nc"
+        named = "" if network.start != "likelihood" else "rendered" if lists.prior == RENDERED else "prior.nc"
         camera.filters.relax(False)
         found = DepthWeights(network, camera, named, card_of(settings, lists, best, system))
         found.save(folder / "weights.safetensors", overwrite=True)
@@ -104,19 +108,18 @@ def _network(settings: SpectralDepthTrainSettings, camera: SpectralDepthCamera) 
 
 def _prior(
     network: TwoHeadedUNet, camera: SpectralDepthCamera, folder: Path, load: Load, lists: SceneLists, fabric: Fabric
-) -> GaussianPrior | None:
-    """The run's own prior, learned once, or that of the rendered scenes; none for a network from the snapshot."""
-    if network.start != "likelihood":
-        return None
+) -> GaussianPrior:
+    """The run's own prior, learned once, or that of the rendered scenes, for windows of network and codes."""
+    window = max(network.window, SIDE, camera.tile_size) if camera.learnable else network.window
     if lists.prior == RENDERED:
-        return find_depth_prior(None, camera, network.window)
+        return find_depth_prior(None, camera, window)
     file = folder / "prior.nc"
     if fabric.is_global_zero and not file.exists():
         learn_depth_prior(
-            lists.prior or lists.train, lambda name: load(name)["radiance"], network.window, camera.bench.window
+            lists.prior or lists.train, lambda name: load(name)["radiance"], window, camera.bench.window
         ).save(file)
     fabric.barrier()
-    return find_depth_prior(file, camera, network.window)
+    return find_depth_prior(file, camera, window)
 
 
 def _crops(name: str, channels: NDArray[np.float32], side: int) -> list[Tensor]:

@@ -129,6 +129,7 @@ def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
         rows = plan.untrained(table, codes)
         found += grid.run(rows) + grid.run(plan.foretold(table, rows))
     trained = grid.run(plan.trainings(table, codes))
+    trained += grid.run(plan.behind_learned(table, trained))
     rows = plan.behind_networks(table, trained)
     found += trained + grid.run(rows) + grid.run(plan.foretold(table, rows))
     if not any("metrics" in cell for cell in found):

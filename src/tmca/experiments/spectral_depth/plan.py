@@ -103,21 +103,36 @@ def foretold(table: Table, rows: Sequence[Settings]) -> list[Settings]:
 
 
 def trainings(table: Table, codes: Codes) -> list[Settings]:
-    """A network behind every code, on the given scenes and the rendered ones."""
-    kept = {name: table.common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
-    scenes, found = network_scenes(table), list[Settings]()
+    """A network behind every code, on the given scenes and the rendered ones; one that learns with learned codes."""
+    found: list[Settings] = []
     for decoder in (name for name in table.decoders if name in NETWORKS):
         for code in (name for name in TRAINED if name not in LEARNED or decoder == LEARNED_WITH):
             for seed in table.seeds:
                 start = codes.get((LEARNED.get(code, code), seed))
                 if code in (*LEARNED, *DESIGNED) and start is None:
                     continue  # its search failed
-                training = training_of(code, decoder, seed, table.steps, table.sizes, list(NOISES), start)
-                training["data"] |= scenes
-                cell = {**kept, "kind": "training", "name": f"training · {code} · {decoder} · seed {seed}"}
-                cell |= {"code": code, "decoder": decoder, "seed": seed, "training": training}
-                found.append({**cell, "folder": str(table.work / f"run-{cell_key(cell)}")})
+                found.append(_training(table, code, decoder, seed, start, learn=code in LEARNED))
     return found
+
+
+def behind_learned(table: Table, trained: Sequence[Measured]) -> list[Settings]:
+    """The other networks behind codes that were learned with ``LEARNED_WITH``, which stay as they are."""
+    return [
+        _training(table, cell["code"], decoder, cell["seed"], cell["weights"], learn=False)
+        | {"codes_seconds": cell["seconds"]}
+        for decoder in table.decoders if decoder in NETWORKS and decoder != LEARNED_WITH
+        for cell in trained if cell["code"] in LEARNED and cell["decoder"] == LEARNED_WITH
+    ]  # fmt: skip
+
+
+def _training(table: Table, code: str, decoder: str, seed: int, start: str | None, learn: bool) -> Settings:
+    """A training in a folder of its own."""
+    training = training_of(code, decoder, seed, table.steps, table.sizes, list(NOISES), start, learn)
+    training["data"] |= network_scenes(table)
+    cell = {name: table.common[name] for name in ("source", "side", "placed", "from_rgb", "checksums")}
+    cell |= {"kind": "training", "name": f"training · {code} · {decoder} · seed {seed}"}
+    cell |= {"code": code, "decoder": decoder, "seed": seed, "training": training}
+    return {**cell, "folder": str(table.work / f"run-{cell_key(cell)}")}
 
 
 def network_scenes(table: Table) -> Settings:
@@ -132,13 +147,14 @@ def behind_networks(table: Table, trained: Sequence[Measured]) -> list[Settings]
     """Every network behind its codes; the likelihood, if it is asked for, behind the masks that were learned too."""
     rows = [(cell, cell["decoder"], "weights") for cell in trained]
     if "likelihood" in table.decoders:
-        rows += [(cell, "likelihood", "camera_of") for cell in trained if cell["code"] in LEARNED]
+        learned = [cell for cell in trained if cell["code"] in LEARNED and cell["decoder"] == LEARNED_WITH]
+        rows += [(cell, "likelihood", "camera_of") for cell in learned]
     first = min((cell["seed"] for cell in trained), default=0)
     return [
         {**table.common, "kind": "rows", "name": f"{cell['code']} · {noise} · {decoder} · seed {cell['seed']}",
          "code": cell["code"], "noise": noise, "sensor": sensor, "seed": cell["seed"], "decoder": decoder,
          part: cell["weights"], "window": table.sizes.window,
-         "training_seconds": float(np.round(cell["seconds"], 3)),
+         "training_seconds": float(np.round(cell["seconds"] + cell.get("codes_seconds", 0), 3)),
          "keep": cell["seed"] == first and noise == next(iter(NOISES))}
         for cell, decoder, part in rows for noise, sensor in NOISES.items()
     ]  # fmt: skip

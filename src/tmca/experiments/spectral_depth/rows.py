@@ -39,7 +39,8 @@ STATIC_CASES = {
 }
 """Static special cases of learned codes: equal masks in all slots."""
 LEARNED_WITH = "two-headed"
-"""The network: its gradient reaches the masks through the snapshot, and no first stage is made anew in every step."""
+"""The network: its gradient reaches the masks through the snapshot, and no first stage is made anew in every step.
+Depth they learn from the patch likelihood."""
 STATIC_CODES = tuple(name for name, settings in CODES.items() if settings["slots"] == 1)
 DIFFRACTIVE = tuple(name for name in CODES if name.startswith("diffractive"))
 NOISES: dict[str, dict[str, Any]] = {
@@ -56,7 +57,7 @@ NETWORKS: dict[str, dict[str, Any]] = {
     "physics": {"kind": "two-headed", "start": "likelihood"},
 }
 TRAINED = tuple(name for name in CODES if name != "diffractive element only, random")
-"""Codes that networks are trained behind: one network for all noises. Learned ones have one of their own alone."""
+"""Codes that networks are trained behind: one network for all noises."""
 CONSTANT = "constant guess"
 """Row of a depth map that is the middle of the range, in inverse metres, everywhere."""
 
@@ -90,20 +91,25 @@ def _learned(code: str) -> list[str]:
 
 
 def training_of(
-    code: str, decoder: str, seed: int, steps: int, sizes: Sizes, noises: Sequence[str], codes: str | None
+    code: str,
+    decoder: str,
+    seed: int,
+    steps: int,
+    sizes: Sizes,
+    noises: Sequence[str],
+    codes: str | None,
+    learn: bool = False,
 ) -> dict[str, Any]:
     """Settings of a trained row, without its scenes.
 
     Args:
-        codes: file of designed codes, or those that learned ones start from.
+        codes: file of designed codes or weights with learned ones, to decode or to go on from.
+        learn: whether they go on being learned.
     """
-    camera = {
-        **CODES[code],
-        "learn": _learned(code) if code in LEARNED else "none",
-        "preset": sizes.preset,
-        "size": [sizes.patch, sizes.patch],
-        "seed": seed,
-    }
+    camera: dict[str, Any] = {"preset": sizes.preset, "size": [sizes.patch, sizes.patch], "seed": seed}
+    camera |= {"slots": CODES[code]["slots"], "learn": _learned(code) if learn else "none"}
+    if code not in LEARNED or learn:
+        camera |= CODES[code]  # learned codes are no longer of a kind
     return {
         "camera": camera,
         "noise": [NOISES[name] for name in noises],
