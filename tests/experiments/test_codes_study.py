@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import rankdata
 from matplotlib.figure import Figure
 
 from tmca.decoders import Weights
@@ -145,7 +146,7 @@ def test_the_order_of_codes_is_checked(found):
     for entry in found["rank_correlation"]:
         own = [row for row in found["ranking"] if row["noise"] == entry["noise"]]
         means = [np.mean(list(row["lmmse"].values())) for row in own]
-        first, second = (np.argsort(np.argsort(v)) for v in ([row["expected"] for row in own], means))
+        first, second = (rankdata(v) for v in ([row["expected"] for row in own], means))
         assert entry["rank_correlation"] == pytest.approx(np.corrcoef(first, second)[0, 1])
 
 

@@ -145,13 +145,21 @@ def test_codes_are_searched_for_every_combination(tmp_path, monkeypatch):
     assert loud > quiet
 
 
+def test_a_static_design_stands_beside_those_of_several_slots(tmp_path, monkeypatch):
+    monkeypatch.setattr("tmca.experiments.light_field.sweep.EFFORT", {"descents": 1, "steps": 5, "flips": 0})
+    found = light_fields(tmp_path, {"slots": [2, 4], "design": ["static", "one-hot"]})
+    assert len(list((tmp_path / "work" / "designs").glob("static-1-*.nc"))) == 1
+    rows = {(row["slots"], row["design"]): row["psnr"] for row in found["rows"]}
+    assert rows[2, "static"] == pytest.approx(rows[4, "static"])
+    assert rows[2, "one-hot"] != pytest.approx(rows[4, "one-hot"])
+
+
 @pytest.mark.parametrize(
     ("vary", "fixed", "words"),
     [
         ({"dispersion": [1]}, {}, "one of"),
         ({"slots": [2]}, {"decoder": "unet"}, "unet"),
         ({"design": ["pretty"]}, {}, "design.*pretty.*free"),
-        ({"design": ["static"]}, {"slots": 2}, "static"),
         ({"design": ["free"]}, {"shutter": "open"}, "shutter"),
         ({"shear": ["nan"]}, {}, "finite"),
     ],

@@ -28,6 +28,21 @@ def test_the_mask_for_a_wanted_shear_has_this_shear():
         assert MaskGeometry.for_shear(step, views=5, **BENCH).step == pytest.approx(step, rel=1e-12)
 
 
+def test_the_mask_for_a_pitch_has_this_pitch():
+    for pitch in (5.99e-6, 5e-6):
+        bench = MaskGeometry.for_pitch(pitch, views=5, **BENCH)
+        assert bench.mask_pitch == pytest.approx(pitch, rel=1e-12)
+        assert bench.shear(pitch).scale == pytest.approx(1, rel=1e-9)
+        again = MaskGeometry.for_shear(bench.step, views=5, **BENCH)
+        assert again.mask_distance == pytest.approx(bench.mask_distance, rel=1e-9)
+
+
+@pytest.mark.parametrize("pitch", [6e-6, 7e-6, -1e-6, None])
+def test_a_mask_no_finer_than_the_sensor_is_refused(pitch):
+    with pytest.raises(SettingError, match=r"^mask_pitch: "):
+        MaskGeometry.for_pitch(pitch, views=5, **BENCH)
+
+
 def test_the_mask_of_one_pixel_per_view_stands_where_similar_triangles_meet():
     """d_l : p = (d_a - d_l) : Δu, one view on the aperture seen through one point of the mask covers one pixel."""
     bench = MaskGeometry.for_shear(1.0, views=5, **BENCH)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.cameras import LightFieldCamera, SpectralCamera
+    from tmca.cli.light_field_bench import LightFieldBenchOptions
     from tmca.decoders import Weights
     from tmca.sensor import Sensor
 
@@ -179,7 +180,9 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
     return lit(made)
 
 
-def light_field_camera(scene: xr.DataArray, camera: LightFieldOptions, sensor: SensorOptions) -> LightFieldCamera:
+def light_field_camera(
+    scene: xr.DataArray, camera: LightFieldOptions, bench: LightFieldBenchOptions, sensor: SensorOptions
+) -> LightFieldCamera:
     """The camera that the options describe, for a light field of this size and these views."""
     from tmca.cameras import LightFieldCamera
     from tmca.sensor import Sensor
@@ -187,11 +190,14 @@ def light_field_camera(scene: xr.DataArray, camera: LightFieldOptions, sensor: S
     views, size = (scene.sizes["view_v"], scene.sizes["view_u"]), (scene.sizes["y"], scene.sizes["x"])
     if camera.weights:
         camera.alone()
+        if bench.given():
+            raise SettingError("--weights", "beside a bench", "one of them", "weights have the shear they learned with")
         from tmca.decoders import Weights
 
         weights = _of_slots(Weights.load(camera.weights), camera)
         return weights.light_field_camera(size, sensor=Sensor(**vars(sensor)))
-    settings = {**camera.chosen(), "views": views, "size": size, "sensor": Sensor(**vars(sensor))}
+    own = bench.chosen(views, camera.chosen())
+    settings = {**own, "views": views, "size": size, "sensor": Sensor(**vars(sensor))}
     check_memory(camera.slots or 1, size)
     warn_of_period(camera, size)
     made = LightFieldCamera.from_preset(camera.preset, **settings) if camera.preset else LightFieldCamera(**settings)

@@ -38,12 +38,14 @@ def options() -> dict[str, str]:
     from tmca.cli.bench import BenchOptions
     from tmca.cli.cameras import LightFieldOptions, SpectralOptions
     from tmca.cli.light_field import LightFieldSceneOptions, MeasuredLightFieldsOptions
+    from tmca.cli.light_field_bench import LightFieldBenchOptions
     from tmca.cli.options import SensorOptions, TruthOptions
     from tmca.cli.sheets import SheetOptions
     from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions
 
     kinds: tuple[type, ...] = (TruthOptions, LightFieldSceneOptions, DepthSceneOptions, SensorOptions, SheetOptions)
     kinds += (MeasuredLightFieldsOptions, SpectralOptions, LightFieldOptions, SpectralDepthOptions, BenchOptions)
+    kinds += (LightFieldBenchOptions,)
     names = [field.name for kind in kinds for field in fields(kind)]
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 

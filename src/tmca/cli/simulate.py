@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 from tmca.cli.bench import BenchOptions
 from tmca.cli.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
 from tmca.cli.light_field import LightFieldSceneOptions
+from tmca.cli.light_field_bench import LightFieldBenchOptions
 from tmca.cli.numbers import Whole
 from tmca.cli.options import (
     OutputOptions,
@@ -27,7 +28,7 @@ from tmca.errors import SettingError
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
-_VIEWS, _MASK = LightFieldSceneOptions(), LightFieldOptions()
+_VIEWS, _MASK, _PLACED = LightFieldSceneOptions(), LightFieldOptions(), LightFieldBenchOptions()
 _DEPTH, _BENCH, _OPTICS = DepthSceneOptions(), SpectralDepthOptions(), BenchOptions()
 
 
@@ -80,6 +81,7 @@ def light_field(
     crop: str | None = None,
     reading: LightFieldSceneOptions = _VIEWS,
     camera: LightFieldOptions = _MASK,
+    bench: LightFieldBenchOptions = _PLACED,
     sensor: SensorOptions = _SENSOR,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -99,7 +101,7 @@ def light_field(
     centre_assumed(field)
     target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures, views=True), output.overwrite, scene)
-    taken = take_light_field_snapshot(field, light_field_camera(field, camera, sensor), seed=camera.seed)
+    taken = take_light_field_snapshot(field, light_field_camera(field, camera, bench, sensor), seed=camera.seed)
     views = list(taken.camera.views)
     _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")
 

@@ -170,6 +170,22 @@ class MaskGeometry:
         distance = aperture_distance * moved / (aperture_width / views + moved)
         return cls(distance, aperture_distance, pixel_pitch, aperture_width, views)
 
+    @classmethod
+    def for_pitch(
+        cls, mask_pitch: float, aperture_distance: float, pixel_pitch: float, aperture_width: float, views: int = 5
+    ) -> MaskGeometry:
+        """The distance at which pixels of a mask fall on sensor pixels: ``d_l = d_a (1 - q/p)`` for a mask of pitch q.
+
+        Raises:
+            SettingError: a length that is not positive, a mask no finer than the sensor, even views.
+        """
+        q, p = require_length("mask_pitch", mask_pitch), require_length("pixel_pitch", pixel_pitch)
+        if q >= p:
+            remedy = "a mask before the sensor needs smaller pixels than it; for others give the distance"
+            raise SettingError("mask_pitch", f"{q:g} m", f"less than the sensor's {p:g} m", remedy)
+        own = require_length("aperture_distance", aperture_distance)
+        return cls(own * (1 - q / p), own, p, aperture_width, views)
+
     @property
     def s(self) -> float:
         """d_l / d_a, the shear of the mask against the light field."""

@@ -19,6 +19,9 @@ from tmca.experiments.cells import Settings, cell_key
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
 
+_STATIC = 7
+"""Searches of which free codes of eight slots are the last."""
+
 
 class Task:
     """Searches and judgements of one cell.
@@ -61,16 +64,25 @@ class Task:
         return search(kind, slots, self.period, self.error, starts=starts, effort=own, seed=self.seed, **self.camera)
 
     def design(self, kind: str, slots: int) -> Design:
-        """The best codes of a kind, searched once with the same effort for all kinds; free ones contain the others."""
+        """The best codes of a kind, searched once. Free ones contain the others, and static ones have as many descents
+        as the free ones of eight slots with all that they contain: the same effort for both."""
         file = self.file(kind, slots)
         if file.exists():
             return self._kept(file, kind)
         starts = [self.design(*other).camera for other in _contained(slots)] if kind == "free" else []
-        best = self.search(kind, slots, starts)
+        more = {"descents": _STATIC * self.effort.descents} if kind == "static" else {}
+        best = self.search(kind, slots, starts, **more)
         notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
         codes = best.camera.multiplexed
         write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
         return best
+
+    def seconds(self, kind: str, slots: int) -> dict[str, float]:
+        """CPU seconds of the search for a design, and of those for all designs that it contains, kind by kind."""
+        found = {f"{kind} K = {slots}": self.design(kind, slots).seconds}
+        for other in _contained(slots) if kind == "free" else ():
+            found |= self.seconds(*other)
+        return found
 
     def file(self, kind: str, slots: int) -> Path:
         """Where the best codes of a kind are kept."""

@@ -44,7 +44,8 @@ def search(cell: Settings) -> Measured:
     found = task.design(kind, slots)
     own, base = task.left_out(found.camera), task.left_out(task.design("static", 1).camera)
     return {
-        "psnr": found.psnr, "random_psnr": task.psnr(task.random(kind, slots)), "seconds": found.seconds,
+        "psnr": found.psnr, "random_psnr": task.psnr(task.random(kind, slots)),
+        "seconds": sum(task.seconds(kind, slots).values()),
         "throughput": found.camera.throughput(), "gains": {name: own[name] - base[name] for name in own},
     }  # fmt: skip
 

@@ -40,8 +40,13 @@ def _camera(cell: Settings, size: tuple[int, int]) -> LightFieldCamera:
     if kind is None:
         return LightFieldCamera(views, size, sensor=sensor, **own)
     task = Task.of({**cell, "views": list(views), "seed": own.get("seed", 0)})
-    camera: LightFieldCamera = on_frame(task.design(kind, own.get("slots", 8)).camera, task.camera, size, sensor)
+    camera: LightFieldCamera = on_frame(task.design(kind, _slots(kind, own)).camera, task.camera, size, sensor)
     return camera
+
+
+def _slots(kind: str, settings: dict[str, Any]) -> int:
+    """Those of a design: static codes have one slot, whatever the others of a sweep have."""
+    return 1 if kind == "static" else int(settings.get("slots", 8))
 
 
 def _check(camera: dict[str, Any], sensor: dict[str, Any]) -> None:
@@ -54,7 +59,7 @@ def _check(camera: dict[str, Any], sensor: dict[str, Any]) -> None:
         others = sorted(set(own) - {"slots", "seed"})
         if others:
             raise SettingError("design", f"{kind} with {others[0]}", "slots and seed beside it", "leave it out")
-        designable(kind, own.get("slots", 8), (8, 8), camera_type=LightFieldCamera, views=3)
+        designable(kind, _slots(kind, own), (8, 8), camera_type=LightFieldCamera, views=3)
     LightFieldCamera(3, (64, 64), sensor=Sensor(**sensor), **own)
 
 
@@ -87,7 +92,7 @@ def sweep_light_field(
 
     Args:
         vary: setting → its values; names of ``LIGHT_FIELD.axes``. ``design`` searches codes of a kind (``free``,
-            ``one-hot``, ``static``, …) for the slots and the noise of every combination.
+            ``one-hot``, …) for the slots and the noise of every combination, ``static`` for one slot.
         scenes: test light fields, what ``load_light_field`` reads.
         out: the results ``OUT.json``, ``OUT.csv``, ``OUT.md`` and ``OUT.png``.
         work: folder of finished cells.
