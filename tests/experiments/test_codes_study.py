@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from scipy.stats import rankdata
 from matplotlib.figure import Figure
+from scipy.stats import rankdata
 
 from tmca.decoders import Weights
 from tmca.design import Effort
