@@ -170,3 +170,13 @@ def test_a_network_that_is_sure_of_the_wrong_plane_still_feels_a_slope():
     slope = torch.autograd.grad(found.surprise(place).sum(), logits)[0]
     assert float(slope[0, 0]) < -0.9
     assert float(slope[0, 2]) > 0.9
+
+
+def test_the_expected_error_is_the_mean_over_planes():
+    logits = torch.randn(2, 4, 3, 5, generator=torch.Generator().manual_seed(0))
+    place = torch.rand(2, 1, 3, 5, generator=torch.Generator().manual_seed(1))
+    found = DepthEstimate(torch.zeros(0), logits).expected_error(place)
+    shares = logits.exp() / logits.exp().sum(1, keepdim=True)
+    expected = sum(shares[:, d : d + 1] * (d / 3 - place).abs() for d in range(4))
+    torch.testing.assert_close(found, expected)
+    assert bool((found >= (DepthEstimate(torch.zeros(0), logits).place() - place).abs() - 1e-6).all())

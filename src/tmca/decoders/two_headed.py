@@ -51,6 +51,11 @@ class DepthEstimate:
         count = self.logits.shape[1]
         return (self.logits.softmax(1) * _places(count, self.logits)[:, None, None]).sum(1, keepdim=True)
 
+    def expected_error(self, place: Tensor) -> Tensor:
+        """(B, 1, H, W) mean absolute error of a plane that is drawn, against a true place (B, 1, H, W)."""
+        away = (_places(self.logits.shape[1], self.logits)[:, None, None] - place).abs()
+        return (self.logits.softmax(1) * away).sum(1, keepdim=True)
+
     def surprise(self, place: Tensor) -> Tensor:
         """(B, 1, H, W) minus the log-probability of the planes around a true place (B, 1, H, W), in nats.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -156,7 +156,7 @@ class DepthSystem(nn.Module):
         self.camera.sensor = sensor
         with torch.autocast(snapshot.device.type, enabled=False):
             found, place = self.windows(self.camera, self._inner(snapshot), self._inner(scenes[:, -1:]))
-        return self.likelihood_weight * _away(found, place)
+        return self.likelihood_weight * _known_mean(found.expected_error, place)
 
     def _decode(self, snapshot: Tensor, sensor: Sensor, start: Tensor | None) -> DepthEstimate:
         if start is None and self.network.start == "likelihood":
@@ -210,7 +210,10 @@ class DepthSystem(nn.Module):
 
 def _away(found: DepthEstimate, place: Tensor) -> Tensor:
     """What depth costs, mean over where it is known."""
+    return _known_mean(lambda true: (found.place() - true).abs() + SURPRISE * found.surprise(true), place)
+
+
+def _known_mean(error: Callable[[Tensor], Tensor], place: Tensor) -> Tensor:
+    """Mean of an error of places (B, 1, H, W) over where they are known."""
     known = torch.isfinite(place)
-    true = place.nan_to_num()
-    away = (found.place() - true).abs() + SURPRISE * found.surprise(true)
-    return (away * known).sum() / known.sum().clamp_min(1)
+    return (error(place.nan_to_num()) * known).sum() / known.sum().clamp_min(1)

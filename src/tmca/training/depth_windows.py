@@ -23,8 +23,8 @@ SIDE = 8
 class DepthWindows:
     """How likely the patch likelihood holds every plane, differentiable in masks, shutter and filters.
 
-    The same estimate as `PatchLikelihood` makes, of windows that stand side by side and with fewer gains: under the
-    patch prior the covariances of windows follow the codes, and so do the windows themselves.
+    The same estimate as `PatchLikelihood` makes, of windows that stand side by side: under the patch prior the
+    covariances of windows follow the codes, and so do the windows themselves.
 
     Args:
         prior: stationary Gaussian prior of the camera's bands, its blocks at least ``needed_block``.
@@ -39,7 +39,7 @@ class DepthWindows:
         self,
         prior: GaussianPrior,
         window: int = SIDE,
-        gains: Sequence[float] = GAINS[1::2],
+        gains: Sequence[float] = GAINS,
         temperature: float = TEMPERATURE,
         reach: int = REACH,
     ) -> None:
