@@ -112,11 +112,12 @@ def evaluate_light_field(
     own = stored_estimate(estimate)
     reading = truth_reading(own.attrs, truth, told, **given)
     reference = load_light_field(truth, **like(own), **reading)
+    found = light_field_metrics(own.values, reference.values)
+    found |= geometry(own, truth, reading.get("scale"), reading.get("pattern"))
     if figure is not None:
         drawing = light_field_figure({Path(estimate).stem: own.values}, reference.values)
         save_figure(drawing, figure, overwrite=overwrite)
-    found = light_field_metrics(own.values, reference.values)
-    return found | geometry(own, truth, reading.get("scale"), reading.get("pattern"))
+    return found
 
 
 def stored_estimate(path: str | Path) -> xr.DataArray:
