@@ -169,7 +169,7 @@ def test_an_impossible_number_of_cameras_is_refused(tmp_path, count):
     [
         ({"views": 4}, r"views: found 4, expected an odd number"),
         ({"views": 0}, r"views: found 0"),
-        ({"views": 7}, r"views: found 7, expected odd, at most 5"),
+        ({"views": 7}, r"views: found 7 of the 5×5 views of .*bad, expected an odd number, at most 5; give views=5"),
         ({"crop": (41, 48)}, r"crop: found 41×48, expected at most the 40×48"),
         ({"crop": (30, 30), "scale": 2}, r"expected at most the 20×24"),
         ({"scale": 0}, r"scale: found 0"),

@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except TmcaError as error:
         from tmca.cli.messages import in_options
 
-        _leave(in_options(error))
+        _leave(in_options(error, tokens))
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "allocate" not in str(error):
             raise

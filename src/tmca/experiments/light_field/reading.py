@@ -121,6 +121,12 @@ def training_loader(settings: LightFieldTrainSettings) -> Callable[[str], xr.Dat
         check_asked(names, **vars(reading))
 
     def load(name: str) -> xr.DataArray:
-        return load_light_field(name, views=settings.camera.views, colour=data.colour, **reading.of(name))
+        try:
+            return load_light_field(name, views=settings.camera.views, colour=data.colour, **reading.of(name))
+        except SettingError as error:
+            if error.where != "views":
+                raise
+            remedy = error.remedy and f"{error.remedy.replace('views=', 'camera.views=')} (--set)"
+            raise SettingError("camera.views", error.found, error.expected, remedy) from error
 
     return load
