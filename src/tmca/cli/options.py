@@ -161,15 +161,13 @@ def assumed(cube: xr.DataArray) -> None:
 
 
 def centre_assumed(light_field: xr.DataArray) -> None:
-    """Say on standard error which views were taken of a grid that has no centre view."""
-    grid = [int(n) for n in light_field.attrs.get("grid", ())]
-    taken = light_field.sizes["view_v"], light_field.sizes["view_u"]
-    if not any(n % 2 == 0 for n in grid):
-        return
-    spans = (f"{(n - k + 1) // 2} to {(n - k + 1) // 2 + k - 1}" for n, k in zip(grid, taken, strict=True))
-    rows, columns = spans
-    where = f"{light_field.attrs.get('source')}: {grid[0]}×{grid[1]} views have no centre one"
-    warned(f"{where}; taken are rows {rows} and columns {columns}, counted from 0")
+    """Say on standard error which views were taken of a square grid that has no centre view."""
+    from tmca.experiments.light_field.imaging import taken_views
+
+    rows, columns = light_field.attrs.get("grid", (1, 1))
+    if rows == columns and rows % 2 == 0:
+        where = f"{light_field.attrs.get('source')}: {rows}×{columns} views have no centre one"
+        warned(f"{where}; taken are {taken_views(light_field)}")
 
 
 def warned(line: str) -> None:

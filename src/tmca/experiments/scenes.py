@@ -18,7 +18,11 @@ if TYPE_CHECKING:
     from tmca.data import Negative
 
 
-class DarkScene(UserWarning):
+class SceneWarning(UserWarning):
+    """What is odd about a scene, said when it is read."""
+
+
+class DarkScene(SceneWarning):
     """A scene without light."""
 
 
