@@ -105,10 +105,8 @@ def load_light_field(
         found = read_light_field(source, crop=size, **asked)
         rows, columns = found.attrs["grid"]
         if rows != columns:
-            said = (
-                f"{source}: {rows}×{columns} views are no square, some may be missing; taken are {taken_views(found)}"
-            )
-            warn(said, UnevenGrid, stacklevel=2)
+            odd = f"{rows}×{columns} views are no square, some may be missing"
+            warn(f"{source}: {odd}; taken are {taken_views(found)}", UnevenGrid, stacklevel=2)
     elif source.partition(":")[0] in rendered_names():
         _refuse_files(pattern=pattern, lens=lens)
         found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
