@@ -232,7 +232,7 @@ def test_a_truncated_picture_is_named(tmp_path, name):
     stem = scenes.open3d(tmp_path)
     whole = (tmp_path / name).read_bytes()
     (tmp_path / name).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DataError, match=rf"{name}: found an unreadable or truncated image"):
+    with pytest.raises(DataError, match=rf"{name}: found an unreadable or truncated picture"):
         read_rgbd(stem)
 
 

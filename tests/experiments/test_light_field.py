@@ -167,7 +167,7 @@ def test_a_spectral_decoder_is_refused_a_light_field(prior, tmp_path, capsys, mo
     capsys.readouterr()
     assert "one of lmmse, mixture, dictionary" in refused(capsys, "reconstruct", "s.nc", "-d", "lmmse-adapted")
     assert "learn-views … --mixture" in refused(capsys, "reconstruct", "s.nc", "-d", "mixture")
-    assert "one for dictionary" in refused(capsys, "reconstruct", "s.nc", "-d", "dictionary")
+    assert "learn-views … --dictionary --out …" in refused(capsys, "reconstruct", "s.nc", "-d", "dictionary")
     assert "--wavelengths" in refused(capsys, "reconstruct", "s.nc", "--truth", "coffee", "--wavelengths", "400:700:3")
     five = GaussianPrior.load(prior)
     assert five.block[0] == 9

@@ -7,7 +7,7 @@ import pytest
 
 from tmca.cameras import LightFieldCamera
 from tmca.data import rendered_scene, select_bands, write_dataset
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.experiments.cells import CellsFailed
 from tmca.experiments.light_field.imaging import load_light_field, reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.sweep import sweep_light_field
@@ -37,12 +37,26 @@ def test_every_combination_is_measured_once_and_kept(tmp_path):
 
 
 def test_a_failed_cell_is_named_and_the_others_are_kept(tmp_path):
-    with pytest.raises(CellsFailed, match=r"1 of 2.*nowhere"):
-        sweep(tmp_path, {"slots": [1]}, ["nowhere.mat", "coffee"])
+    lost = write_dataset(small_cube(), tmp_path / "lost.nc")
+    with pytest.raises(CellsFailed, match=r"1 of 2.*lost"):
+        sweep(tmp_path, {"slots": [1]}, ["coffee", str(lost)], progress=lambda *told: lost.unlink(missing_ok=True))
     assert not (tmp_path / "out.md").exists()
     told = []
     sweep(tmp_path, {"slots": [1]}, ["coffee"], progress=lambda done, total, name, left: told.append(name))
     assert told == []
+
+
+@pytest.mark.parametrize("what", ["scenes", "train", "validation"])
+def test_a_scene_that_cannot_be_read_is_named_before_anything_is_made(tmp_path, what):
+    broken = tmp_path / "broken.nc"
+    for words in ("no such file", "truncated"):
+        changes = {"scenes": ["coffee"], "train": ["astronaut"], "validation": ["chelsea"], what: [str(broken)]}
+        with pytest.raises(DataError, match=f"broken.nc: .*{words}"):
+            sweep(tmp_path, {"slots": [1]}, changes.pop("scenes"), **changes)
+        broken.write_bytes(b"\x89HDF\r\n\x1a\n truncated")
+    with pytest.raises(SettingError, match="crop"):
+        sweep(tmp_path, {"slots": [1]}, size=(9999, 9999))
+    assert list(tmp_path.iterdir()) == [broken]
 
 
 @pytest.mark.parametrize(

@@ -103,10 +103,10 @@ def test_a_file_gives_the_dictionary_back(learned, tmp_path):
 
 def test_files_of_another_kind_or_damaged_are_refused(learned, tmp_path):
     path = learned.save(tmp_path / "atoms.nc")
-    with pytest.raises(DataError, match="a dictionary prior"):
+    with pytest.raises(DataError, match="found a dictionary, expected a gaussian prior"):
         load_prior(path)
     gaussian = GaussianPrior.learn([light_field().flatten(0, 1)], (3, 3)).save(tmp_path / "gaussian.nc")
-    with pytest.raises(DataError, match="a gaussian prior"):
+    with pytest.raises(DataError, match="found a gaussian prior, expected a dictionary"):
         PatchDictionary.load(gaussian)
     data = xr.load_dataset(path)
     data.drop_vars("scale").to_netcdf(tmp_path / "short.nc")

@@ -2,6 +2,7 @@
 
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,7 +14,8 @@ import torch
 from safetensors.torch import load_file
 
 from tests.training import tiny
-from tmca.errors import OutputError, SettingError
+from tmca.errors import DataError, OutputError, SettingError
+from tmca.training.folder import held
 from tmca.training.loop import Stopped
 
 TINY = Path(tiny.__file__)
@@ -111,6 +113,52 @@ def test_a_run_that_never_came_to_a_checkpoint_can_be_told_otherwise(tmp_path):
     tiny.train(tmp_path / "run", **{"optimiser.steps": 1})
     with pytest.raises(OutputError, match="another run"):
         tiny.train(tmp_path / "run", **{"optimiser.steps": 2})
+
+
+@pytest.mark.parametrize("when", ["set-up", "later"])
+def test_a_run_that_bad_input_ends_leaves_the_folder_as_it_was(tmp_path, when):
+    def load(name):
+        if name == ("third" if when == "set-up" else "second"):
+            raise DataError(name, "no light", "some", "switch it on")
+        return tiny.load(name)
+
+    with pytest.raises(DataError, match="no light"):
+        tiny.train(tmp_path / "new" / "run", load=load)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "run").mkdir()
+    with pytest.raises(DataError, match="no light"):
+        tiny.train(tmp_path / "run", load=load)
+    assert list((tmp_path / "run").iterdir()) == []
+    (tmp_path / "run" / "run.json").write_text("{}")
+    with pytest.raises(DataError, match="no light"):
+        tiny.train(tmp_path / "run", load=load)
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["run.json"]
+    assert (tmp_path / "run" / "run.json").read_text() == "{}"
+
+
+def test_a_run_that_has_a_checkpoint_keeps_it_when_its_input_goes_bad(undisturbed, tmp_path):
+    def load(name):
+        if name == "second":
+            raise DataError(name, "no light")
+        return tiny.load(name)
+
+    tiny.train(tmp_path / "run")
+    for part in ("cubes", "starts"):
+        shutil.rmtree(tmp_path / "run" / part, ignore_errors=True)
+    for checkpoint in sorted((tmp_path / "run" / "checkpoints").iterdir())[1:]:
+        shutil.rmtree(checkpoint)
+    with pytest.raises(DataError, match="no light"):
+        tiny.train(tmp_path / "run", load=load)
+    tiny.train(tmp_path / "run")
+    assert same(last_state(tmp_path / "run"), last_state(undisturbed))
+
+
+def test_a_folder_is_held_by_one_run_and_given_back_clean(tmp_path):
+    with held(tmp_path / "run"), pytest.raises(OutputError, match="going on"), held(tmp_path / "run"):
+        raise AssertionError
+    with pytest.raises(SettingError), held(tmp_path / "other"):
+        raise SettingError("x", "bad")
+    assert not (tmp_path / "other").exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

@@ -7,8 +7,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Sequence
-from typing import TextIO
+from collections.abc import Callable, Sequence
 
 from tmca.errors import TmcaError
 
@@ -24,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     from tmca.cli.app import app
 
-    warnings.showwarning = _one_line
+    warnings.showwarning = _lines_once()
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     tokens = list(sys.argv[1:] if arguments is None else arguments)
@@ -35,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except TmcaError as error:
         from tmca.cli.messages import in_options
 
-        _leave(in_options(error))
+        _leave(in_options(error, tokens))
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "allocate" not in str(error):
             raise
@@ -52,17 +51,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
 
 
-def _one_line(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    """A warning of ours in one line; others only where Python was asked for them (``-W``)."""
-    if category.__module__.startswith("tmca") or sys.warnoptions:
-        print(f"tmca: warning: {message}", file=sys.stderr)
+def _lines_once() -> Callable[..., None]:
+    """What shows warnings: ours in one line each, once; others only where Python was asked for them (``-W``)."""
+    said: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
+        if str(message) not in said and (category.__module__.startswith("tmca") or sys.warnoptions):
+            said.add(str(message))
+            print(f"tmca: warning: {message}", file=sys.stderr)
+
+    return show
 
 
 def _leave(message: str) -> None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +15,7 @@ from cyclopts import Group, Parameter
 from tmca.cli.numbers import whole
 from tmca.cli.options import SensorOptions, numbers
 from tmca.cli.patterns import codes_argument, coloured_argument, fitted
-from tmca.errors import SettingError
+from tmca.errors import SettingError, TmcaError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,6 +27,14 @@ if TYPE_CHECKING:
 
 _CAMERA = Group("Camera", sort_key=1)
 _MOST_CODES = 2**33
+_FROM_FILES = {
+    "aperture": ("aperture", "codes"),
+    "shutter": ("shutter", "codes"),
+    "codes": ("codes", "aperture", "shutter"),
+    "vignetting": ("vignetting",),
+    "coloured": ("coloured",),
+}
+"""What an error is about → the options whose file may have brought it."""
 
 
 @Parameter(name="*")
@@ -176,8 +187,9 @@ def spectral_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor
         if plane in settings:
             settings[plane] = fitted(settings[plane], scene.shape[1:], settings, plane)
     warn_of_period(camera, scene.shape[1:])
-    made = SpectralCamera.from_preset(camera.preset, **settings) if camera.preset else SpectralCamera(**settings)
-    return lit(made)
+    make = partial(SpectralCamera.from_preset, camera.preset) if camera.preset else SpectralCamera
+    with naming_files(camera):
+        return lit(make(**settings))
 
 
 def light_field_camera(
@@ -200,8 +212,22 @@ def light_field_camera(
     settings = {**own, "views": views, "size": size, "sensor": Sensor(**vars(sensor))}
     check_memory(camera.slots or 1, size)
     warn_of_period(camera, size)
-    made = LightFieldCamera.from_preset(camera.preset, **settings) if camera.preset else LightFieldCamera(**settings)
-    return lit(made)
+    make = partial(LightFieldCamera.from_preset, camera.preset) if camera.preset else LightFieldCamera
+    with naming_files(camera):
+        return lit(make(**settings))
+
+
+@contextmanager
+def naming_files(camera: CodeOptions) -> Iterator[None]:
+    """Errors about what stands in a file of the options name option and file."""
+    try:
+        yield
+    except TmcaError as error:
+        given = {name: Path(getattr(camera, name, None) or "") for name in _FROM_FILES.get(error.where, ())}
+        named = [f"--{name} {file}" for name, file in given.items() if file.suffix]  # families of codes have none
+        if not named:
+            raise
+        raise type(error)(named[0], error.found, error.expected, error.remedy) from error
 
 
 def lit(camera: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import fields
 
 from tmca.errors import TmcaError
@@ -24,6 +25,7 @@ _EXTRA = (
     "illuminant",
     "decoder",
     "prior",
+    "dictionary",
     "tv_weight",
     "seed",
     "motion",
@@ -50,12 +52,17 @@ def options() -> dict[str, str]:
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 
 
-def in_options(error: TmcaError) -> str:
-    """The error's line with ``name=value`` and bare names of arguments put as options."""
+def in_options(error: TmcaError, given: Sequence[str] = ()) -> str:
+    """The error's line with ``name=value`` and bare names of arguments put as options.
+
+    ``given`` are the words of the command line: a number of views that is not among them was not asked for.
+    """
     known = options()
     text = str(error)
     if error.where in known:
         text = known[error.where] + text[len(error.where) :]
+    if error.where == "views" and not any(word.startswith("--views") for word in given):
+        text = re.sub(r"found (\d+)", r"found \1, the default,", text, count=1)
 
     def option(match: re.Match[str]) -> str:
         name, value = match[1], match[2] or match[3]
@@ -63,5 +70,5 @@ def in_options(error: TmcaError) -> str:
             return match[0]
         return known[name] + (f" {value}" if value else "")
 
-    text = re.sub(r"\b([a-z_]+)=(?:\"([^\"]*)\"|(\d+)|True)?(?= |, |,$|;|\.|$)", option, text)
+    text = re.sub(r"(?<![\w.])([a-z_]+)=(?:\"([^\"]*)\"|(\d+)|True)?(?= |, |,$|;|\.|$)", option, text)
     return re.sub(r"(--[a-z-]+) \(\1( in nm)?\)", r"\1\2", text)

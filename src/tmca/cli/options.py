@@ -20,6 +20,7 @@ _SENSOR = Group("Sensor", sort_key=2)
 _OUTPUT = Group("Output", sort_key=3)
 _GRID = Group("Computation", sort_key=4)
 _SCENE = Group("Reading the scene", sort_key=0)
+_LENS = "ROWSxCOLUMNS of the views under a lens, such as 14x14"
 
 
 @Parameter(name="*")
@@ -56,7 +57,10 @@ class ViewFilesOptions:
 
     def files(self) -> dict[str, Any]:
         """``pattern`` and ``lens`` as ``load_light_field`` takes them."""
-        return {"pattern": self.pattern, "lens": size(self.lens, "--lens")}
+        lens = size(self.lens, "--lens", _LENS)
+        if lens is not None and min(lens) < 1:
+            raise SettingError("--lens", repr(self.lens), _LENS)
+        return {"pattern": self.pattern, "lens": lens}
 
 
 @Parameter(name="*")
@@ -157,15 +161,13 @@ def assumed(cube: xr.DataArray) -> None:
 
 
 def centre_assumed(light_field: xr.DataArray) -> None:
-    """Say on standard error which views were taken of a grid that has no centre view."""
-    grid = [int(n) for n in light_field.attrs.get("grid", ())]
-    taken = light_field.sizes["view_v"], light_field.sizes["view_u"]
-    if not any(n % 2 == 0 for n in grid):
-        return
-    spans = (f"{(n - k + 1) // 2} to {(n - k + 1) // 2 + k - 1}" for n, k in zip(grid, taken, strict=True))
-    rows, columns = spans
-    where = f"{light_field.attrs.get('source')}: {grid[0]}×{grid[1]} views have no centre one"
-    warned(f"{where}; taken are rows {rows} and columns {columns}, counted from 0")
+    """Say on standard error which views were taken of a square grid that has no centre view."""
+    from tmca.experiments.light_field.imaging import taken_views
+
+    rows, columns = light_field.attrs.get("grid", (1, 1))
+    if rows == columns and rows % 2 == 0:
+        where = f"{light_field.attrs.get('source')}: {rows}×{columns} views have no centre one"
+        warned(f"{where}; taken are {taken_views(light_field)}")
 
 
 def warned(line: str) -> None:
@@ -221,12 +223,14 @@ def numbers(text: str, option: str) -> float | list[float]:
     return values[0] if len(values) == 1 else values
 
 
-def size(text: str | None, option: str = "--size") -> tuple[int, int] | None:
-    """``HxW`` in pixels."""
+def size(
+    text: str | None, option: str = "--size", expected: str = "HEIGHTxWIDTH in pixels, such as 256x256"
+) -> tuple[int, int] | None:
+    """Two whole numbers, ``HxW`` in pixels unless something else is ``expected``."""
     if text is None:
         return None
     try:
         height, width = (int(part) for part in text.lower().replace("×", "x").split("x"))
     except ValueError:
-        raise SettingError(option, repr(text), "HEIGHTxWIDTH in pixels, such as 256x256") from None
+        raise SettingError(option, repr(text), expected) from None
     return height, width

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -103,16 +105,19 @@ def light_field(
     """
     from tmca.cli.options import size
     from tmca.data import read_split, split_rendered_light_fields
+    from tmca.experiments.light_field.reading import check_readable
     from tmca.experiments.light_field.sweep import sweep_light_field
 
     given = [*scenes, *(map(str, read_split(test)) if test else ())]
     named = given or sorted(split_rendered_light_fields()["test"])
     axes, fixed = _axes(vary, set_)
     examples = [str(path) for path in read_split(train)] if train else []
+    asked, middle = reading.asked(), size(crop, "--crop")
+    measured_as = replace(asked, scale=reading.test_scale)
+    check = partial(check_readable, examples, named, reading.views, asked, measured_as, middle)
     found = sweep_light_field(
-        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=reading.views,
-        reading=reading.asked(), test_scale=reading.test_scale, size=size(crop, "--crop"), progress=cell_done,
-        **grid.how(),
+        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=reading.views, reading=asked,
+        test_scale=reading.test_scale, size=middle, check=check, progress=cell_done, **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 

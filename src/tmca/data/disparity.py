@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 USUAL = "gt_disp_lowres.pfm"
 """The HCI benchmark's disparity at the size of its views."""
+_MEND = "mend the map, or take it away to go without"
 
 
 def find_disparity(folder: str | Path) -> Path | None:
@@ -77,9 +78,11 @@ def read_disparity(
     expected = _size_of_views(path, pattern) if size is None else size
     if expected is not None and values.shape != tuple(expected):
         found = f"{values.shape[0]}×{values.shape[1]} pixels (height × width)"
-        raise DataError(source, found, f"{expected[0]}×{expected[1]} as the views have", "fetch the map of their size")
+        wanted = f"{expected[0]}×{expected[1]} as the views have"
+        raise DataError(source, found, wanted, "fetch the map of their size, or take it away to go without")
     if not np.isfinite(values).all():
-        raise DataError(source, f"{np.sum(~np.isfinite(values))} NaN or infinite values", "finite disparities")
+        found = f"{np.sum(~np.isfinite(values))} NaN or infinite values"
+        raise DataError(source, found, "finite disparities", _MEND)
     height, width = values.shape
     window = centre_window((height, width), crop, scale, source)
     step = scale or 1
@@ -105,9 +108,10 @@ def _values(path: Path) -> tuple[NDArray[np.float32], Path]:
     elif path.suffix.lower() == ".pfm":
         values = read_picture(path)
     else:
-        raise DataError(path, f"the suffix {path.suffix!r}", ".pfm, .npy or a labelled file with disparity")
+        wanted = ".pfm, .npy or a labelled file with disparity"
+        raise DataError(path, f"the suffix {path.suffix!r}", wanted, "write the map as one of them")
     if values.ndim != 2 or values.dtype.kind != "f":
-        raise DataError(path, f"{values.dtype} of shape {values.shape}", "a map (y, x) of floats")
+        raise DataError(path, f"{values.dtype} of shape {values.shape}", "a map (y, x) of floats", _MEND)
     return values.astype(np.float32), path
 
 

@@ -217,7 +217,8 @@ def centre_views(grid: tuple[int, int], views: int | None, where: object) -> tup
         raise SettingError("views", repr(views), "an odd number n, for the centre n×n views")
     if views > min(grid):
         most = min(grid) - (min(grid) % 2 == 0)
-        raise SettingError("views", str(views), f"odd, at most {most}, of the {grid[0]}×{grid[1]} views of {where}")
+        found = f"{views} of the {grid[0]}×{grid[1]} views of {where}"
+        raise SettingError("views", found, f"an odd number, at most {most}", f"give views={most}")
     top, left = ((n - views + 1) // 2 for n in grid)
     return range(top, top + views), range(left, left + views)
 

@@ -25,6 +25,7 @@ from tmca.decoders.dictionary import DictionaryDecoder
 from tmca.decoders.neural import NeuralDecoder, Weights
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import PatchDictionary
+from tmca.priors.files import HOW_TO_LEARN
 from tmca.priors.light_field import check_views
 
 LIGHT_FIELD_METHODS = ("lmmse", "mixture", "dictionary", "dictionary-omp", "admm-tv", "dagger", "network")
@@ -65,9 +66,7 @@ def decode_light_field(
         ShapeError: one of other views.
     """
     check_arguments(method, LIGHT_FIELD_METHODS, prior, weights, tv_weight)
-    if (dictionary is None) == method.startswith("dictionary"):
-        there = "none" if dictionary is None else f"one for {method}"
-        raise SettingError("dictionary", there, "one for dictionary and dictionary-omp, none for others")
+    _check_dictionary(method, dictionary)
     camera, start = snapshot.camera, time.perf_counter()
     if prior is not None:
         check_views(prior, camera.views)
@@ -85,6 +84,16 @@ def decode_light_field(
     found.estimate = found.estimate.unflatten(1, camera.views)
     found.deviation = None if found.deviation is None else found.deviation.unflatten(1, camera.views)
     return finished(found, method, start)
+
+
+def _check_dictionary(method: str, dictionary: PatchDictionary | None) -> None:
+    uses = method.startswith("dictionary")
+    if uses and dictionary is None:
+        remedy = f"learn one with {HOW_TO_LEARN['dictionary']} and name it with dictionary= (--dictionary)"
+        raise SettingError("dictionary", "none", f"one for the decoder {method}", remedy)
+    if dictionary is not None and not uses:
+        wanted = "none: only dictionary and dictionary-omp use it"
+        raise SettingError("dictionary", f"one for {method}", wanted, "leave it out")
 
 
 def _by_dictionary(

@@ -15,9 +15,11 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
+from warnings import simplefilter
 
 from tmca.data import make_folder, write_json, write_text
 from tmca.errors import SettingError, TmcaError
+from tmca.experiments.scenes import SceneWarning
 
 Settings = dict[str, Any]
 Measured = dict[str, Any]
@@ -209,6 +211,7 @@ def _worker(parent: int) -> None:
     import torch
 
     torch.set_num_threads(1)
+    simplefilter("ignore", SceneWarning)  # said where the scenes were opened first
 
     def watch() -> None:
         while os.getppid() == parent:

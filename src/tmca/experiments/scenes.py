@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from warnings import warn
@@ -18,7 +18,11 @@ if TYPE_CHECKING:
     from tmca.data import Negative
 
 
-class DarkScene(UserWarning):
+class SceneWarning(UserWarning):
+    """What is odd about a scene, said when it is read."""
+
+
+class DarkScene(SceneWarning):
     """A scene without light."""
 
 
@@ -69,6 +73,20 @@ def load_scene(
     if not cube.values.any():
         warn(f"{name}: every pixel is zero", DarkScene, stacklevel=2)
     return cube
+
+
+def check_readable(scenes: Iterable[str | Path], bands: int, size: tuple[int, int] | None = None) -> None:
+    """Read every scene as later work will, so that one that cannot be used is named before anything is made.
+
+    Args:
+        scenes: names that ``load_scene`` understands.
+        bands, size: as for ``load_scene``.
+
+    Raises:
+        DataError, SettingError: as ``load_scene``.
+    """
+    for scene in dict.fromkeys(map(str, scenes)):
+        load_scene(scene, bands=bands, size=size)
 
 
 def at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:

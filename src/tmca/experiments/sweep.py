@@ -64,6 +64,7 @@ def sweep(
     work: Path,
     data: Settings,
     *,
+    check: Callable[[], object] | None = None,
     prepare: Callable[[Sequence[dict[str, Any]]], Settings] | None = None,
     fixed: Mapping[str, Any] | None = None,
     decoder: str = "lmmse",
@@ -85,7 +86,9 @@ def sweep(
         out: the results ``OUT.json``, ``OUT.csv``, ``OUT.md`` and ``OUT.png``.
         work: folder of finished cells.
         data: how scenes are read.
-        prepare: from the combinations, once they are found possible, to further settings of all cells.
+        check: opens every scene as cells will; called once the combinations are found possible, before anything is
+            made.
+        prepare: from the combinations to further settings of all cells.
         fixed: settings of all cells.
         decoder: name of ``swept.decoders``, unless it is varied; networks are trained at every combination.
         train: scenes of priors and networks; the rendered training scenes' prior if empty.
@@ -100,9 +103,10 @@ def sweep(
     Raises:
         SettingError: an unknown or empty axis, or a combination that makes no camera.
         OutputError: results exist.
+        DataError: a scene that cannot be used.
         CellsFailed: some cells failed; the others are kept.
     """
-    from tmca.data import make_folder
+    from tmca.data import check_folder, make_folder
 
     files = [out.with_suffix(suffix) for suffix in (".json", ".csv", ".md", ".png")]
     check_new(files, overwrite)
@@ -112,10 +116,13 @@ def sweep(
     kept = {"decoder": decoder, **converted(swept, {name: [value] for name, value in (fixed or {}).items()}, "--set")}
     kept = {name: values[0] if isinstance(values, list) else values for name, values in kept.items()}
     points = combinations(swept, vary, kept)
-    make_folder(out.parent)
     names = short_names(scenes)
+    check_folder(out.parent)
+    if check:
+        check()
     data = {**data, "train": list(train), "validation": list(validation), "steps": steps}
     data |= prepare(points) if prepare else {}
+    make_folder(out.parent)
     cells = [_cell(swept, point, scene, name, data, work) for point in points for scene, name in names.items()]
     grid = Grid(swept.measure, work, jobs, cluster, progress)
     rows = _rows(points, _measured(swept, cells, grid), list(names.values()))

@@ -45,6 +45,12 @@ REQUIRED = {
     ),
     "dictionary": ("atom", "scale"),
 }
+HOW_TO_LEARN = {
+    "gaussian": "`tmca prior learn` (of light fields `learn-views`)",
+    "gaussian mixture": "`tmca prior learn … --mixture` (of light fields `learn-views`)",
+    "dictionary": "`tmca prior learn-views … --dictionary --out …`",
+}
+"""What writes a file of each kind."""
 
 
 def mixture_arrays(prior: GaussianMixturePrior) -> dict[str, Tensor]:
@@ -103,7 +109,7 @@ def read_prior(path: str | Path, kind: str) -> tuple[dict[str, Tensor], tuple[fl
     Raises:
         DataError: no such file, no prior of this kind in it, or damaged content.
     """
-    data = _open(path)
+    data = _open(path, kind)
     _check(path, data, kind)
     arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in DIMENSIONS if n in data}
     sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
@@ -141,7 +147,7 @@ def read_dictionary(path: str | Path) -> PatchDictionary:
     """
     from tmca.priors.dictionary import PatchDictionary
 
-    data = _open(path)
+    data = _open(path, "dictionary")
     _check(path, data, "dictionary")
     atoms, scales = (torch.from_numpy(data[name].values.astype(np.float64)) for name in ("atom", "scale"))
     try:
@@ -154,19 +160,21 @@ def read_dictionary(path: str | Path) -> PatchDictionary:
         raise DataError(path, f"a damaged description ({error})", "views, residual, notes", "copy it again") from error
 
 
-def _open(path: str | Path) -> xr.Dataset:
+def _open(path: str | Path, kind: str = "gaussian") -> xr.Dataset:
     from tmca.data import read_dataset
 
     data = read_dataset(path)
     if data.attrs.get("format") != FORMAT or data.attrs.get("kind") not in REQUIRED:
-        raise DataError(path, "no prior in it", "a file written by `tmca prior learn`", "learn one and name it")
+        found = "no dictionary in it" if kind == "dictionary" else "no prior in it"
+        raise DataError(path, found, f"a file written by {HOW_TO_LEARN[kind]}", "learn one and name it")
     return data
 
 
 def _check(path: str | Path, data: xr.Dataset, kind: str) -> None:
     """Raise DataError unless the file holds a whole prior of this kind."""
     if data.attrs.get("kind") != kind:
-        raise DataError(path, f"a {data.attrs.get('kind')} prior", f"a {kind} prior", "load it with its own class")
+        found, wanted = (name if name == "dictionary" else f"{name} prior" for name in (data.attrs["kind"], kind))
+        raise DataError(path, f"a {found}", f"a {wanted}", f"name one that {HOW_TO_LEARN[kind]} wrote")
     missing = [name for name in REQUIRED[kind] if name not in data]
     if kind != "dictionary" and not {"covariance", "autocovariance"} & set(data):
         missing.append("covariance")

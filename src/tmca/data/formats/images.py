@@ -23,6 +23,9 @@ from tmca.errors import DataError
 _BAND_FILE = re.compile(r"_ms_(\d+)\.png$", re.IGNORECASE)
 _BROKEN_TIFF = (OSError, ValueError, IndexError, KeyError, TypeError, struct.error, zlib.error)
 """What tifffile raises on a cut or damaged file, besides its own error."""
+_BROKEN_PICTURE = (OSError, SyntaxError, ValueError, struct.error, zlib.error)
+"""What Pillow raises on a cut or damaged picture."""
+_KINDS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".pfm": "PFM"}
 _LABEL_NM = re.compile(r"(\d+(?:\.\d+)?)\s*(nm|µm|μm|um)\b", re.IGNORECASE)
 
 
@@ -77,7 +80,8 @@ def open_cave(folder: Path) -> Contents:
 def _band_like(first: NDArray[Any], file: Path) -> NDArray[Any]:
     band = _grey(file)
     if band.shape != first.shape or band.dtype != first.dtype:
-        raise DataError(file, f"{band.shape} {band.dtype}", f"{first.shape} {first.dtype} as in the first band")
+        found, wanted = f"{band.shape} {band.dtype}", f"{first.shape} {first.dtype} as in the first band"
+        raise DataError(file, found, wanted, "fetch or write it again")
     return band
 
 
@@ -124,10 +128,26 @@ def picture_size(file: Path) -> tuple[int, int]:
 @contextmanager
 def _whole_picture(file: Path) -> Iterator[None]:
     """Pillow's errors as one of ours."""
+    from PIL import Image
+
     try:
         yield
-    except (OSError, SyntaxError, ValueError) as error:
-        raise DataError(file, f"an unreadable or truncated image ({error})", "a whole PNG, JPEG or BMP") from error
+    except FileNotFoundError as error:
+        raise DataError(file, "no such file", "a picture", "check the path") from error
+    except PermissionError as error:
+        raise DataError(file, "no permission to read it", "a readable file", "change its permissions") from error
+    except (*_BROKEN_PICTURE, Image.DecompressionBombError) as error:
+        kind = _KINDS.get(file.suffix.lower(), "PNG, JPEG or BMP")
+        raise DataError(file, _broken(file, error), f"a whole {kind}", "fetch or write it again") from error
+
+
+def _broken(file: Path, error: Exception) -> str:
+    from PIL import UnidentifiedImageError
+
+    if file.stat().st_size == 0:
+        return "an empty file"
+    known = "" if isinstance(error, UnidentifiedImageError) else f" ({error})"
+    return f"an unreadable or truncated picture{known}"
 
 
 def open_picture(path: Path) -> Contents:

@@ -33,7 +33,7 @@ def open_lenslet(path: Path, lens: tuple[int, int] = LENS) -> Contents:
         SettingError: an impossible lens grid.
     """
     if len(lens) != 2 or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in lens):
-        raise SettingError("lens", repr(lens), "views under a lens: (rows, columns), such as (14, 14)")
+        raise SettingError("lens", repr(lens), "rows and columns of the views under a lens, such as 14 and 14")
     height, width = picture_size(path)
     if height % lens[0] or width % lens[1]:
         raise DataError(

@@ -23,6 +23,8 @@ NEEDED = {
 }
 """What a ``parameters.cfg`` of the HCI benchmark must state."""
 _MOST_A_SIDE = 999
+_WITHOUT = "take it away to go by the pictures alone"
+_FETCH, _CORRECT = f"fetch it again, or {_WITHOUT}", f"correct it, or {_WITHOUT}"
 
 
 def open_views(folder: Path, pattern: str | None = None) -> Contents | None:
@@ -37,19 +39,38 @@ def open_views(folder: Path, pattern: str | None = None) -> Contents | None:
     """
     about = read_parameters(folder / PARAMETERS) if (folder / PARAMETERS).is_file() else {}
     side: Place | None = (int(about["num_cams_y"]), int(about["num_cams_x"])) if about else None
-    views = find_views(folder, pattern, side)
+    views = find_views(folder, pattern) if side is None else _views_of(folder, pattern, side)
     if views is None:
         return None
-    if side is not None and views.shape != side:
-        raise DataError(folder, f"{views.shape[0]}×{views.shape[1]} views", f"{side[0]}×{side[1]} as {PARAMETERS} says")
     size = _size(views)
     stated = (about.get("image_resolution_y_px"), about.get("image_resolution_x_px"))
     if about and stated != size:
-        raise DataError(
-            folder / PARAMETERS, f"{stated[1]:g}×{stated[0]:g} px", f"{size[1]}×{size[0]} px as the views have"
-        )
+        found = f"a resolution of {stated[0]:g}×{stated[1]:g} pixels (height × width)"
+        raise DataError(folder / PARAMETERS, found, f"{size[0]}×{size[1]} as the views have", _CORRECT)
     stored = _stored(folder, views, size)
     return Contents(folder, "folder of views", {stored.name: stored}, attrs={"pattern": views.naming, **_si(about)})
+
+
+def _views_of(folder: Path, pattern: str | None, side: Place) -> ViewFiles | None:
+    """The views on a grid of the stated rows and columns.
+
+    Raises:
+        DataError: the pictures make no such grid; ``parameters.cfg`` is to blame where they make another whole one.
+    """
+    try:
+        found = find_views(folder, pattern, side)
+    except DataError as error:
+        try:
+            found = find_views(folder, pattern)
+        except DataError as other:
+            if str(other) == str(error):
+                raise
+            raise DataError(folder, error.found, f"{error.expected} as {PARAMETERS} says", error.remedy) from error
+    if found is not None and found.shape != side:
+        (rows, columns), stated = found.shape, f"num_cams_y = {side[0]} and num_cams_x = {side[1]}"
+        wanted = f"{rows} and {columns}, as the {rows * columns} views beside it make"
+        raise DataError(folder / PARAMETERS, stated, wanted, f"add views that are missing, {_CORRECT}")
+    return found
 
 
 def _size(views: ViewFiles) -> Place:
@@ -79,8 +100,14 @@ def _stored(folder: Path, views: ViewFiles, size: Place) -> Stored:
 def _like(first: NDArray[Any], file: Path) -> NDArray[Any]:
     pixels = read_picture(file)
     if pixels.shape != first.shape or pixels.dtype != first.dtype:
-        raise DataError(file, f"{pixels.shape} {pixels.dtype}", f"{first.shape} {first.dtype} as in the first view")
+        found, wanted = (f"{_kind(p)} pixels of type {p.dtype}" for p in (pixels, first))
+        raise DataError(file, found, f"{wanted} as in the first view", "save all views alike, or replace it")
     return pixels
+
+
+def _kind(pixels: NDArray[Any]) -> str:
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    return {1: "grey", 2: "grey and alpha", 3: "colour", 4: "colour and alpha"}.get(channels, f"{channels}-channel")
 
 
 def read_parameters(path: Path) -> dict[str, float]:
@@ -93,18 +120,18 @@ def read_parameters(path: Path) -> dict[str, float]:
     try:
         parser.read_string(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, ConfigError) as error:
-        raise DataError(path, f"an unreadable file ({error})", "a parameters.cfg of the HCI benchmark") from error
+        found = "no text" if isinstance(error, UnicodeDecodeError) else f"an unreadable file ({error})"
+        raise DataError(path, found, "a parameters.cfg of the HCI benchmark", _FETCH) from error
     numbers = {
         key: number for s in parser.sections() for key, v in parser.items(s) if (number := _number(v)) is not None
     }
     gone = [f"[{s}] {key}" for s, keys in NEEDED.items() for key in keys if key not in numbers]
-    remedy = "fetch it again, or take it away to go by the pictures alone"
     if gone:
-        raise DataError(path, f"no number for {', '.join(gone)}", "the keys of the HCI benchmark", remedy)
+        raise DataError(path, f"no number for {', '.join(gone)}", "the keys of the HCI benchmark", _FETCH)
     for name in ("num_cams_x", "num_cams_y"):
         if not (numbers[name].is_integer() and 1 <= numbers[name] <= _MOST_A_SIDE):
             wanted = f"a whole number of views from 1 to {_MOST_A_SIDE}"
-            raise DataError(path, f"{name} = {numbers[name]:g}", wanted, remedy)
+            raise DataError(path, f"{name} = {numbers[name]:g}", wanted, _FETCH)
     return numbers
 
 

@@ -15,7 +15,7 @@ from tmca.experiments.light_field.cells import measure
 from tmca.experiments.light_field.comparison_figures import comparison_pictures, picture_files, slug
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.plan import Table
-from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked, read
+from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked, check_readable
 from tmca.experiments.light_field.rows import DECODER_NAMES, EFFORT, Sizes
 from tmca.experiments.light_field.tables import markdown, results
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
@@ -150,11 +150,8 @@ def _check_readable(
         if side > most:
             found, wanted = "×".join(map(str, sizes.frame)), "×".join(map(str, sizes.crop))
             raise SettingError("frame", f"{found} pixels", f"at least {wanted}, the crop that the dictionary decodes")
-    for name in examples:
-        read(name, sizes.views, reading)
     try:
-        for name in real:
-            read(name, sizes.views, measured_as, sizes.frame)
+        check_readable(examples, real, sizes.views, reading, measured_as, sizes.frame)
     except SettingError as error:
         where = "frame" if error.where == "crop" else error.where
         raise SettingError(where, error.found, error.expected, error.remedy) from error

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 import torch
@@ -20,6 +21,7 @@ from tmca.experiments.light_field.animation import views_gif
 from tmca.experiments.light_field.figures import light_field_figure
 from tmca.experiments.light_field.refocus import focus_steps, refocus_strip
 from tmca.experiments.reconstructions import write_reconstruction
+from tmca.experiments.scenes import SceneWarning
 from tmca.experiments.snapshots import NOISE_STREAM
 
 if TYPE_CHECKING:
@@ -29,6 +31,10 @@ if TYPE_CHECKING:
 
 READING = "scene_reading"
 """Attribute of light fields, snapshots and estimates: how the scene was read, as JSON."""
+
+
+class UnevenGrid(SceneWarning):
+    """A light field whose grid of views is not square, as when some are missing."""
 
 
 @dataclass
@@ -88,12 +94,19 @@ def load_light_field(
 
     Raises:
         DataError, SettingError: no such light field, or one that cannot be used so.
+
+    Warns:
+        UnevenGrid: the centre of views that stand on no square grid was taken.
     """
     from tmca.data import read_light_field, rendered_names
 
     asked: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
     if Path(source).exists():
         found = read_light_field(source, crop=size, **asked)
+        rows, columns = found.attrs["grid"]
+        if rows != columns:
+            odd = f"{rows}×{columns} views are no square, some may be missing"
+            warn(f"{source}: {odd}; taken are {taken_views(found)}", UnevenGrid, stacklevel=2)
     elif source.partition(":")[0] in rendered_names():
         _refuse_files(pattern=pattern, lens=lens)
         found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
@@ -102,6 +115,14 @@ def load_light_field(
         raise DataError(source, "no such file, folder or rendered scene", wanted)
     noted = {"source": source, "size": size, **asked, "scale": scale or 1}
     return found.assign_attrs({READING: json.dumps(noted, default=int)})
+
+
+def taken_views(light_field: xr.DataArray) -> str:
+    """Which rows and columns of its files' grid a light field is."""
+    taken = light_field.sizes["view_v"], light_field.sizes["view_u"]
+    first = [(int(n) - k + 1) // 2 for n, k in zip(light_field.attrs["grid"], taken, strict=True)]
+    rows, columns = (f"{top} to {top + k - 1}" for top, k in zip(first, taken, strict=True))
+    return f"rows {rows} and columns {columns}, counted from 0"
 
 
 def _refuse_files(**asked: Any) -> None:

@@ -101,6 +101,31 @@ def _read(name: str, views: int, size: tuple[int, int] | None, **own: Any) -> xr
     return load_light_field(name, views=views, size=size, **own)
 
 
+def check_readable(
+    learned: Sequence[str],
+    measured: Sequence[str],
+    views: int,
+    reading: Reading,
+    measured_as: Reading,
+    size: Sequence[int] | None = None,
+) -> None:
+    """Read every light field as later work will, so that one that cannot be used is named before anything is made.
+
+    Args:
+        learned: light fields to learn from, read as ``reading`` says.
+        measured: others, read as ``measured_as`` says.
+        views: n for the centre n×n views.
+        size: (H, W), the middle of those that are measured.
+
+    Raises:
+        DataError, SettingError: as ``load_light_field``.
+    """
+    for name in dict.fromkeys(learned):
+        read(name, views, reading)
+    for name in dict.fromkeys(measured):
+        read(name, views, measured_as, size)
+
+
 def training_reading(settings: LightFieldTrainSettings) -> Reading:
     """What the settings of a run ask of its files."""
     return Reading(settings.data.scale, settings.data.pattern, settings.data.lens)
@@ -121,6 +146,12 @@ def training_loader(settings: LightFieldTrainSettings) -> Callable[[str], xr.Dat
         check_asked(names, **vars(reading))
 
     def load(name: str) -> xr.DataArray:
-        return load_light_field(name, views=settings.camera.views, colour=data.colour, **reading.of(name))
+        try:
+            return load_light_field(name, views=settings.camera.views, colour=data.colour, **reading.of(name))
+        except SettingError as error:
+            if error.where != "views":
+                raise
+            remedy = error.remedy and f"{error.remedy.replace('views=', 'camera.views=')} (--set)"
+            raise SettingError("camera.views", error.found, error.expected, remedy) from error
 
     return load

@@ -32,7 +32,38 @@ def true_light_field(
     """
     camera = snapshot.camera
     own: dict[str, Any] = {"views": camera.views[0], "size": camera.size, "colour": len(snapshot.values) > 1}
-    return load_light_field(source, **own, **truth_reading(snapshot.notes, source, told, **given))
+    return _load_as_large(source, own, truth_reading(snapshot.notes, source, told, **given))
+
+
+def _load_as_large(source: str, own: Mapping[str, Any], reading: Mapping[str, Any]) -> xr.DataArray:
+    """The views and pixels of a light field that a snapshot or an estimate has.
+
+    Raises:
+        DataError: it has fewer.
+    """
+    try:
+        return load_light_field(source, **own, **reading)
+    except SettingError as error:
+        if error.where not in ("views", "crop") or not Path(source).exists():
+            raise
+        (rows, columns), (height, width) = _extent(source, reading)
+        scale, views, size = reading.get("scale") or 1, own["views"], own["size"]
+        found = f"{rows}×{columns} views of {height // scale}×{width // scale} pixels"
+        found += "" if scale == 1 else f" at scale {scale}"
+        wanted = f"at least the {views}×{views} views of {size[0]}×{size[1]} pixels that are compared with it"
+        raise DataError(source, found, wanted, "name the scene of the snapshot") from error
+
+
+def _extent(source: str, reading: Mapping[str, Any]) -> tuple[tuple[int, int], tuple[int, int]]:
+    """(Rows, columns) of the views of a light field from files, and (height, width) of each."""
+    from tmca.data.light_fields import VIEW_DIMS, find_light_field, no_light_field, open_light_field
+
+    with open_light_field(source, reading.get("pattern"), reading.get("lens")) as contents:
+        stored = find_light_field(contents)
+        if stored is None:
+            raise no_light_field(contents)
+        rows, columns, height, width = (stored.shape[stored.dims.index(dim)] for dim in VIEW_DIMS)
+    return (rows, columns), (height, width)
 
 
 def truth_reading(notes: Mapping[str, Any], source: str, told: Told | None = None, **given: Any) -> dict[str, Any]:
@@ -111,12 +142,13 @@ def evaluate_light_field(
         raise SettingError("--figure", str(figure), "another file than the estimate")
     own = stored_estimate(estimate)
     reading = truth_reading(own.attrs, truth, told, **given)
-    reference = load_light_field(truth, **like(own), **reading)
+    reference = _load_as_large(truth, like(own), reading)
+    found = light_field_metrics(own.values, reference.values)
+    found |= geometry(own, truth, reading.get("scale"), reading.get("pattern"))
     if figure is not None:
         drawing = light_field_figure({Path(estimate).stem: own.values}, reference.values)
         save_figure(drawing, figure, overwrite=overwrite)
-    found = light_field_metrics(own.values, reference.values)
-    return found | geometry(own, truth, reading.get("scale"), reading.get("pattern"))
+    return found
 
 
 def stored_estimate(path: str | Path) -> xr.DataArray:

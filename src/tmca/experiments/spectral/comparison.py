@@ -9,6 +9,7 @@ from typing import Any
 
 from tmca.experiments.cells import Grid, Measured, Timed, cell_key
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
+from tmca.experiments.scenes import check_readable
 from tmca.experiments.source import source_digest
 from tmca.experiments.spectral import plan
 from tmca.experiments.spectral.cells import measure
@@ -70,6 +71,7 @@ def compare_spectral(
     examples, scenes = read_split(train), read_split(test)
     files = [out / "spectral.json", out / "spectral.md"]
     check_new([*files, *(picture for scene in scenes for picture in picture_files(scene.stem, out))], overwrite)
+    check_readable([*examples, *scenes, *(read_split(validation) if validation else ())], bands)
     make_folder(out)
     priors = _learn(examples, make_folder(work), bands, decoders)
     grid = Grid(partial(measure, folder=str(work)), work, jobs, cluster, progress)

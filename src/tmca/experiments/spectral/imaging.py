@@ -196,12 +196,13 @@ def evaluate_files(
     if figure is not None and Path(estimate).resolve() == figure.resolve():
         raise SettingError("--figure", str(figure), "another file than the estimate")
     cube, reference = _pair_of(estimate, truth, reading, told)
+    found = all_metrics(cube.values, reference.values)
     if figure is not None:
         drawing = reconstruction_figure(
             {Path(estimate).stem: cube.values}, cube["wavelength"].values.tolist(), reference.values
         )
         save_figure(drawing, figure, overwrite=overwrite)
-    return all_metrics(cube.values, reference.values)
+    return found
 
 
 def _pair_of(

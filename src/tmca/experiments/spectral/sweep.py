@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralCamera
+from tmca.experiments.scenes import check_readable
 from tmca.experiments.spectral.cells import sweep_cell, sweep_training
 from tmca.experiments.spectral.rows import DECODER_NAMES, NETWORKS
 from tmca.experiments.sweep import Swept, Values, sweep
@@ -50,4 +51,9 @@ def sweep_spectral(
         size: (H, W) middle of the scenes.
         how: further arguments of ``sweep``.
     """
-    return sweep(SPECTRAL, vary, scenes, out, work, {"bands": bands, "size": size}, **how)
+
+    def check() -> None:
+        check_readable(scenes, bands, size)
+        check_readable([*how.get("train", ()), *how.get("validation", ())], bands)
+
+    return sweep(SPECTRAL, vary, scenes, out, work, {"bands": bands, "size": size}, check=check, **how)

@@ -20,7 +20,7 @@ from tmca.experiments.spectral_depth.cells import measure
 from tmca.experiments.spectral_depth.comparison_figures import comparison_pictures, picture_files
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
 from tmca.experiments.spectral_depth.rows import DECODER_NAMES, NETWORKS, Sizes
-from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
+from tmca.experiments.spectral_depth.scenes import check_readable, load_any_depth_scene
 from tmca.experiments.spectral_depth.tables import markdown, results
 
 EFFORT = {"starts": 3, "steps": 40, "rate": 0.003}
@@ -87,6 +87,8 @@ def compare_spectral_depth(
     files = [out / "spectral-depth.json", out / "spectral-depth.md"]
     check_new([*files, *picture_files(list(names.values()), out)], overwrite)
     how: Settings = {"side": own.side, "placed": placed, "from_rgb": from_rgb}
+    probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
+    check_readable(learned, measured, probe, own.crop, **how)
     grid = Grid(partial(measure, folder=str(work)), work, jobs, cluster, progress)
     common = _common(learned, names, work, own, how, progress)
     make_folder(out)
@@ -98,7 +100,6 @@ def compare_spectral_depth(
         split["rendered"] = {"train": rendered["train"][len(learned) :], "validation": rendered["validation"]}
     told = results(found, split, {**vars(own), "effort": dict(table.effort), "steps": steps}, command)
     write_table(told, markdown(told), files, overwrite)
-    probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
     scenes = {n: load_any_depth_scene(path, probe, materials="test", **how) for path, n in names.items()}
     comparison_pictures([c for c in found if c["seed"] == seed], scenes, probe, out, overwrite=overwrite)
     grid.failures.check()

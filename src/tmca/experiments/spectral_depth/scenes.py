@@ -148,6 +148,27 @@ def load_any_depth_scene(
     return load_spectral_depth(source, camera.wavelengths, **how)
 
 
+def check_readable(
+    learned: Sequence[str], measured: Sequence[str], camera: SpectralDepthCamera, size: tuple[int, int], **how: Any
+) -> None:
+    """Read every scene as cells will, so that one that cannot be used is named before anything is made.
+
+    Args:
+        learned: scenes to learn from.
+        measured: scenes whose middle (H, W) is measured.
+        camera: whose bands and range.
+        size: (H, W).
+        how: ``side``, ``placed`` and ``from_rgb`` of `load_any_depth_scene`.
+
+    Raises:
+        DataError, SettingError: as `load_any_depth_scene`; a measured scene smaller than its middle.
+    """
+    for name in dict.fromkeys(learned):
+        load_any_depth_scene(name, camera, **how)
+    for name in dict.fromkeys(measured):
+        middle_of(load_any_depth_scene(name, camera, materials="test", **how), size, name)
+
+
 def check_depth_scene(source: str, placed: str | None, from_rgb: bool) -> tuple[str, int]:
     """Kind and shorter side of a file or folder, in pixels.
 

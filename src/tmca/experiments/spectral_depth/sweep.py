@@ -19,7 +19,7 @@ from tmca.experiments.spectral_depth.imaging import (
     take_spectral_depth_snapshot,
 )
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
-from tmca.experiments.spectral_depth.scenes import check_depth_scene, load_any_depth_scene, with_surroundings
+from tmca.experiments.spectral_depth.scenes import check_readable, load_any_depth_scene, with_surroundings
 from tmca.experiments.sweep import Swept, Values, parts, sweep
 from tmca.sensor import Sensor
 
@@ -136,20 +136,18 @@ def sweep_spectral_depth(
         window: of the patch likelihood, pixels; the usual one of every camera if None.
         how: further arguments of ``sweep``.
     """
-    from tmca.data import rendered_names
-
     reading: Settings = {"side": side, "placed": placed, "from_rgb": from_rgb}
     swept, size = spectral_depth_swept(preset), size or (96, 128)
 
+    def check() -> None:
+        check_readable(train, scenes, SpectralDepthCamera.from_preset(preset, size=PROBE), size, **reading)
+
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
-        for name in scenes:
-            if Path(name).exists() or name not in rendered_names():
-                check_depth_scene(name, placed, from_rgb)
         files = {str(point["codes"]) for point in points if "codes" in point}
         largest = max(_window(_camera(preset, *parts(swept, point), PROBE), size, window) for point in points)
         return {"prior": learned_depth_prior(train, work, preset, largest, reading) if train else None,
                 "code_files": [identity_of(name) for name in sorted(files)]}  # fmt: skip
 
     data: Settings = {**reading, "preset": preset, "size": list(size), "window": window}
-    return sweep(swept, vary, scenes, out, work, data, prepare=prepare, train=train,
+    return sweep(swept, vary, scenes, out, work, data, check=check, prepare=prepare, train=train,
                  **{"decoder": "likelihood", **how})  # fmt: skip

@@ -41,9 +41,10 @@ def evaluate_spectral_depth(
     how = {name: value for name, value in _reading(own.notes, estimate).items() if name != "source"}
     wavelengths = own.cube["wavelength"].values.tolist()
     scene = load_spectral_depth(truth, wavelengths, near=planes.near, far=planes.far, size=size, **how)
+    found = spectral_depth_metrics(own.cube.values, own.depth.values, scene, planes)
     if figure is not None:
         save_figure(depth_figure(own, planes, scene), figure, overwrite=overwrite)
-    return spectral_depth_metrics(own.cube.values, own.depth.values, scene, planes)
+    return found
 
 
 def stored_reconstruction(path: str | Path) -> tuple[SpectralDepthReconstruction, DepthPlanes]:
