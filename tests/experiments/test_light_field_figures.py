@@ -8,8 +8,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tmca.data import label_light_field
 from tmca.errors import OutputError
-from tmca.experiments.light_field.animation import border_walk, views_gif
+from tmca.experiments.light_field.animation import _enlargement, border_walk, views_gif
 from tmca.experiments.light_field.figures import disparity_figure, light_field_figure, view_psnr_figure
+from tmca.experiments.light_field.imaging import load_light_field, true_disparity
 from tmca.experiments.light_field.refocus import focus_steps, refocus, refocus_strip
 from tmca.experiments.light_field.sub_images import sub_images, sub_images_figure
 from tmca.experiments.light_field.views import colour_views, horizontal_slice, liveliest, vertical_slice
@@ -40,8 +41,32 @@ def test_the_strip_is_focused_where_the_light_field_has_something(disparity):
     steps = focus_steps(label_light_field(np.array(views)))
     assert len(steps) == 5
     assert min(steps) <= -disparity <= max(steps)
-    assert max(steps) - min(steps) == pytest.approx(0.5, abs=0.3)
-    assert focus_steps(label_light_field(np.zeros((3, 3, 20, 20)))) == [-2, -1, 0, 1, 2]
+    assert max(steps) - min(steps) == pytest.approx(1, abs=0.3)
+
+
+@pytest.mark.parametrize("views", [np.zeros((3, 3, 20, 20)), np.eye(20)[None, None], np.ones((3, 3, 2, 2))])
+def test_without_texture_or_parallax_the_strip_goes_from_far_to_near(views):
+    assert focus_steps(label_light_field(views)) == [-2, -1, 0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("scene", "size", "colour"),
+    [("coffee:1", (64, 80), False), ("astronaut:2", (75, 91), True), ("coffee:1", (96, 120), False)],
+)
+def test_the_strip_covers_the_disparity_of_small_frames(scene, size, colour):
+    views = load_light_field(scene, views=5, size=size, colour=colour)
+    low, high = np.quantile(true_disparity(scene, views).values, (0.05, 0.95))
+    steps = focus_steps(views)
+    assert steps == sorted(steps)
+    assert min(high, steps[-1]) - max(low, steps[0]) > 0.8 * (high - low)
+    assert steps[-1] - steps[0] < 1.3 * (high - low)
+
+
+def test_large_views_are_searched_small_and_measured_in_their_own_pixels():
+    wide = np.random.default_rng(0).random((90, 98)).repeat(6, axis=0).repeat(6, axis=1)
+    views = [[wide[30 + v * 5 :, 30 + u * 5 :][:490, :500] for u in (-1, 0, 1)] for v in (-1, 0, 1)]
+    steps = focus_steps(label_light_field(np.array(views)))
+    assert steps[0] < 5 < steps[-1]
 
 
 def test_refocusing_on_a_dot_brings_it_together():
@@ -83,11 +108,44 @@ def test_a_gif_has_a_frame_for_each_view_of_the_walk(tmp_path, shape):
     path = views_gif(field, tmp_path / "views.gif")
     with Image.open(path) as stored:
         assert stored.n_frames == len(border_walk(*shape[-4:-2]))
-        assert stored.size == (shape[-1], shape[-2])
+        times = stored.size[0] // shape[-1]
+        assert stored.size == (times * shape[-1], times * shape[-2])
+        assert max(stored.size) >= 360
     with pytest.raises(OutputError, match="existing"):
         views_gif(field, path)
     with pytest.raises(OutputError, match=r"\.gif"):
         views_gif(field, tmp_path / "views.png")
+
+
+@pytest.mark.parametrize(("views", "size"), [(5, (96, 120)), (9, (128, 160)), (9, (434, 625)), (15, (800, 900))])
+def test_views_are_never_enlarged_beyond_a_megabyte_or_so(views, size):
+    pixels = len(border_walk(views, views)) * size[0] * size[1]
+    times = _enlargement(pixels, max(size))
+    assert times == 1 or times**2 * pixels <= 4e6
+    assert times * max(size) >= 320
+
+
+def test_the_sub_images_name_the_angles_of_the_views():
+    figure = sub_images_figure({"code": np.random.default_rng(0).random((3, 5, 4, 6))})
+    across, down = figure.axes[0].get_xticklabels(), figure.axes[0].get_yticklabels()
+    assert [label.get_text() for label in across] == ["-2", "0", "2"]
+    assert [label.get_text() for label in down] == ["-1", "0", "1"]
+
+
+@pytest.mark.parametrize("size", [(12, 40), (40, 12)])
+def test_a_colour_bar_is_as_high_as_its_picture(size):
+    figure = sub_images_figure({"code": np.random.default_rng(0).random((3, 3, *size))})
+    FigureCanvasAgg(figure).draw()
+    picture = figure.axes[0].get_window_extent()
+    bar = figure.axes[0].child_axes[0].get_window_extent()
+    assert (bar.y0, bar.y1) == pytest.approx((picture.y0, picture.y1), abs=1)
+
+
+def test_the_title_of_a_strip_stands_clear_of_its_captions():
+    figure = refocus_strip(np.random.default_rng(0).random((3, 3, 24, 30)), (-1, 0, 1), "strip")
+    FigureCanvasAgg(figure).draw()
+    captions = max(axis.title.get_window_extent().y1 for axis in figure.axes)
+    assert figure._suptitle.get_window_extent().y0 > captions + 5
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 12, 31), (3, 5, 3, 33, 14)])

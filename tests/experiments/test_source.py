@@ -28,6 +28,13 @@ def test_imports_inside_functions_are_followed():
     assert "tmca.design.search" in imported("tmca.experiments.light_field.cells")
 
 
+@pytest.mark.parametrize("camera", ["light_field", "spectral", "spectral_depth"])
+def test_pictures_are_no_source_of_a_table(camera):
+    found = imported(f"tmca.experiments.{camera}.comparison")
+    drawing = ("animation", "comparison_figures", "figures", "refocus", "sub_images", "views")
+    assert not {f"tmca.experiments.light_field.{name}" for name in drawing} & found
+
+
 def test_digests_of_other_sources_differ():
     digests = [source_digest(LIGHT_FIELD), source_digest("tmca.experiments.codes.study"), source_digest("tmca.errors")]
     assert len(set(digests)) == 3

@@ -112,8 +112,8 @@ def image(
 
 
 def add_bar(axis: Axes, shown: Any, label: str) -> None:
-    """A colour bar with its label in the size of the other texts."""
-    bar = axis.figure.colorbar(shown, ax=axis, shrink=0.85)
+    """A colour bar as high as the picture, with its label in the size of the other texts."""
+    bar = axis.figure.colorbar(shown, cax=axis.inset_axes((1.02, 0, 0.04, 1)))
     bar.set_label(label, fontsize=_SMALL)
     bar.ax.tick_params(labelsize=_SMALL)
 

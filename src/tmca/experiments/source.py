@@ -11,7 +11,8 @@ from pathlib import Path
 import tmca
 
 _ROOT = Path(tmca.__file__).parent
-_NO_NUMBERS = ("figures", "pictures", "demo", "report", "tables", "composite", "corner")
+_PICTURES = ("figures", "pictures", "composite", "corner", "animation", "refocus", "sub_images", "light_field.views")
+_NO_NUMBERS = (*_PICTURES, "demo", "report", "tables")
 
 
 @cache
@@ -39,7 +40,7 @@ def imported(module: str) -> set[str]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name not in found and not name.split(".")[-1].endswith(_NO_NUMBERS):
+        if name not in found and not name.endswith(_NO_NUMBERS):
             found.add(name)
             waiting += [definer for source, part in _imports(name) if (definer := _definer(source, part))]
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, isqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,10 @@ from tmca.experiments.light_field.views import brightest, colour_views, shown
 if TYPE_CHECKING:
     from PIL import Image
 
-_PIXELS = 2.4e6
-"""Of all frames together."""
+_PIXELS, _REPEATED = 2.4e6, 4e6
+"""Of all frames together, about a megabyte; repeated pixels take half as many bytes."""
+_SIDE = 360
+"""Pixels along the longer side that small views are enlarged to."""
 _COLOURS = 64
 
 
@@ -33,8 +36,9 @@ def border_walk(rows: int, columns: int) -> list[tuple[int, int]]:
 def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6, overwrite: bool = False) -> Path:
     """Write an animated GIF that goes once round the border views and starts again.
 
-    The views share 64 colours without dithering, and are made smaller where they have more than 2.4 million pixels in
-    all: the file stays near a megabyte.
+    The views share 64 colours without dithering. They are made smaller where they have more than 2.4 million pixels in
+    all, and small ones are enlarged by a whole factor towards 360 pixels along the longer side: the file stays near a
+    megabyte.
 
     Args:
         light_field: ``(V, U, H, W)``, or ``(3, V, U, H, W)`` with colours first.
@@ -54,15 +58,27 @@ def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6
         raise OutputError(path, f"the suffix {Path(path).suffix!r}", ".gif", "rename the animation")
     views, white = colour_views(light_field), brightest(light_field)
     walk = border_walk(*views.shape[:2])
-    scale = min(1.0, (_PIXELS / (len(walk) * views[0, 0, ..., 0].size)) ** 0.5)
+    pixels = len(walk) * views[0, 0, ..., 0].size
+    scale, times = min(1.0, (_PIXELS / pixels) ** 0.5), _enlargement(pixels, max(views.shape[2:4]))
     frames = [_frame(views[place], white, scale) for place in walk]
     palette = Image.fromarray(np.hstack([np.asarray(f) for f in frames[:: max(1, len(frames) // 4)]]))
     palette = palette.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
-    drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    drawn = [_enlarged(frame.quantize(palette=palette, dither=Image.Dither.NONE), times) for frame in frames]
     with atomic_path(path, overwrite=overwrite) as temporary:
         duration = max(20, round(1000 * seconds / len(drawn)))
         drawn[0].save(temporary, format="GIF", save_all=True, append_images=drawn[1:], duration=duration, loop=0)
     return Path(path)
+
+
+def _enlargement(pixels: int, side: int) -> int:
+    """Whole factor for views with so many pixels in all and along the longer side; 1 leaves them."""
+    return max(1, min(ceil(_SIDE / side), isqrt(int(_REPEATED / pixels))))
+
+
+def _enlarged(frame: Image.Image, times: int) -> Image.Image:
+    from PIL import Image
+
+    return frame.resize((times * frame.width, times * frame.height), Image.Resampling.NEAREST)
 
 
 def _frame(view: np.ndarray, white: float, scale: float) -> Image.Image:
