@@ -7,13 +7,17 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tmca.data import label_light_field
-from tmca.errors import OutputError
+from tmca.errors import OutputError, ShapeError
 from tmca.experiments.light_field.animation import _enlargement, border_walk, views_gif
-from tmca.experiments.light_field.figures import disparity_figure, light_field_figure, view_psnr_figure
+from tmca.experiments.light_field.comparison_figures import in_pairs
+from tmca.experiments.light_field.figures import light_field_figure
 from tmca.experiments.light_field.imaging import load_light_field, true_disparity
+from tmca.experiments.light_field.map_figures import disparity_figure, error_top, view_psnr_figure
 from tmca.experiments.light_field.refocus import focus_steps, refocus, refocus_strip
+from tmca.experiments.light_field.rows import SHOWN, STATIC_CODES
 from tmca.experiments.light_field.sub_images import sub_images, sub_images_figure
-from tmca.experiments.light_field.views import colour_views, horizontal_slice, liveliest, vertical_slice
+from tmca.experiments.light_field.views import colour_views, horizontal_slice, liveliest, vertical_slice, zoom_window
+from tmca.metrics import light_field_metrics, psnr_per_view
 
 
 def dot_field(views=(3, 5), size=(15, 21), disparity=1, place=(7, 10)):
@@ -146,6 +150,90 @@ def test_the_title_of_a_strip_stands_clear_of_its_captions():
     FigureCanvasAgg(figure).draw()
     captions = max(axis.title.get_window_extent().y1 for axis in figure.axes)
     assert figure._suptitle.get_window_extent().y0 > captions + 5
+
+
+@pytest.mark.parametrize("size", [(64, 80), (97, 121), (270, 480), (300, 200), (12, 31)])
+def test_what_is_enlarged_is_where_the_views_differ(size):
+    place = (size[0] // 3, 2 * size[1] // 3)
+    rows, columns = zoom_window(dot_field(size=size, place=place))
+    assert rows.start <= place[0] < rows.stop <= size[0]
+    assert columns.start <= place[1] < columns.stop <= size[1]
+    assert rows.stop - rows.start == min(size[0], max(round(size[0] / 4), round(48 * size[0] / min(size))))
+    assert min(rows.start, columns.start) >= 0
+
+
+@pytest.mark.parametrize("size", [(24, 40), (41, 33)])
+@pytest.mark.parametrize("snapshot", [None, 0.5])
+def test_views_enlargements_and_errors_are_of_one_size_and_in_line(size, snapshot):
+    truth = np.random.default_rng(0).random((3, 3, *size))
+    taken = None if snapshot is None else np.full(size, snapshot)
+    figure = light_field_figure({"a": 0.9 * truth, "b": 0.5 * truth}, truth, taken)
+    FigureCanvasAgg(figure).draw()
+    boxes = np.array([axis.get_window_extent().bounds for axis in figure.axes]).reshape(3, 3, 4)
+    np.testing.assert_allclose(boxes[..., 2:], np.broadcast_to(boxes[0, 0, 2:], (3, 3, 2)), atol=1)
+    np.testing.assert_allclose(boxes[..., 0], np.broadcast_to(boxes[0, :, 0], (3, 3)), atol=1)
+    np.testing.assert_allclose(boxes[..., 1], np.broadcast_to(boxes[:, :1, 1], (3, 3)), atol=1)
+    errors = [axis.images[0] for axis in np.reshape(figure.axes, (3, 3))[1:, 2]]
+    assert errors[0].norm.vmax == errors[1].norm.vmax
+
+
+def test_the_slices_of_the_enlarged_part_are_those_of_its_marked_row_and_column():
+    field = dot_field(size=(60, 90), place=(20, 50), disparity=2)
+    axis = light_field_figure({"a": field}).axes[1]
+    part, below, beside = (np.asarray(shown.get_array())[..., 0] for shown in axis.images)
+    (row, _), (column, _) = axis.lines[0].get_ydata(), axis.lines[1].get_xdata()
+    window = zoom_window(field)
+    np.testing.assert_array_equal(part, field[1, 2][window])
+    np.testing.assert_array_equal(below, field[1, :, row, window[1]])
+    np.testing.assert_array_equal(beside, field[:, 2, window[0], column].T)
+
+
+def test_shapes_that_differ_are_refused():
+    truth = np.random.default_rng(0).random((3, 3, 20, 30))
+    with pytest.raises(ShapeError):
+        light_field_figure({"a": truth[..., :10]}, truth)
+    with pytest.raises(ShapeError):
+        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0])
+
+
+def test_without_a_snapshot_the_first_error_is_that_of_the_true_centre_view():
+    truth = np.random.default_rng(0).random((3, 3, 20, 30))
+    still = np.broadcast_to(truth[1, 1], truth.shape)
+    title = light_field_figure({"a": truth}, truth).axes[2].get_title()
+    assert f"{light_field_metrics(still, truth)['psnr']:.2f} dB" in title
+
+
+def test_the_maps_of_views_name_the_psnr_of_the_tables():
+    truth = np.random.default_rng(0).random((3, 5, 20, 30))
+    estimate = truth + 0.1 * np.arange(1, 16).reshape(3, 5, 1, 1)
+    title = view_psnr_figure({"a": psnr_per_view(estimate, truth)}).axes[0].get_title()
+    assert f"{light_field_metrics(estimate, truth)['psnr']:.2f} dB" in title
+
+
+def test_pictures_show_static_codes_beside_their_multiplexed_partners():
+    rows = in_pairs(SHOWN)
+    assert set(rows) == set(SHOWN)
+    for static, multiplexed in zip(rows[::2], rows[1::2], strict=True):
+        assert static[0] in STATIC_CODES
+        assert multiplexed[0] not in STATIC_CODES
+        assert static[1] == multiplexed[1]
+    assert rows[0] not in in_pairs(rows[1:])
+    assert rows[1] not in in_pairs(rows[:1] + rows[2:])
+    assert in_pairs(rows[1:2]) == rows[1:2]
+
+
+@pytest.mark.parametrize(("size", "top"), [(0.004, 0.004), (0.083, 0.085), (0.9, 0.9), (1.37, 1.5), (26, 30)])
+def test_the_scale_of_errors_fits_nine_tenths_of_them(size, top):
+    errors = np.append(np.full(95, size), [np.nan, *np.full(5, 100 * size)])
+    assert error_top([errors, errors]) == pytest.approx(top)
+
+
+def test_all_errors_of_disparity_share_a_scale_that_the_bar_explains():
+    truth = np.zeros((10, 20))
+    figure = disparity_figure({"good": truth + 0.1, "fair": truth + 1.2, "bad": truth + 1.4}, truth)
+    errors = [axis.images[0] for axis in figure.axes if axis.get_title().startswith("MAE")]
+    assert [shown.norm.vmax for shown in errors] == [1.5, 1.5, 1.5]
+    assert "0.0% above 1.5" in figure.axes[3].child_axes[0].get_ylabel()
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 12, 31), (3, 5, 3, 33, 14)])

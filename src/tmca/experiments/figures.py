@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".pdf", ".svg")
 _TITLE, _SMALL = 9, 8
+_BAR = 0.12
+"""Inches across a colour bar, at least."""
 _LOOKED_AT = 2**20
 _POINT_COLOURS = ("#d1495b", "#00798c", "#edae49", "#66a182")
 
@@ -113,7 +115,8 @@ def image(
 
 def add_bar(axis: Axes, shown: Any, label: str) -> None:
     """A colour bar as high as the picture, with its label in the size of the other texts."""
-    bar = axis.figure.colorbar(shown, cax=axis.inset_axes((1.02, 0, 0.04, 1)))
+    inches = axis.bbox.width / axis.figure.dpi
+    bar = axis.figure.colorbar(shown, cax=axis.inset_axes((1.02, 0, max(0.04, _BAR / inches), 1)))
     bar.set_label(label, fontsize=_SMALL)
     bar.ax.tick_params(labelsize=_SMALL)
 

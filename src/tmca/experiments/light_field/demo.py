@@ -85,9 +85,12 @@ def _section(
     static, multiplexed = (row["psnr"] for row in rows)
     snapshot, best = found["one-hot shutter, K = 8"]
     estimates = {code: result.light_field.values for code, (_, result) in found.items()}
+    about = (
+        "Centre views, and the box in them enlarged with the epipolar slices of its marked row and column: true and "
+        "reconstructed. At the right the time-multiplexed snapshot and the errors."
+    )
     figures = {
-        "The time-multiplexed snapshot; centre views with the epipolar slices of the marked row and column, true and "
-        "reconstructed; errors.": light_field_figure(estimates, truth, snapshot.values[:, 0].numpy()),
+        about: light_field_figure(estimates, truth, snapshot.values[:, 0].numpy()),
         "Refocused after the exposure: far, middle, near.": refocus_strip(best.light_field.values, _FOCUS),
     }
     for figure, ending in zip(figures.values(), ("views", "refocus"), strict=True):

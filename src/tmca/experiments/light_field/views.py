@@ -6,7 +6,8 @@ import numpy as np
 
 from tmca.errors import ShapeError
 
-_GAP = 3
+_ZOOMED, _LEAST = 0.25, 48
+"""Share of each side that is enlarged, and pixels of the shorter side that it has at least."""
 
 
 def colour_views(light_field: np.ndarray) -> np.ndarray:
@@ -61,23 +62,20 @@ def liveliest(light_field: np.ndarray) -> tuple[int, int]:
     return found[0], found[1]
 
 
-def ortho_slices(views: np.ndarray, row: int, column: int, white: float) -> np.ndarray:
-    """The centre view with the vertical slice at its right and the horizontal slice below, as a picture.
-
-    Args:
-        views: ``(V, U, H, W, C)``.
-        row, column: where the slices are taken; their views are repeated to about an eighth of the picture.
+def zoom_window(light_field: np.ndarray) -> tuple[slice, slice]:
+    """The part of the views that is worth enlarging: where they differ most.
 
     Returns:
-        ``(H + gap + U·zoom, W + gap + V·zoom, 3)``, white between the parts.
+        Rows and columns: a quarter of each side, more of views below 192 pixels, all of those below 48.
     """
+    from scipy.ndimage import uniform_filter
+
+    views = colour_views(light_field)
     v, u, height, width, _ = views.shape
-    zoom = max(1, round(min(height, width) / (7 * max(v, u))))
-    below = np.repeat(shown(horizontal_slice(views, row), white), zoom, axis=0)
-    beside = np.repeat(shown(vertical_slice(views, column), white), zoom, axis=1)
-    gap = max(1, round(_GAP * max(height, width) / 500))
-    sheet = np.ones((height + gap + len(below), width + gap + beside.shape[1], 3))
-    sheet[:height, :width] = shown(views[v // 2, u // 2], white)
-    sheet[height + gap :, :width] = below
-    sheet[:height, width + gap :] = beside
-    return sheet
+    share = min(1.0, max(_ZOOMED, _LEAST / min(height, width)))
+    h, w = round(share * height), round(share * width)
+    activity = (views[v // 2].std(axis=0) + views[:, u // 2].std(axis=0)).mean(axis=-1).astype(np.float64)
+    means = uniform_filter(activity, (h, w), mode="constant")
+    centres = means[h // 2 : h // 2 + height - h + 1, w // 2 : w // 2 + width - w + 1]
+    top, left = (int(place) for place in np.unravel_index(centres.argmax(), centres.shape))
+    return slice(top, top + h), slice(left, left + w)
