@@ -28,7 +28,8 @@ def test_an_rgbd_scene_is_told_in_figures(capsys, tmp_path):
     assert "rgb: 3 × 40 × 60" in text
     assert "5 of 2400 pixels unknown (0.2%: 5 zero)" in text
     stem, _ = scenes.hole_filled(tmp_path / "art")
-    assert "known only up to an affine map of inverse depth" in said(capsys, stem)
+    assert "depth: known only up to an affine map of inverse depth; 1 of" in said(capsys, stem)
+    assert not {"near", "far"} & set(json.loads(said(capsys, stem, "--json"))["depth"])
     assert json.loads(said(capsys, stem, "--json"))["depth"]["unknown_pixels"] == 1
 
 

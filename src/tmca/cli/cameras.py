@@ -156,7 +156,7 @@ class LightFieldOptions(CodeOptions):
         if "vignetting" in given:
             from tmca.data import read_array
 
-            given["vignetting"] = read_array(given["vignetting"])
+            given["vignetting"] = read_array(given["vignetting"]).copy()
         return given
 
 

@@ -111,14 +111,16 @@ def _light_field(about: dict[str, Any]) -> list[str]:
 
 
 def _depth(about: dict[str, Any]) -> str:
-    """Range in metres and what is not known."""
+    """Range in metres, if they are known, and what is not known."""
     if "note" in about:
         return f"  depth: {about['note']}"
     unknown, kinds = about["unknown_pixels"], ("zero", "negative", "not_finite")
     why = ", ".join(f"{about[f'unknown_{k}']} {k.replace('_', ' ')}" for k in kinds if about.get(f"unknown_{k}"))
-    text = f"  depth: {about['near']:.4g} to {about['far']:.4g} m, median {about['median']:.4g} m; {unknown} of "
-    text += f"{about['pixels']} pixels unknown" + (f" ({unknown / about['pixels']:.1%}: {why})" if unknown else "")
-    return text + ("" if about["metric"] else "; known only up to an affine map of inverse depth")
+    spread = "known only up to an affine map of inverse depth"
+    if about["metric"]:
+        spread = f"{about['near']:.4g} to {about['far']:.4g} m, median {about['median']:.4g} m"
+    share = f" ({unknown / about['pixels']:.1%}: {why})" if unknown else ""
+    return f"  depth: {spread}; {unknown} of {about['pixels']} pixels unknown{share}"
 
 
 def _levels(variable: dict[str, Any]) -> str:

@@ -48,7 +48,7 @@ class _Lines:
         begun, before = self.first  # a run that goes on did not do the first part now
         left = (now - begun) * (1 - share) / (share - before) if share > before else None
         eta = "" if left is None or left < 1 else f", {left:.0f} s left" if left < 90 else f", {left / 60:.1f} min left"
-        print(" ".join(f"{self.label}: {share:4.0%} {self.step} {detail}{eta}".split()), file=sys.stderr)
+        print(" ".join(f"{self.label}: {share:4.0%} {self.step} {detail}".split()) + eta, file=sys.stderr)
 
 
 def cell_done(done: int, total: int, name: str, left: float) -> None:

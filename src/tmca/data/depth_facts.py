@@ -17,11 +17,14 @@ if TYPE_CHECKING:
 
 
 def depth_facts(depth: xr.DataArray, metric: bool) -> dict[str, Any]:
-    """Range in metres, pixels, how many are unknown and why, and whether the metres are metric."""
-    values = depth.values[np.isfinite(depth.values)]
-    near, median, far = (float(v) for v in np.percentile(values, [0, 50, 100]))
+    """Range in metres where they are metric, pixels, how many are unknown and why, and whether they are metric."""
     counts = {key: int(depth.attrs[key]) for key in depth.attrs if key.startswith("unknown_")}
-    return {"near": near, "median": median, "far": far, "pixels": depth.size, **counts, "metric": metric}
+    facts: dict[str, Any] = {"pixels": depth.size, **counts, "metric": metric}
+    if not metric:
+        return facts
+    known = depth.values[np.isfinite(depth.values)]
+    near, median, far = (float(v) for v in np.percentile(known, [0, 50, 100]))
+    return {"near": near, "median": median, "far": far, **facts}
 
 
 def depth_in(contents: Contents) -> dict[str, Any] | None:

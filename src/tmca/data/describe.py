@@ -50,7 +50,7 @@ def describe(
         ``variables``, ``attrs``; for a cube or a single array its own entry of ``variables`` again at the top
         level, with ``wavelengths`` (None without), and for a light field ``light_field``: its ``views``, ``size``,
         ``colour``, naming, ``shifts`` between views and ``disparity`` (None without). What has depth has ``depth``: its
-        range in metres, unknown pixels, and whether it is ``metric``. ``note`` says why a file with
+        range in metres if it is ``metric``, and unknown pixels. ``note`` says why a file with
         a three-axis array is no cube, or a light field cannot be read whole.
 
     Raises:

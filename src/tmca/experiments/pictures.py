@@ -50,7 +50,7 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
         return light_field_picture(path, variable, **views)
     if found["kind"] == "RGB-D scene":
         return rgbd_picture(path)
-    if found["kind"] == "spectral-depth scene" or (found["kind"] == "cube" and "near" in (found.get("depth") or {})):
+    if found["kind"] == "spectral-depth scene" or (found["kind"] == "cube" and "pixels" in (found.get("depth") or {})):
         return spectral_depth_picture(path, variable)
     if found["kind"] == "cube":
         cube = read(path, variable=variable, negative="keep")
