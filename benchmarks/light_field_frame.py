@@ -1,4 +1,4 @@
-"""Time and memory of a whole light field behind a network: ``python benchmarks/light_field_frame.py --network consistent``.
+"""Time and memory of a whole light field behind a network: ``python benchmarks/light_field_frame.py``.
 
 The thesis' frame, 5×5 grey views of 480×270 pixels, of a time-multiplexed camera (K = 8), decoded by an untrained
 network of the results table or of the `thesis` training preset. One thread, CPU time; the peak is that of the whole
@@ -49,7 +49,8 @@ def main() -> None:
         NeuralDecoder(network, prior)(snapshot, camera.operator(), camera.noise)
     seconds, peak = time.process_time() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
     found = {"network": arguments.network, "seconds": seconds, "peak_gb": peak, "bound_gb": BOUND}
-    print(json.dumps(found) if arguments.json else f"{arguments.network}: {seconds:.1f} s, peak {peak:.2f} GB of {BOUND}")
+    told = f"{arguments.network}: {seconds:.1f} s, peak {peak:.2f} GB of {BOUND}"
+    print(json.dumps(found) if arguments.json else told)
 
 
 if __name__ == "__main__":
