@@ -12,6 +12,7 @@ FLOORS = {
     "errors": 0,
     "data": 1,
     "metrics": 1,
+    "dbd": 2,
     "codes": 2,
     "optics": 2,
     "operators": 3,
@@ -59,6 +60,11 @@ def test_data_and_metrics_know_no_camera():
     for room in ("data", "metrics"):
         for file in (SOURCE / room).rglob("*.py"):
             assert set(imported_rooms(file)) <= {"errors", room}, file
+
+
+def test_blind_deconvolution_knows_no_camera():
+    for file in (SOURCE / "dbd").rglob("*.py"):
+        assert set(imported_rooms(file)) <= {"errors", "data", "dbd"}, file
 
 
 def test_files_fit_in_the_head():

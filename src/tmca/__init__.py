@@ -14,6 +14,7 @@ _ROOMS = (
     "cameras",
     "codes",
     "data",
+    "dbd",
     "decoders",
     "errors",
     "experiments",

@@ -1,0 +1,119 @@
+"""Least squares of channels with one waveform each, and what the samples can tell about them at best."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tmca.dbd.arrays import Complex, Real
+from tmca.dbd.estimates.channels import Channel
+
+_TRIALS = 8
+
+
+def jacobian(channels: list[Channel]) -> tuple[Real, int]:
+    """Real derivatives ``(2 A P M, parameters)`` of the samples, and how many of the first columns are positions.
+
+    Parameters: all positions, then real and imaginary parts of all gains and waveforms.
+    """
+    positions, linear = [], []
+    for one in channels:
+        for point, gain in zip(one.points, one.amplitudes, strict=True):
+            positions.append(one.atoms.slopes(point, gain * one.waveform))
+    for one in channels:
+        linear.append(one.columns())
+        pairs = zip(one.points, one.amplitudes, strict=True)
+        sums = sum(gain * one.atoms.matrix(point) for point, gain in pairs)
+        linear.append(np.asarray(sums) if len(one.points) else np.zeros((len(linear[-1]), one.waveform.size), complex))
+    moves, values = np.hstack(positions), np.hstack(linear)
+    both = np.hstack([moves, values, 1j * values])
+    return np.vstack([both.real, both.imag]), moves.shape[1]
+
+
+def residual(channels: list[Channel], y: Complex) -> Complex:
+    """What the channels leave of the samples."""
+    left = y.reshape(-1).copy()
+    for one in channels:
+        left -= one.signal()
+    return left
+
+
+def fit(channels: list[Channel], y: Complex, steps: int = 30) -> list[Channel]:
+    """Levenberg–Marquardt from the channels given; gauge directions are left where they are."""
+    if not any(len(one.points) for one in channels):
+        return channels
+    left = residual(channels, y)
+    error, damping = float(np.linalg.norm(left)), 1e-6
+    for _ in range(steps):
+        slopes, positions = jacobian(channels)
+        hessian = slopes.T @ slopes
+        gradient = slopes.T @ np.concatenate([left.real, left.imag])
+        accepted = False
+        for _ in range(_TRIALS):
+            diagonal = np.diag(hessian)
+            damped = hessian + np.diag(damping * diagonal + 1e-12 * diagonal.max())
+            trial = _moved(channels, np.linalg.solve(damped, gradient), positions)
+            new_left = residual(trial, y)
+            new = float(np.linalg.norm(new_left))
+            if new < error:
+                accepted = True
+                break
+            damping *= 10
+        if not accepted:
+            break
+        gain, channels, left, error = error - new, trial, new_left, new
+        damping = max(damping / 10, 1e-12)
+        if gain < 1e-12 * error:
+            break
+    return [one.normalised() for one in channels]
+
+
+def _moved(channels: list[Channel], step: Real, positions: int) -> list[Channel]:
+    values = (step.size - positions) // 2
+    complex_step = step[positions : positions + values] + 1j * step[positions + values :]
+    moved, place, value = [], 0, 0
+    for one in channels:
+        count, size = one.points.size, len(one.points)
+        points = one.points + step[place : place + count].reshape(one.points.shape)
+        gains = one.amplitudes + complex_step[value : value + size]
+        waveform = one.waveform + complex_step[value + size : value + size + one.waveform.size]
+        moved.append(Channel(one.atoms, points, gains, waveform))
+        place, value = place + count, value + size + one.waveform.size
+    return moved
+
+
+def bounds(channels: list[Channel], sigma: float) -> list[Real]:
+    """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source.
+
+    Gains and waveforms are nuisance, up to their common factor. Dopplers of ``block`` messages are bounded relative to
+    the first path's, which is zero.
+
+    Args:
+        channels: the truth, or an estimate in its place.
+        sigma: standard deviation of the complex noise.
+    """
+    slopes, positions = jacobian(channels)
+    fixed = _reference_columns(channels)
+    kept = [column for column in range(positions) if column not in fixed]
+    fisher = 2 / sigma**2 * slopes.T @ slopes
+    nuisance = slice(positions, None)
+    cross = fisher[np.ix_(kept, range(positions, len(fisher)))]
+    schur = fisher[np.ix_(kept, kept)] - cross @ np.linalg.pinv(fisher[nuisance, nuisance], rcond=1e-9) @ cross.T
+    deviations = np.zeros(positions)
+    deviations[kept] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur, rcond=1e-12)), 0))
+    found: list[Real] = []
+    place = 0
+    for one in channels:
+        found.append(deviations[place : place + one.points.size].reshape(one.points.shape))
+        place += one.points.size
+    return found
+
+
+def _reference_columns(channels: list[Channel]) -> set[int]:
+    """Columns of Dopplers that serve as references."""
+    columns, place = set(), 0
+    for one in channels:
+        absorbed = "doppler" in one.atoms.axes and not one.atoms.source.sees_doppler
+        if absorbed and len(one.points):
+            columns.add(place + one.atoms.axes.index("doppler"))
+        place += one.points.size
+    return columns

@@ -1,0 +1,43 @@
+"""What samples cannot tell, said before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tmca.dbd.problem import Problem
+
+
+def lifted_unknowns(problem: Problem, paths: Sequence[int]) -> int:
+    """Complex unknowns of the lifted problem: paths times coefficients, summed over the sources.
+
+    For a radar and ``block`` messages L J + Q J P (dbd erratum S2: with the Doppler absorbed, every path needs its
+    own J P coefficients; the sample bound of thesis equation 87 misses the factor P).
+    """
+    return sum(count * source.unknowns for count, source in zip(paths, problem.sources, strict=True))
+
+
+def beyond_freedom(problem: Problem, paths: Sequence[int]) -> str | None:
+    """Why no convex method can succeed with so many paths, or None."""
+    unknowns, samples = lifted_unknowns(problem, paths), problem.y.size
+    if unknowns <= samples:
+        return None
+    parts = " + ".join(f"{n} x {one.unknowns}" for n, one in zip(paths, problem.sources, strict=True))
+    return (
+        f"{parts} = {unknowns} lifted unknowns exceed {samples} samples: convex methods cannot succeed; "
+        "take more frequencies, fewer coefficients or messages that pulses share"
+    )
+
+
+def ambiguities(problem: Problem) -> tuple[str, ...]:
+    """What is undetermined in principle, a sentence each."""
+    found = ["the scale and phase of each waveform trade against its gains"]
+    for source in problem.sources:
+        if not source.sees_doppler and problem.shape[1] > 1:
+            found.append(
+                f"{source.name}: messages of their own in every pulse absorb the absolute Doppler; "
+                "Dopplers are relative to each other, and waveforms known up to a phase ramp over the pulses"
+            )
+    found.append(
+        "an unknown lag of a source's clock adds to all its delays, an unknown frequency offset to its Dopplers"
+    )
+    return tuple(found)

@@ -1,0 +1,141 @@
+"""Models of what a communications transmitter sends: how messages spread over the pulses of the receiver."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from tmca.dbd.arrays import Complex
+from tmca.dbd.signals.bases import random_rows
+from tmca.dbd.source import Source
+from tmca.errors import SettingError
+
+MESSAGES = ("shared", "block", "dense")
+
+
+def radar(rng: np.random.Generator, name: str, size: tuple[int, int], subspace: int, basis: str) -> Source:
+    """The same unknown pulse in every interval (thesis equation 56a); ``size`` is pulses and frequencies."""
+    rows = random_rows(rng, size[1], subspace, basis)
+    return Source(name, rows, np.zeros(size[0], np.int64))
+
+
+def messages(
+    rng: np.random.Generator, name: str, size: tuple[int, int], subspace: int, basis: str, kind: str
+) -> Source:
+    """One message a pulse.
+
+    Args:
+        rng: random numbers.
+        name: of the source.
+        size: pulses P and frequencies M.
+        subspace: J.
+        basis: kind of random basis.
+        kind: ``block``, unknown coefficients of their own in every pulse (thesis equation 57); ``shared``, one
+            coefficient vector in bases that change from pulse to pulse; ``dense``, J P coefficients that mix in all.
+
+    Raises:
+        SettingError: another kind.
+    """
+    pulses, frequencies = size
+    if kind == "block":
+        blocks = [random_rows(rng, frequencies, subspace, basis) for _ in range(pulses)]
+        return Source(name, np.stack(blocks), np.arange(pulses))
+    if kind in ("shared", "dense"):
+        columns = subspace * (pulses if kind == "dense" else 1)
+        rows = random_rows(rng, pulses * frequencies, columns, basis)
+        return Source(name, rows.reshape(pulses, frequencies, columns), np.zeros(pulses, np.int64))
+    raise SettingError("messages", f"{kind!r}", f"one of {', '.join(MESSAGES)}")
+
+
+def with_symbol_ratio(
+    rng: np.random.Generator, name: str, size: tuple[int, int], subspace: int, basis: str, ratio: Fraction
+) -> Source:
+    """Messages whose symbols last ``ratio`` pulse intervals.
+
+    Longer symbols (ratio 2, 3, …): pulses share a coefficient vector, each through its own part of the basis, and
+    their Doppler can be seen. Shorter ones (1/2, 1/3, …): one interval holds several symbols, each in its own window
+    of time, with coefficients of their own.
+
+    Raises:
+        SettingError: a ratio that is neither whole nor the inverse of a whole number.
+    """
+    pulses, frequencies = size
+    if ratio >= 1 and ratio.denominator == 1:
+        rows = np.stack([random_rows(rng, frequencies, subspace, basis) for _ in range(pulses)])
+        return Source(name, rows, np.arange(pulses) // ratio.numerator)
+    if ratio.numerator == 1:
+        parts = ratio.denominator
+        rows = np.stack([_symbols_in_window(rng, frequencies, parts, subspace, basis) for _ in range(pulses)])
+        return Source(name, rows, np.arange(pulses))
+    raise SettingError("symbol_ratio", f"{ratio}", "a whole number, or one over a whole number")
+
+
+def fourier(frequencies: int) -> Complex:
+    """The unitary transform from the samples of a pulse interval to ``n = −⌊M/2⌋ …``, ``(M, M)``."""
+    n = np.arange(frequencies) - frequencies // 2
+    return np.exp(-2j * np.pi * np.outer(n, np.arange(frequencies)) / frequencies) / np.sqrt(frequencies)
+
+
+def _symbols_in_window(rng: np.random.Generator, frequencies: int, parts: int, subspace: int, basis: str) -> Complex:
+    """Rows of ``parts`` symbols after each other in one interval: ``(M, J parts)``."""
+    transform = fourier(frequencies)
+    windows = np.array_split(np.arange(frequencies), parts)
+    if min(len(window) for window in windows) < subspace:
+        found = f"{parts} symbols of {len(windows[-1])} samples"
+        raise SettingError("symbol_ratio", found, f"{subspace} samples or more for {subspace} coefficients each")
+    return np.hstack([transform[:, w] @ random_rows(rng, len(w), subspace, basis) for w in windows])
+
+
+def lagged(source: Source, lag: float) -> Source:
+    """The source with its clock ``lag`` behind the receiver's, in units of a normalised delay.
+
+    A lag nobody knows only adds to all delays of the source: it is absorbed, not found.
+    """
+    frequencies = source.rows.shape[1]
+    n = np.arange(frequencies) - frequencies // 2
+    rows = source.rows * np.exp(-2j * np.pi * n * lag)[None, :, None]
+    return Source(source.name, rows, source.message, source.weight)
+
+
+def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
+    """The source so late that the first ``samples`` samples of each interval still hold the message before.
+
+    The cyclic prefix covers no delay of this size, so the spectrum is no longer multiplied by a ramp: each interval is
+    ``C Γ D_{p−1} v_{p−1} + (1 − C) Γ D_p v_p`` with the window C of the first samples and the cyclic shift Γ.
+
+    Args:
+        source: a communications source.
+        before: ``(M, J)``, the basis of the message before the first interval; it gets coefficients of its own unless
+            all pulses share theirs.
+        samples: lag in samples of the interval, 0 to M.
+
+    Raises:
+        SettingError: a lag of more than an interval.
+    """
+    pulses, frequencies, subspace = source.rows.shape
+    if not 0 <= samples <= frequencies:
+        raise SettingError("late_samples", f"{samples}", f"0 to {frequencies}, the samples of an interval")
+    late, own = _windows(frequencies, samples)
+    previous = np.concatenate([before[None], source.rows[:-1]])
+    if source.messages == 1:
+        rows = np.einsum("nk,pkj->pnj", late, previous) + np.einsum("nk,pkj->pnj", own, source.rows)
+        return Source(source.name, rows, source.message, source.weight)
+    if source.messages != pulses:
+        raise SettingError("late_samples", "messages of several pulses", "shared or block messages")
+    rows = np.zeros((pulses, frequencies, pulses + 1, subspace), complex)
+    for pulse in range(pulses):
+        rows[pulse, :, pulse] = late @ previous[pulse]
+        rows[pulse, :, pulse + 1] = own @ source.rows[pulse]
+    rows = rows.reshape(pulses, frequencies, -1)
+    return Source(source.name, rows, np.zeros(pulses, np.int64), source.weight)
+
+
+def _windows(frequencies: int, samples: int) -> tuple[Complex, Complex]:
+    """``C Γ`` and ``(1 − C) Γ`` on spectra."""
+    transform = fourier(frequencies)
+    n = np.arange(frequencies) - frequencies // 2
+    shift = np.exp(-2j * np.pi * n * samples / frequencies)
+    early = (np.arange(frequencies) < samples).astype(float)
+    late = (transform * early) @ transform.conj().T * shift
+    return late, np.diag(shift) - late

@@ -1,0 +1,1 @@
+"""Sliding Frank–Wolfe, the dual semidefinite programme, and certificates."""

@@ -1,0 +1,94 @@
+"""``method="sdp"`` and ``"cvxpy"``: atoms where the dual polynomials of the programme touch their bounds."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from tmca.dbd.arrays import Complex
+from tmca.dbd.atoms.measure import Measure
+from tmca.dbd.atoms.polynomial import Polynomial
+from tmca.dbd.estimates.channels import split
+from tmca.dbd.estimates.noise import noise_level
+from tmca.dbd.estimates.order import selected
+from tmca.dbd.estimates.structured import fit
+from tmca.dbd.problem import Problem
+from tmca.dbd.solvers.admm import solve_dual
+from tmca.dbd.solvers.cvx import solve_dual_cvx
+from tmca.dbd.solvers.exact import EXACT, refined
+from tmca.dbd.solvers.lifted import Lifted
+from tmca.errors import SettingError
+
+_TOUCHES = 0.97
+_MATRICES = 14
+"""Matrices of the size of an inequality that the iterations hold at once."""
+_CVXPY_BYTES = 550.0
+"""Per fourth power of the samples, fitted to 2.25 GB at 45 samples with Clarabel."""
+
+
+def lifted_by_dual(problem: Problem, method: str, *, gram: str, early: bool, solver: str) -> Lifted:
+    """Solves the dual and fits the atoms it shows."""
+    if problem.sigma is None:
+        remedy = "give sigma, or use method=sfw, which estimates it"
+        raise SettingError(f"method={method}", "an unknown noise level", "a known one", remedy)
+    _check_memory(problem, method)
+    if gram == "shared" and any(not source.sees_doppler for source in problem.sources) and problem.shape[1] > 1:
+        raise SettingError("gram=shared", "messages that absorb the Doppler", "separate ones", "use gram=separate")
+    level = noise_level(problem) * problem.sigma if problem.sigma else 0.0
+    if method == "cvxpy":
+        q, _ = solve_dual_cvx(problem, gram=gram, level=level, solver=solver)
+    else:
+        stop = (lambda q: _explains(problem, q)) if early and not level else None
+        q = solve_dual(problem, gram=gram, level=level, stop=stop).q
+    return _from_dual(problem, q)
+
+
+def touching(problem: Problem, q: Complex) -> Measure:
+    """Atoms at the maxima of the dual polynomials that reach their bounds, with least-squares weights."""
+    measure = Measure.empty(problem)
+    for index, atoms in enumerate(measure.atoms):
+        points, _ = Polynomial(atoms, q).peaks(_TOUCHES * atoms.source.weight, most=30)
+        measure.add(index, points)
+    if sum(measure.counts) and measure.unknowns < 2 * measure.y.size:
+        measure.fit_weights()
+    return measure
+
+
+def _explains(problem: Problem, q: Complex) -> bool:
+    measure = touching(problem, q)
+    trial = refined(measure, 0.02) if sum(measure.counts) else None
+    return trial is not None and trial.relative_residual() < EXACT
+
+
+def _from_dual(problem: Problem, q: Complex) -> Lifted:
+    measure = touching(problem, q)
+    sigma = problem.sigma or 0.0
+    if not sum(measure.counts):
+        return Lifted(measure, split(problem, measure), q, sigma)
+    if sigma:
+        measure.merge(0.6)
+        return Lifted(measure, selected(split(problem, measure), problem.y, sigma), q, sigma)
+    exact = refined(measure, 0.02)
+    measure = exact if exact is not None else measure
+    return Lifted(measure, fit(split(problem, measure), problem.y), q, sigma)
+
+
+def _check_memory(problem: Problem, method: str) -> None:
+    """Refuses sizes that would not fit, before anything is built."""
+    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    samples = problem.y.size
+    if method == "cvxpy":
+        needed = _CVXPY_BYTES * float(samples) ** 4
+    else:
+        orders = [
+            int(np.prod(problem.shape)) if one.sees_doppler else problem.shape[0] * problem.shape[2]
+            for one in problem.sources
+        ]
+        needed = sum(
+            16.0 * _MATRICES * (order + one.unknowns) ** 2 for order, one in zip(orders, problem.sources, strict=True)
+        )
+    if needed > 0.8 * available:
+        found = f"{samples} samples, about {needed / 1e9:.3g} GB"
+        expected = f"at most {0.8 * available / 1e9:.3g} GB on this machine"
+        raise SettingError(f"method={method}", found, expected, "use method=sfw, which needs no such matrix")

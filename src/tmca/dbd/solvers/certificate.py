@@ -1,0 +1,155 @@
+"""Is a recovery the optimum of the sum of atomic norms? A dual polynomial says so, without a semidefinite programme.
+
+The dual variable has to give ``f(xᵢ) = weight · wᵢ/‖wᵢ‖`` with a stationary norm at every atom and ``‖f‖ ≤ weight``
+everywhere (thesis proposition 1, with injectivity on the support). The first two are linear; the bound is imposed at
+the points where it is broken, again and again (exchange method), by second-order cones.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tmca.dbd.arrays import Complex, Real
+from tmca.dbd.atoms.atoms import Atoms
+from tmca.dbd.atoms.measure import Measure
+from tmca.dbd.atoms.polynomial import Polynomial
+
+TOLERANCE = 1e-6
+"""By how much ``‖f‖`` may exceed its bound."""
+_LARGEST = 700
+"""Samples up to which the exchange method is tried; beyond, only the dual variable of least norm."""
+_CUTS = 400
+_ROUNDS = 25
+_GRID = 8
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What a certificate found.
+
+    Args:
+        status: ``certified``; ``refuted``, no dual variable exists, the recovery is not the atomic-norm optimum;
+            ``undecided``.
+        level: largest ``‖f‖ / weight`` of the dual variable, on a grid of 8 points a cell and Newton steps from there.
+        reason: in words.
+        q: the dual variable ``(A, P, M)``.
+        rounds: of the exchange.
+        seconds: it took.
+    """
+
+    status: str
+    level: float
+    reason: str
+    q: Complex | None = field(default=None, repr=False)
+    rounds: int = 0
+    seconds: float = 0.0
+
+    @property
+    def certified(self) -> bool | None:
+        """True, False, or None for undecided."""
+        return {"certified": True, "refuted": False}.get(self.status)
+
+
+def certificate(measure: Measure) -> Certificate:
+    """Looks for a dual certificate of the measure's atoms.
+
+    Args:
+        measure: atoms that fit the samples.
+    """
+    began = time.perf_counter()
+    found = _exchange(measure)
+    return Certificate(**{**found.__dict__, "seconds": time.perf_counter() - began})
+
+
+def _exchange(measure: Measure) -> Certificate:
+    if not sum(measure.counts):
+        return Certificate("undecided", np.inf, "no atoms")
+    start, free, conflict = _interpolating(measure)
+    if conflict > 1e-8:
+        return Certificate("refuted", np.inf, "no polynomial takes these values at these atoms")
+    shape = measure.atoms[0].shape
+    coordinates: Real = np.zeros(free.shape[1])
+    cuts: list[tuple[Atoms, Real]] = []
+    level = np.inf
+    for round_ in range(_ROUNDS):
+        q = _complex(start + free @ coordinates).reshape(shape)
+        broken, level = _broken(measure, q)
+        if not broken:
+            return Certificate("certified", level, "a dual polynomial exists", q, round_)
+        if start.size > 2 * _LARGEST:
+            reason = f"the dual polynomial of least norm exceeds its bound and {start.size // 2} samples are many"
+            return Certificate("undecided", level, reason, q, round_)
+        cuts = (cuts + broken)[-_CUTS:]
+        solution, status = _least_norm(start, free, cuts)
+        if solution is None:
+            if "Infeasible" in status:
+                return Certificate("refuted", level, "no dual polynomial stays below its bound", q, round_ + 1)
+            return Certificate("undecided", level, f"the cone solver said {status}", q, round_ + 1)
+        coordinates = solution
+    return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q, _ROUNDS)
+
+
+def _interpolating(measure: Measure) -> tuple[Real, Real, float]:
+    """The least-norm dual variable with the right values and no slope at the atoms, the others' space, the misfit."""
+    rows, values = [], []
+    for atoms, point, weight in measure.each():
+        direction = weight / np.linalg.norm(weight)
+        rows.append(_real_rows(atoms, point))
+        values.append(atoms.source.weight * np.concatenate([direction.real, direction.imag]))
+        slopes = atoms.slopes(point, direction)
+        rows.append(np.hstack([slopes.real.T, slopes.imag.T]))
+        values.append(np.zeros(slopes.shape[1]))
+    matrix, wanted = np.vstack(rows), np.concatenate(values)
+    left, sizes, right = np.linalg.svd(matrix)
+    rank = int(np.sum(sizes > 1e-10 * sizes[0]))
+    start = right[:rank].T @ ((left[:, :rank].T @ wanted) / sizes[:rank])
+    return start, right[rank:].T, float(np.linalg.norm(matrix @ start - wanted))
+
+
+def _real_rows(atoms: Atoms, point: Real) -> Real:
+    """``f`` at a point as a real matrix on (real q, imaginary q)."""
+    adjoint = atoms.matrix(point).conj().T
+    return np.vstack([np.hstack([adjoint.real, -adjoint.imag]), np.hstack([adjoint.imag, adjoint.real])])
+
+
+def _complex(vector: Real) -> Complex:
+    half = vector.size // 2
+    return vector[:half] + 1j * vector[half:]
+
+
+def _broken(measure: Measure, q: Complex) -> tuple[list[tuple[Atoms, Real]], float]:
+    """Where a dual variable breaks its bounds, and its highest level."""
+    broken, level = [], 0.0
+    for atoms in measure.atoms:
+        bound = atoms.source.weight
+        points, norms = Polynomial(atoms, q).peaks(0.5 * bound, oversampling=_GRID, most=40)
+        level = max(level, float(norms.max(initial=0.0)) / bound)
+        broken += [(atoms, x) for x, norm in zip(points, norms, strict=True) if norm > bound * (1 + TOLERANCE)]
+    return broken, level
+
+
+def _least_norm(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[Real | None, str]:
+    """The dual variable of least norm that keeps its bounds at the cuts, as coordinates in the free space."""
+    import clarabel
+    from scipy.sparse import csc_matrix, identity
+
+    blocks: list[Real] = []
+    offsets: list[Real] = []
+    cones = []
+    for atoms, point in cuts:
+        rows = _real_rows(atoms, point)
+        blocks += [np.zeros((1, free.shape[1])), -rows @ free]
+        offsets += [np.array([atoms.source.weight]), rows @ start]
+        cones.append(clarabel.SecondOrderConeT(1 + len(rows)))
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_iter = False, 60
+    size = free.shape[1]
+    quadratic = identity(size, format="csc")
+    constraints = csc_matrix(np.vstack(blocks))
+    solver = clarabel.DefaultSolver(quadratic, np.zeros(size), constraints, np.concatenate(offsets), cones, settings)
+    solution = solver.solve()
+    status = str(solution.status)
+    return (np.array(solution.x) if "Solved" in status else None), status

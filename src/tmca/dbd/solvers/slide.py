@@ -1,0 +1,98 @@
+"""Joint descent in positions and weights: what lets atoms leave the grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tmca.dbd.arrays import Complex, Real
+from tmca.dbd.atoms.measure import Measure
+from tmca.dbd.solvers.group_lasso import penalties
+
+_TRIALS = 8
+
+
+def objective(measure: Measure, level: float) -> float:
+    """``½‖y − A w‖² + Σ level·weight ‖wᵢ‖``."""
+    fit = 0.5 * float(np.linalg.norm(measure.residual()) ** 2)
+    norms = np.concatenate(measure.norms())
+    return fit + float(np.sum(penalties(measure, level) * norms))
+
+
+def slide(measure: Measure, level: float, steps: int = 10) -> None:
+    """Levenberg–Marquardt steps on all positions and weights together, in place; ``level`` 0 is least squares.
+
+    The curvature of ``‖w‖`` is exact, that of the fit Gauss–Newton's.
+    """
+    value, damping = objective(measure, level), 1e-6
+    for _ in range(steps):
+        if not sum(measure.counts):
+            return
+        hessian, gradient = _system(measure, level)
+        accepted = False
+        for _ in range(_TRIALS):
+            trial = _stepped(measure, hessian, gradient, damping)
+            new = objective(trial, level) if trial is not None else np.inf
+            if new < value:
+                accepted = True
+                break
+            damping = max(damping * 10, 1e-8)
+        if not accepted or trial is None:
+            return
+        measure.points, measure.weights = trial.points, trial.weights
+        gain, value = value - new, new
+        damping = max(damping / 5, 1e-12)
+        if gain < 1e-13 * max(value, 1e-30):
+            return
+
+
+def _system(measure: Measure, level: float) -> tuple[Real, Real]:
+    """Hessian and gradient in (real weights, imaginary weights, positions)."""
+    matrix, slopes = measure.matrix(), measure.slopes()
+    left = measure.y - matrix @ measure.vector()
+    both = np.hstack([matrix, slopes])
+    gram = both.conj().T @ both
+    right = both.conj().T @ left
+    hessian, gradient = _real(gram, right, matrix.shape[1])
+    if level:
+        _add_penalty(measure, level, hessian, gradient)
+    return hessian, gradient
+
+
+def _real(gram: Complex, right: Complex, weights: int) -> tuple[Real, Real]:
+    """Real system of complex weights, which come first, and real positions."""
+    w, x = slice(0, weights), slice(weights, None)
+    ww, wx = gram[w, w], gram[w, x]
+    upper = [ww.real, -ww.imag, wx.real]
+    middle = [ww.imag, ww.real, wx.imag]
+    lower = [wx.real.T, wx.imag.T, gram[x, x].real]
+    gradient = -np.concatenate([right[w].real, right[w].imag, right[x].real])
+    return np.block([upper, middle, lower]), gradient
+
+
+def _add_penalty(measure: Measure, level: float, hessian: Real, gradient: Real) -> None:
+    total = measure.vector().size
+    start = 0
+    for penalty, (_, _, weight) in zip(penalties(measure, level), measure.each(), strict=True):
+        norm = float(np.linalg.norm(weight))
+        direction = np.concatenate([weight.real, weight.imag]) / norm
+        inside = np.arange(start, start + weight.size)
+        both = np.concatenate([inside, total + inside])
+        gradient[both] += penalty * direction
+        hessian[np.ix_(both, both)] += penalty / norm * (np.eye(len(both)) - np.outer(direction, direction))
+        start += weight.size
+
+
+def _stepped(measure: Measure, hessian: Real, gradient: Real, damping: float) -> Measure | None:
+    """The measure after one damped step; none where the system has no solution."""
+    diagonal = np.diag(hessian)
+    damped = hessian + np.diag(damping * diagonal + 1e-14 * diagonal.max())
+    try:
+        step = -np.linalg.solve(damped, gradient)
+    except np.linalg.LinAlgError:
+        return None
+    trial = measure.copy()
+    vector = measure.vector()
+    size = vector.size
+    trial.set_vector(vector + step[:size] + 1j * step[size : 2 * size])
+    trial.move(step[2 * size :])
+    return trial

@@ -1,0 +1,132 @@
+"""One interface to every solver."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tmca.dbd.arrays import Real
+from tmca.dbd.estimates.channels import Channel
+from tmca.dbd.estimates.structured import bounds, residual
+from tmca.dbd.identifiability import ambiguities, beyond_freedom
+from tmca.dbd.problem import Problem
+from tmca.dbd.recovery import RecoveredSource, Recovery
+from tmca.dbd.solvers.certificate import Certificate, certificate
+from tmca.dbd.solvers.exact import EXACT
+from tmca.dbd.solvers.lifted import Lifted
+from tmca.errors import SettingError
+
+METHODS = ("sfw", "sdp", "cvxpy")
+GRAMS = ("separate", "shared")
+
+
+def solve(
+    problem: Problem,
+    method: str = "sfw",
+    *,
+    certify: bool = True,
+    weights: Sequence[float] | str | None = None,
+    gram: str = "separate",
+    early: bool = True,
+    solver: str = "CLARABEL",
+) -> Recovery:
+    """Finds the paths and signals of every source.
+
+    Args:
+        problem: samples and what is known of the sources. Its ``sigma`` decides how noise is met: 0 asks for an exact
+            fit, a number regularises by it, None estimates it.
+        method: ``sfw``, sliding Frank–Wolfe, at every size; ``sdp``, the dual semidefinite programme by the
+            alternating direction method of multipliers; ``cvxpy``, the same by CVXPY, an oracle for small sizes.
+        certify: look for a dual certificate of a noiseless recovery.
+        weights: of the sources in the sum of atomic norms; ``balanced`` gives ``block`` messages P^(−1/4); by default
+            those of the sources.
+        gram: ``separate`` Gram matrices, or the thesis' ``shared`` one (equation 81), for ``sdp`` and ``cvxpy``.
+        early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
+        solver: CVXPY's name of the solver.
+
+    Returns:
+        The recovery; ``found``, ``exact`` and ``certified`` are separate statements.
+
+    Raises:
+        SettingError: an unknown method, weights that do not fit, a size beyond the method's memory.
+    """
+    began = time.perf_counter()
+    if method not in METHODS:
+        raise SettingError("method", f"{method!r}", f"one of {', '.join(METHODS)}")
+    if gram not in GRAMS:
+        raise SettingError("gram", f"{gram!r}", f"one of {', '.join(GRAMS)}")
+    problem = _weighted(problem, weights)
+    _warn(problem)
+    if not np.any(problem.y):
+        raise SettingError("y", "only zeros", "samples of a signal")
+    if method == "sfw":
+        from tmca.dbd.solvers.by_frank_wolfe import lifted
+
+        solution = lifted(problem)
+    else:
+        from tmca.dbd.solvers.by_dual import lifted_by_dual
+
+        solution = lifted_by_dual(problem, method, gram=gram, early=early, solver=solver)
+    return _recovery(problem, method, solution, certify, began)
+
+
+def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Problem:
+    if weights is None:
+        return problem
+    if isinstance(weights, str):
+        if weights != "balanced":
+            raise SettingError("weights", f"{weights!r}", "balanced, or a number for each source")
+        fourth = problem.shape[1] ** -0.25
+        weights = [1.0 if source.sees_doppler else fourth for source in problem.sources]
+    if len(weights) != len(problem.sources):
+        raise SettingError("weights", f"{len(weights)} numbers", f"one for each of {len(problem.sources)} sources")
+    pairs = zip(problem.sources, weights, strict=True)
+    return replace(problem, sources=tuple(replace(source, weight=weight) for source, weight in pairs))
+
+
+def _warn(problem: Problem) -> None:
+    """Says before the work that it cannot succeed."""
+    if problem.truth is not None:
+        said = beyond_freedom(problem, [len(one.points) for one in problem.truth])
+        if said:
+            warnings.warn(said, stacklevel=3)
+
+
+def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, began: float) -> Recovery:
+    left = float(np.linalg.norm(residual(solution.channels, problem.y)) / np.linalg.norm(problem.y))
+    unknowns = sum(2 * (len(one.points) + one.waveform.size - 1) + one.points.size for one in solution.channels)
+    exact = solution.sigma == 0 and left < EXACT and unknowns < 2 * problem.y.size
+    proof: Certificate | None = None
+    if certify and exact:
+        proof = certificate(solution.measure)
+    paths = [len(one.points) for one in solution.channels]
+    notes = [*ambiguities(problem), beyond_freedom(problem, paths)]
+    if proof is not None and proof.status != "certified":
+        notes.append(f"not certified: {proof.reason}")
+    deviations = bounds(solution.channels, solution.sigma) if solution.sigma > 0 and any(paths) else None
+    sources = [
+        _source(one, None if deviations is None else deviations[index]) for index, one in enumerate(solution.channels)
+    ]
+    q = proof.q if proof is not None and proof.certified and proof.q is not None else solution.q
+    return Recovery(
+        problem, method, tuple(sources), left, exact, proof, solution.sigma, q, time.perf_counter() - began,
+        tuple(note for note in notes if note),
+    )  # fmt: skip
+
+
+def _source(channel: Channel, deviations: Real | None) -> RecoveredSource:
+    source = channel.atoms.source
+    absorbed = "doppler" in channel.atoms.axes and not source.sees_doppler
+    points = channel.full_points()
+    spread = None if deviations is None else _in_full(channel, deviations)
+    signal = source.signal(channel.waveform)
+    return RecoveredSource(source.name, points, channel.amplitudes, channel.waveform, signal, spread, absorbed)
+
+
+def _in_full(channel: Channel, values: Real) -> Real:
+    """``(n, D)`` values as ``(n, 3)``, NaN for an axis that does not exist."""
+    return Channel(channel.atoms, values, channel.amplitudes, channel.waveform).full_points()
