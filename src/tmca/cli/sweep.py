@@ -176,10 +176,16 @@ def spectral_depth(
 
 def _axes(vary: Sequence[str], fixed: Sequence[str] | None) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Settings that are varied, and those of all cells."""
-    return _named(vary, "--vary"), {name: values[0] for name, values in _named(fixed or (), "--set").items()}
+    settled = named_values(fixed or (), "--set")
+    return named_values(vary, "--vary"), {name: values[0] for name, values in settled.items()}
 
 
-def _named(texts: Sequence[str], option: str) -> dict[str, list[str]]:
+def named_values(texts: Sequence[str], option: str) -> dict[str, list[str]]:
+    """Name → values of NAME=VALUE,VALUE texts.
+
+    Raises:
+        SettingError: a text of another form, or a name twice.
+    """
     found: dict[str, list[str]] = {}
     for text in texts:
         name, sign, values = text.partition("=")

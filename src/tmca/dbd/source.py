@@ -24,7 +24,8 @@ class Source:
         rows: ``(P, M, J)``, the rows ``bₙᴴ`` of the basis in every pulse; ``(M, J)`` where all pulses are the same.
         message: ``(P,)``, which coefficient vector each pulse carries, not decreasing from 0: all zero for a radar
             and for ``shared`` messages, ``0 … P−1`` for ``block`` messages (57).
-        weight: of this source in the sum of atomic norms, ``‖f‖ ≤ weight``.
+        weight: of this source in the sum of atomic norms, ``‖f‖ ≤ weight``; by default the root mean square of the
+            rows, so that the scale of a basis makes no difference (one for Vandermonde rows, as in the thesis).
 
     Raises:
         ShapeError, SettingError: rows that are no basis, messages out of order, a weight that is not positive.
@@ -33,7 +34,7 @@ class Source:
     name: str
     rows: Complex = field(repr=False)
     message: Whole = field(repr=False)
-    weight: float = 1.0
+    weight: float = 0.0
 
     def __post_init__(self) -> None:
         message = np.asarray(self.message, np.int64)
@@ -45,6 +46,9 @@ class Source:
         _check_rows(self.name, rows)
         _check_message(self.name, rows, message)
         _check_rank(self)
+        if not self.weight:
+            power = np.abs(rows) ** 2
+            object.__setattr__(self, "weight", float(np.sqrt(np.mean(power[power > 0]))))
         if not (np.isfinite(self.weight) and self.weight > 0):
             raise SettingError(f"weight of {self.name}", f"{self.weight}", "a positive number")
 

@@ -12,16 +12,13 @@ from tmca.dbd.estimates.order import cost, selected
 from tmca.dbd.estimates.structured import fit, residual
 from tmca.dbd.problem import Problem
 from tmca.dbd.solvers.exact import EXACT, exact_fit
-from tmca.dbd.solvers.frank_wolfe import descend, largest_level, path
+from tmca.dbd.solvers.frank_wolfe import crowded, descend, largest_level, path
 from tmca.dbd.solvers.lifted import Lifted
 
 _SHRINK = 0.6
 """Step down in the noise level where it is unknown."""
 _NO_NOISE = 1e-7
 """Relative residual below which unknown noise is none."""
-
-_TOO_MANY = 4
-"""Real unknowns per complex sample at which a noiseless solution is given up: these samples are not sparse."""
 
 
 def lifted(problem: Problem) -> Lifted:
@@ -39,7 +36,7 @@ def _noiseless(problem: Problem) -> Lifted:
         levels.append(level)
         trial = exact_fit(measure)
         best = min(best, trial, key=lambda one: one[0])
-        if best[0] < EXACT or measure.unknowns > _TOO_MANY * problem.y.size:
+        if best[0] < EXACT or crowded(measure):
             break
     q = (measure.residual() / levels[-1]).reshape(problem.shape)
     solution = best[1] or measure

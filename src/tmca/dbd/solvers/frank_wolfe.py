@@ -18,6 +18,8 @@ from tmca.dbd.solvers.slide import objective, slide
 LEVELS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Shares of the largest useful regularisation that a noiseless solution goes through."""
 _TOLERANCE = 1e-3
+_SMALL = 800
+"""Unknowns that a descent may pass through at any size."""
 _INSERTIONS = 8
 """Most atoms that one source may gain in a round."""
 
@@ -28,6 +30,11 @@ def largest_level(measure: Measure) -> float:
         np.sqrt(Polynomial(atoms, measure.y).norms_on_grid().max()) / atoms.source.weight for atoms in measure.atoms
     ]
     return float(max(highest))
+
+
+def crowded(measure: Measure) -> bool:
+    """Whether the measure has about as many unknowns as there are samples: these samples are not sparse."""
+    return measure.unknowns > max(2 * measure.y.size, _SMALL)
 
 
 def descend(measure: Measure, level: float, rounds: int = 12, weak: float = 1e-6) -> int:
@@ -45,7 +52,7 @@ def descend(measure: Measure, level: float, rounds: int = 12, weak: float = 1e-6
     if sum(measure.counts):
         slide(measure, level, 10)
     for round_ in range(rounds):
-        if not _inserted(measure, level):
+        if crowded(measure) or not _inserted(measure, level):
             return round_
         group_lasso(measure, level)
         _drop(measure, 1e-9)

@@ -1,0 +1,243 @@
+"""``tmca dbd``: radar targets and radio paths from one overlaid signal."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Parameter
+
+from tmca.cli.numbers import Whole
+from tmca.cli.progress import cell_done
+from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    from tmca.dbd import Problem
+
+app = App(name="dbd", help="Dual blind deconvolution: radar targets and radio paths from one overlaid signal.")
+_Flag = Annotated[bool, Parameter(negative="")]
+
+
+@app.command
+def simulate(
+    *,
+    out: Path = Path("overlaid.nc"),
+    scenario: str | None = None,
+    frequencies: Annotated[Whole, Parameter(name=("--frequencies", "-M"))] = 13,
+    pulses: Annotated[Whole, Parameter(name=("--pulses", "-P"))] = 9,
+    subspace: Annotated[Whole, Parameter(name=("--subspace", "-J"))] = 3,
+    targets: str = "3",
+    paths: str = "3",
+    messages: str = "shared",
+    basis: str = "vandermonde",
+    seed: Whole = 0,
+    snr: float | None = None,
+    antennas: Whole = 1,
+    symbol_ratio: str = "1",
+    lag: float = 0.0,
+    late_samples: Whole = 0,
+    separation: str | None = None,
+    known_waveforms: _Flag = False,
+    model_only: _Flag = False,
+    overwrite: _Flag = False,
+) -> None:
+    """Write overlaid samples of a radar and a communications transmitter, with the bases and the truth.
+
+    Either of the normalised model, by the numbers below, or of a physical scene with --scenario.
+
+    Args:
+        out: NetCDF file to write.
+        scenario: YAML file of a physical scene, or the name of one that comes with the package: road.
+        frequencies: M.
+        pulses: P.
+        subspace: J, dimension of the subspace of each signal.
+        targets: of the radar; 2+3 for two radars; 0 for none.
+        paths: of the communications channel; likewise.
+        messages: shared, block or dense.
+        basis: vandermonde, gaussian, dft or sign.
+        seed: of everything random.
+        snr: decibels; no noise without.
+        antennas: of the receiver.
+        symbol_ratio: duration of a message in pulse intervals, such as 3 or 1/2.
+        lag: of the communications clock, in units of a normalised delay, known to the receiver.
+        late_samples: lag beyond the cyclic prefix, in samples.
+        separation: of two points in at least one coordinate: one number, or DELAY,DOPPLER[,ANGLE].
+        known_waveforms: every signal is known up to a factor.
+        model_only: of a scenario: samples of the model instead of a simulation in the time domain.
+        overwrite: replace the file if it exists.
+    """
+    from tmca.data import check_target
+    from tmca.dbd.files import save_problem
+
+    check_target(out, overwrite)
+    if scenario is not None:
+        problem = _physical(scenario, model_only)
+    else:
+        from tmca.dbd import simulate as simulated
+
+        counts = _counts(targets, "--targets"), _counts(paths, "--paths")
+        problem = simulated(
+            frequencies, pulses, subspace, *counts, messages, seed, snr,
+            basis=basis, antennas=antennas, symbol_ratio=_ratio(symbol_ratio), lag=lag, late_samples=late_samples,
+            separation=_separation(separation), known_waveforms=known_waveforms,
+        )  # fmt: skip
+    save_problem(problem, out, overwrite=overwrite)
+    _tell(problem, out)
+
+
+@app.command
+def solve(
+    file: Path,
+    /,
+    *,
+    out: Path | None = None,
+    method: str = "sfw",
+    gram: str = "separate",
+    weights: str | None = None,
+    sigma: float | None = None,
+    unknown_noise: _Flag = False,
+    certify: Annotated[bool, Parameter(negative="--no-certify")] = True,
+    figure: Path | None = None,
+    overwrite: _Flag = False,
+    json: _Flag = False,
+) -> None:
+    """Find the targets, the paths and both signals in FILE.
+
+    FILE is what `tmca dbd simulate` wrote, or an .npz of your own: y (pulses x frequencies), basis_radar and
+    basis_communications (frequencies x subspace, or pulses x frequencies x subspace for messages of their own in every
+    pulse), and sigma where the noise is known.
+
+    Args:
+        file: samples and bases.
+        out: NetCDF file of the recovery; the name of FILE with .recovery.nc without it.
+        method: sfw, sdp or cvxpy.
+        gram: separate or shared (thesis equation 81), for sdp and cvxpy.
+        weights: of the sources: balanced, or a number for each.
+        sigma: standard deviation of the noise, in place of the file's.
+        unknown_noise: estimate the noise, whatever the file says.
+        certify: look for a dual certificate of a noiseless recovery.
+        figure: picture of the delay-Doppler planes (PNG, PDF, SVG); the name of the recovery with .png without it.
+        overwrite: replace files that exist.
+        json: print JSON instead of a table.
+    """
+    from dataclasses import replace
+
+    from tmca.data import check_target
+    from tmca.dbd import solve as solved
+    from tmca.dbd.files import load_problem, save_recovery
+    from tmca.dbd.tables import recovery_lines, recovery_values
+    from tmca.experiments.dbd.tables import save_planes
+
+    out = out or file.with_suffix(".recovery.nc")
+    figure = figure or out.with_suffix(".png")
+    problem = load_problem(file)
+    for target in (out, figure):
+        check_target(target, overwrite)
+    if sigma is not None and unknown_noise:
+        raise SettingError("--sigma", "--unknown-noise as well", "one of them")
+    if sigma is not None or unknown_noise:
+        problem = replace(problem, sigma=None if unknown_noise else sigma)
+    recovery = solved(problem, method, certify=certify, gram=gram, weights=_weights(weights))
+    save_recovery(recovery, out, overwrite=overwrite)
+    save_planes(recovery, figure, overwrite=overwrite)
+    print(json_module.dumps(recovery_values(recovery), indent=1) if json else "\n".join(recovery_lines(recovery)))
+    if not json:
+        print(f"wrote {out} and {figure}")
+
+
+@app.command
+def study(
+    *,
+    vary: list[str],
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    out: Path = Path("dbd-study"),
+    work: Path = Path("runs/dbd-study"),
+    draws: Whole = 20,
+    jobs: Whole = 1,
+    certify: _Flag = False,
+    tolerance: float | None = None,
+    overwrite: _Flag = False,
+    json: _Flag = False,
+) -> None:
+    """Phase transitions: how often recoveries succeed, `--vary L=1,2,3,4 --vary J=1,2,3`.
+
+    Writes OUT.md, OUT.json, OUT.csv and OUT.png. Finished draws are kept in --work: a study that was stopped goes on.
+
+    Args:
+        vary: NAME=VALUE,VALUE,… given several times; NAME: M, P, J, L, Q, separation, snr_db, antennas, symbol_ratio,
+            lag, late_samples, messages, basis, method, gram, weights; L and Q take 2+3 for several sources.
+        set_: NAME=VALUE of the same names for all draws.
+        out: results, without a suffix.
+        work: folder of finished draws.
+        draws: problems for every combination.
+        jobs: processes side by side.
+        certify: look for dual certificates as well.
+        tolerance: largest error of a success; without noise 1e-6, with noise a tenth of a resolution cell.
+        overwrite: replace results that exist.
+        json: print JSON instead of the table.
+    """
+    from tmca.cli.sweep import named_values
+    from tmca.experiments.dbd.study import Study, plain_value, run_study
+    from tmca.experiments.dbd.tables import check_results, save_results, study_table
+
+    check_results(out, overwrite)
+    axes = {name: [plain_value(one) for one in values] for name, values in named_values(vary, "--vary").items()}
+    fixed = {name: plain_value(values[0]) for name, values in named_values(set_ or (), "--set").items()}
+    asked = Study(axes, fixed, draws, certify, tolerance)
+    rows = run_study(asked, work, jobs=jobs, progress=cell_done)
+    save_results(asked, rows, out, ["tmca", *sys.argv[1:]], overwrite=overwrite)
+    print(json_module.dumps(rows, indent=1) if json else study_table(asked, rows))
+
+
+def _physical(name: str, model_only: bool) -> Problem:
+    from tmca.dbd.signals.scenario_files import read_scenario
+
+    scenario = read_scenario(name)
+    if model_only:
+        return scenario.problem()
+    print(f"what turns within an interval and the model leaves out: {scenario.model_error:.2%} of the samples")
+    return scenario.receive()
+
+
+def _tell(problem: Problem, out: Path) -> None:
+    antennas, pulses, frequencies = problem.shape
+    sizes = f"{pulses} pulses x {frequencies} frequencies" + (f" x {antennas} antennas" if antennas > 1 else "")
+    assert problem.truth is not None
+    pairs = zip(problem.sources, problem.truth, strict=True)
+    parts = ", ".join(f"{source.name} with {len(truth.points)} paths" for source, truth in pairs)
+    print(f"wrote {out}: {sizes}; {parts}")
+
+
+def _counts(text: str, option: str) -> list[int]:
+    try:
+        return [int(one) for one in text.split("+")]
+    except ValueError as error:
+        raise SettingError(option, repr(text), "a whole number, or several such as 2+3") from error
+
+
+def _ratio(text: str) -> Any:
+    from fractions import Fraction
+
+    try:
+        return Fraction(text)
+    except (ValueError, ZeroDivisionError) as error:
+        raise SettingError("--symbol-ratio", repr(text), "a number such as 3 or 1/2") from error
+
+
+def _separation(text: str | None) -> Any:
+    from tmca.cli.options import numbers
+
+    if text is None:
+        return None
+    return numbers(text, "--separation")
+
+
+def _weights(text: str | None) -> Any:
+    from tmca.cli.options import numbers
+
+    if text is None or text == "balanced":
+        return text
+    found = numbers(text, "--weights")
+    return found if isinstance(found, list) else [found]

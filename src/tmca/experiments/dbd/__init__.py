@@ -1,0 +1,1 @@
+"""Phase transitions of dual blind deconvolution."""
