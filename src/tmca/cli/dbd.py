@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import Whole
+from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
 
@@ -167,14 +167,14 @@ def study(
 
     Args:
         vary: NAME=VALUE,VALUE,… given several times; NAME: M, P, J, L, Q, separation, snr_db, antennas, symbol_ratio,
-            lag, late_samples, messages, basis, method, gram, weights; L and Q take 2+3 for several sources.
+            lag, late_samples, messages, basis, method, gram, weights (plain, balanced); L and Q take 2+3 for two.
         set_: NAME=VALUE of the same names for all draws.
         out: results, without a suffix.
         work: folder of finished draws.
         draws: problems for every combination.
         jobs: processes side by side.
         certify: look for dual certificates as well.
-        tolerance: largest error of a success; without noise 1e-6, with noise a tenth of a resolution cell.
+        tolerance: largest error of a success; without noise 1e-6, with noise half of the finest resolution cell.
         overwrite: replace results that exist.
         json: print JSON instead of the table.
     """
@@ -189,6 +189,35 @@ def study(
     rows = run_study(asked, work, jobs=jobs, progress=cell_done)
     save_results(asked, rows, out, ["tmca", *sys.argv[1:]], overwrite=overwrite)
     print(json_module.dumps(rows, indent=1) if json else study_table(asked, rows))
+
+
+@app.command
+def report(
+    *,
+    out: Path = Path("dbd"),
+    work: Path = Path("runs/dbd-report"),
+    draws: MaybeWhole = None,
+    jobs: Whole = 1,
+    overwrite: _Flag = False,
+) -> None:
+    """The results page of this package: fixed instances, limits, noise, extensions, phase transitions, cost.
+
+    Writes OUT.md, OUT.json and pictures. Finished draws are kept in --work: a report that was stopped goes on.
+
+    Args:
+        out: results, without a suffix.
+        work: folder of finished draws.
+        draws: fewer problems than the page has, for a quick look.
+        jobs: processes side by side.
+        overwrite: replace results that exist.
+    """
+    from tmca.data import check_target
+    from tmca.experiments.dbd.report import write_report
+
+    check_target(out.with_name(out.name + ".md"), overwrite)
+    command = ["tmca", *sys.argv[1:]]
+    write_report(out, work, command, jobs=jobs, progress=cell_done, overwrite=overwrite, draws=draws)
+    print(f"wrote {out}.md")
 
 
 def _physical(name: str, model_only: bool) -> Problem:

@@ -20,16 +20,16 @@ def recovery_values(recovery: Recovery) -> dict[str, Any]:
     values |= {"seconds": recovery.seconds, "notes": list(recovery.notes)}
     values["sources"] = {one.name: _source_values(one, recovery.problem.units) for one in recovery.sources}
     if recovery.problem.truth is not None:
-        score = recovery.score(tolerance=1e-6 if not recovery.sigma else _tenth(recovery))
+        score = recovery.score(tolerance=1e-6 if not recovery.sigma else _half_cell(recovery))
         found = score.max_error if np.isfinite(score.max_error) else None
         values["score"] = {"success": score.success, "tolerance": score.tolerance, "max_error": found}
         values["score"]["waveform_correlation"] = {one.name: one.waveform_correlation for one in score.sources}
     return values
 
 
-def _tenth(recovery: Recovery) -> float:
-    """A tenth of the finest resolution cell."""
-    return 0.1 / max(recovery.problem.shape)
+def _half_cell(recovery: Recovery) -> float:
+    """Half of the finest resolution cell."""
+    return 0.5 / max(recovery.problem.shape)
 
 
 def _source_values(source: RecoveredSource, units: Units | None) -> list[dict[str, Any]]:
@@ -61,11 +61,11 @@ def recovery_lines(recovery: Recovery) -> list[str]:
     lines = []
     for source in recovery.sources:
         lines += [*_source_lines(source, recovery.problem.units), ""]
-    certified = {True: "yes", False: "no", None: "undecided"}[recovery.certified]
+    proof = "not looked for" if recovery.certificate is None else recovery.certificate.status
     noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
     lines.append(
         f"found: {'yes' if recovery.found else 'no'} · exact fit: {'yes' if recovery.exact else 'no'} · "
-        f"certified: {certified} · residual {recovery.residual:.2g} · noise {noise} · {recovery.seconds:.2f} s"
+        f"certificate: {proof} · residual {recovery.residual:.2g} · noise {noise} · {recovery.seconds:.2f} s"
     )
     if recovery.problem.truth is not None:
         score = recovery_values(recovery)["score"]

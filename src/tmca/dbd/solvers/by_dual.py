@@ -20,7 +20,8 @@ from tmca.dbd.solvers.exact import EXACT, refined
 from tmca.dbd.solvers.lifted import Lifted
 from tmca.errors import SettingError
 
-_TOUCHES = 0.97
+_TOUCHES = (0.97, 0.99, 0.997, 0.999)
+"""Shares of its bound from which a polynomial touches it; a plateau shows as many maxima at the lower ones."""
 _MATRICES = 14
 """Matrices of the size of an inequality that the iterations hold at once."""
 _CVXPY_BYTES = 550.0
@@ -39,38 +40,43 @@ def lifted_by_dual(problem: Problem, method: str, *, gram: str, early: bool, sol
     if method == "cvxpy":
         q, _ = solve_dual_cvx(problem, gram=gram, level=level, solver=solver)
     else:
-        stop = (lambda q: _explains(problem, q)) if early and not level else None
+        stop = (lambda q: _explaining(problem, q) is not None) if early and not level else None
         q = solve_dual(problem, gram=gram, level=level, stop=stop).q
     return _from_dual(problem, q)
 
 
-def touching(problem: Problem, q: Complex) -> Measure:
-    """Atoms at the maxima of the dual polynomials that reach their bounds, with least-squares weights."""
+def touching(problem: Problem, q: Complex, share: float) -> Measure:
+    """Atoms at the maxima of the dual polynomials that reach a share of their bounds, with least-squares weights."""
     measure = Measure.empty(problem)
     for index, atoms in enumerate(measure.atoms):
-        points, _ = Polynomial(atoms, q).peaks(_TOUCHES * atoms.source.weight, most=30)
+        points, _ = Polynomial(atoms, q).peaks(share * atoms.source.weight, most=30)
         measure.add(index, points)
     if sum(measure.counts) and measure.unknowns < 2 * measure.y.size:
         measure.fit_weights()
     return measure
 
 
-def _explains(problem: Problem, q: Complex) -> bool:
-    measure = touching(problem, q)
-    trial = refined(measure, 0.02) if sum(measure.counts) else None
-    return trial is not None and trial.relative_residual() < EXACT
+def _explaining(problem: Problem, q: Complex) -> Measure | None:
+    """The atoms that a dual variable shows, if they explain the samples exactly."""
+    seen: set[tuple[int, ...]] = set()
+    for share in _TOUCHES:
+        measure = touching(problem, q, share)
+        trial = refined(measure, 0.02) if sum(measure.counts) and measure.counts not in seen else None
+        seen.add(measure.counts)
+        if trial is not None and trial.relative_residual() < EXACT:
+            return trial
+    return None
 
 
 def _from_dual(problem: Problem, q: Complex) -> Lifted:
-    measure = touching(problem, q)
+    measure = touching(problem, q, _TOUCHES[0])
     sigma = problem.sigma or 0.0
     if not sum(measure.counts):
         return Lifted(measure, split(problem, measure), q, sigma)
     if sigma:
         measure.merge(0.6)
         return Lifted(measure, selected(split(problem, measure), problem.y, sigma), q, sigma)
-    exact = refined(measure, 0.02)
-    measure = exact if exact is not None else measure
+    measure = _explaining(problem, q) or measure
     return Lifted(measure, fit(split(problem, measure), problem.y), q, sigma)
 
 

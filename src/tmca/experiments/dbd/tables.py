@@ -28,6 +28,7 @@ _HEADINGS = {
     "right_number": "right numbers",
     "exact": "exact fit",
     "certified": "certified",
+    "optimum": "truth is the optimum",
     "rmse_over_bound": "RMSE / bound",
     "median_s": "median, s",
     "p90_s": "90 %, s",
@@ -49,7 +50,7 @@ def study_table(study: Study, rows: Sequence[Measured]) -> str:
 def _text(kind: str, value: float | None) -> str:
     if value is None:
         return "–"
-    return f"{value:.0%}" if kind in ("success", "right_number", "exact", "certified") else f"{value:.3g}"
+    return f"{value:.0%}" if kind in ("success", "right_number", "exact", "certified", "optimum") else f"{value:.3g}"
 
 
 def study_figure(study: Study, rows: Sequence[Measured]) -> Figure:

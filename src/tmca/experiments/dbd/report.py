@@ -1,0 +1,193 @@
+"""The results page of dual blind deconvolution: fixed instances, limits, noise, cost; one resumable command."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.data import write_json, write_text
+from tmca.experiments.cells import Timed
+from tmca.experiments.dbd.study import Study, run_study
+from tmca.experiments.dbd.tables import study_figure, study_table
+from tmca.experiments.figures import plain_axes, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_FULL = {"M": 13, "P": 9, "J": 3, "L": 3, "Q": 3}
+_SMALL = {"M": 9, "P": 5, "J": 2, "L": 2, "Q": 2}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A section of the page.
+
+    Args:
+        name: of its picture.
+        title: of the section.
+        study: what is drawn.
+        text: what it shows.
+        picture: whether success is drawn.
+    """
+
+    name: str
+    title: str
+    study: Study
+    text: str = ""
+    picture: bool = False
+
+
+def parts() -> list[Part]:
+    """The sections in their order."""
+    return [*_instances(), *_stressed(), *_block(), *_noise(), *_extensions(), *_transitions(), *_cost()]
+
+
+def _instances() -> list[Part]:
+    text = "Noiseless `shared` messages; a success has the right numbers and torus errors below 1e-6."
+    sizes = [("full", "13 x 9, J = 3, L = Q = 3", _FULL), ("small", "9 x 5, J = 2, L = Q = 2", _SMALL)]
+    return [
+        Part(name, f"Fixed instances: {title}", Study({"messages": ["shared"]}, fixed, 50, certify=True), text)
+        for name, title, fixed in sizes
+    ]
+
+
+def _stressed() -> list[Part]:
+    text = (
+        "More paths, or larger subspaces, than the sum of atomic norms carries; `truth is the optimum` where the value "
+        "of the dual reaches the truth's norm to 1e-3. The shared Gram matrix is the thesis' equation (81)."
+    )
+    found = []
+    for name, sizes in (("paths", {"J": 2, "L": 3, "Q": 3}), ("subspace", {"J": 3, "L": 2, "Q": 2})):
+        fixed = {"M": 9, "P": 5, **sizes}
+        title = f"Stressed: 9 x 5, J = {sizes['J']}, L = Q = {sizes['L']}"
+        found.append(Part(f"stressed_{name}", title, Study({"method": ["sfw"]}, fixed, 50, certify=True), text))
+        duals = Study({"gram": ["separate", "shared"]}, {**fixed, "method": "sdp", "early": False}, 20)
+        found.append(Part(f"stressed_{name}_dual", f"{title}, dual programme to the end", duals))
+    return found
+
+
+def _block() -> list[Part]:
+    fixed = {"messages": "block", "J": 2}
+    plain = Study({"messages": ["block"]}, {"M": 21, "P": 9, "J": 2, "L": 3, "Q": 3}, 20, certify=True)
+    weighted = Study({"weights": ["plain", "balanced"]}, {**fixed, "M": 33, "P": 9, "L": 2, "Q": 2}, 20, certify=True)
+    text = "Delays, and Dopplers relative to each other; weights `balanced` are P^(-1/4) for the messages."
+    return [
+        Part("block", "Block messages: 21 x 9, J = 2, L = Q = 3", plain, text),
+        Part("block_weights", "Block messages: 33 x 9, J = 2, L = Q = 2", weighted, text),
+    ]
+
+
+def _noise() -> list[Part]:
+    text = (
+        "A success has the right numbers and every path within half of the finest resolution cell; errors of the "
+        "successes over the Cramér–Rao bound at the truth."
+    )
+    return [
+        Part("noise", "Noise: 13 x 9, J = 3, L = Q = 3", Study({"snr_db": [30, 20, 10, 5, 0]}, _FULL, 100), text, True)
+    ]
+
+
+def _extensions() -> list[Part]:
+    fixed = {"M": 13, "P": 9, "J": 2, "L": 2, "Q": 2}
+    named: list[tuple[str, dict[str, Any]]] = [
+        ("two radars and two transmitters", {"L": "2+2", "Q": "2+2"}),
+        ("four antennas", {"M": 9, "P": 5, "antennas": 4}),
+        ("known lag", {"lag": 0.137}),
+        ("lag beyond the prefix, shared", {"late_samples": 3}),
+        ("lag beyond the prefix, block", {"late_samples": 3, "messages": "block", "M": 21, "basis": "gaussian"}),
+        ("messages of three intervals", {"symbol_ratio": 3.0}),
+        ("messages of half an interval", {"symbol_ratio": 0.5, "M": 29}),
+        ("three targets, one path", {"L": 3, "Q": 1}),
+        ("radar alone", {"L": 3, "Q": 0}),
+        ("half the separation", {"separation": 0.1}),
+        ("Doppler alone", {"M": 1, "P": 21, "J": 2, "L": 0, "Q": 2}),
+        ("delay alone", {"M": 21, "P": 1, "J": 2, "L": 2, "Q": 0}),
+    ]
+    return [
+        Part(f"extension_{index}", f"Extension: {title}", Study({"messages": [more.get("messages", "shared")]},
+             {**fixed, **{name: one for name, one in more.items() if name != "messages"}}, 20))
+        for index, (title, more) in enumerate(named)
+    ]  # fmt: skip
+
+
+def _transitions() -> list[Part]:
+    close = {"M": 9, "P": 5, "separation": 0.12, "basis": "gaussian"}
+    paths = Study({"L": [1, 2, 3, 4, 5], "J": [1, 2, 3, 4]}, {**close, "Q": 2}, 10)
+    block = Study(
+        {"Q": [1, 2, 3, 4, 5], "J": [1, 2, 3]},
+        {"M": 11, "P": 5, "L": 2, "messages": "block", "separation": 0.08, "basis": "gaussian"},
+        10,
+    )
+    apart = Study({"separation": [0.02, 0.04, 0.06, 0.08, 0.12]}, {**_FULL}, 20)
+    text = "Red: more lifted unknowns than samples, where no convex method can succeed (the corrected theorem 2)."
+    return [
+        Part("targets", "Phase transition: targets and subspace, 9 x 5, Q = 2, shared", paths, text, True),
+        Part("paths_block", "Phase transition: paths and subspace, 11 x 5, L = 2, block", block, text, True),
+        Part("separation", "Separation: 13 x 9, J = 3, L = Q = 3", apart, "Least distance in one coordinate.", True),
+    ]
+
+
+def _cost() -> list[Part]:
+    sizes = [(9, 5, 2), (13, 9, 3), (21, 11, 4), (33, 17, 5), (65, 33, 8), (129, 65, 10)]
+    return [
+        Part(f"cost_{M * P}", f"Cost: {M} x {P}, J = 3, L = Q = {count}",
+             Study({"M": [M]}, {"P": P, "J": 3 if M > 9 else 2, "L": count, "Q": count}, 5))
+        for M, P, count in sizes
+    ]  # fmt: skip
+
+
+def write_report(
+    out: Path, work: Path, command: Sequence[str], *, jobs: int = 1, progress: Timed | None = None,
+    overwrite: bool = False, draws: int | None = None,
+) -> None:  # fmt: skip
+    """Computes what is missing and writes OUT.md, OUT.json and the pictures; ``draws`` for a quick look."""
+    lines = ["# Dual blind deconvolution", "", f"Command: `{shlex.join(command)}`", ""]
+    lines += ["Times are of one thread's processor, certificates included where there are any.", ""]
+    data: dict[str, Any] = {"command": shlex.join(command), "parts": {}}
+    costs = []
+    for part in parts():
+        study = replace(part.study, draws=min(draws, part.study.draws)) if draws else part.study
+        rows = run_study(study, work, jobs=jobs, progress=progress)
+        data["parts"][part.name] = {"title": part.title, "draws": study.draws, "fixed": dict(study.fixed), "rows": rows}
+        if part.name.startswith("cost_"):
+            costs.append((rows[0]["M"] * rows[0]["P"], rows[0]["median_s"]))
+        lines += [f"## {part.title}", "", *([part.text, ""] if part.text else []), study_table(study, rows)]
+        if part.picture:
+            picture = out.with_name(f"{out.name}_{part.name}.png")
+            save_figure(study_figure(study, rows), picture, overwrite=overwrite)
+            lines += [f"![{part.title}]({picture.name})", ""]
+    lines += _cost_lines(costs, out, data, overwrite)
+    write_text("\n".join(lines), out.with_name(out.name + ".md"), overwrite=overwrite)
+    write_json(data, out.with_name(out.name + ".json"), overwrite=overwrite)
+
+
+def _cost_lines(costs: list[tuple[int, float]], out: Path, data: dict[str, Any], overwrite: bool) -> list[str]:
+    """The curve of the time over the samples, with the exponent of its upper half."""
+    sizes, seconds = np.array(costs).T
+    exponent, offset = np.polyfit(np.log(sizes[-4:]), np.log(seconds[-4:]), 1)
+    picture = out.with_name(f"{out.name}_cost.png")
+    save_figure(_cost_figure(sizes, seconds, float(exponent), float(offset)), picture, overwrite=overwrite)
+    data["cost_exponent"] = float(exponent)
+    return [
+        f"Time grows with MP to the power {exponent:.2f} over the last four sizes.",
+        "",
+        f"![cost]({picture.name})",
+        "",
+    ]
+
+
+def _cost_figure(sizes: Any, seconds: Any, exponent: float, offset: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.2, 3.8), layout="constrained")
+    axis = figure.subplots()
+    axis.loglog(sizes, seconds, "o-", color="#00798c", label="median of 5")
+    axis.loglog(sizes[-4:], np.exp(offset) * sizes[-4:] ** exponent, "--", color="0.5", label=f"power {exponent:.2f}")
+    plain_axes(axis, "sliding Frank–Wolfe to an exact fit", "samples MP", "seconds")
+    axis.legend(fontsize=8)
+    return figure
