@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.progress import cell_done
+from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -95,6 +95,7 @@ def solve(
     out: Path | None = None,
     method: str = "sfw",
     gram: str = "separate",
+    solver: str = "CLARABEL",
     weights: str | None = None,
     sigma: float | None = None,
     unknown_noise: _Flag = False,
@@ -114,6 +115,7 @@ def solve(
         out: NetCDF file of the recovery; the name of FILE with .recovery.nc without it.
         method: sfw, sdp or cvxpy.
         gram: separate or shared (thesis equation 81), for sdp and cvxpy.
+        solver: of cvxpy: CLARABEL for small sizes, SCS.
         weights: of the sources: balanced, or a number for each.
         sigma: standard deviation of the noise, in place of the file's.
         unknown_noise: estimate the noise, whatever the file says.
@@ -139,7 +141,9 @@ def solve(
         raise SettingError("--sigma", "--unknown-noise as well", "one of them")
     if sigma is not None or unknown_noise:
         problem = replace(problem, sigma=None if unknown_noise else sigma)
-    recovery = solved(problem, method, certify=certify, gram=gram, weights=_weights(weights))
+    shares = _weights(weights)
+    with progress_bar(f"solve {file.name}") as progress:
+        recovery = solved(problem, method, certify=certify, gram=gram, weights=shares, solver=solver, progress=progress)
     save_recovery(recovery, out, overwrite=overwrite)
     save_planes(recovery, figure, overwrite=overwrite)
     print(json_module.dumps(recovery_values(recovery), indent=1) if json else "\n".join(recovery_lines(recovery)))

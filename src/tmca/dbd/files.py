@@ -161,7 +161,7 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
             variables[f"bounds_{index}"] = ((path_, "axis"), source.bounds)
     attributes: dict[str, Any] = {"kind": f"{KIND}: recovery"}
     attributes |= {"method": recovery.method, "residual": recovery.residual, "exact": int(recovery.exact)}
-    attributes |= {"certified": {True: "yes", False: "no", None: "undecided"}[recovery.certified]}
+    attributes["certificate"] = "not looked for" if recovery.certificate is None else recovery.certificate.status
     attributes |= {"seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
     if recovery.sigma is not None:
         attributes["sigma"] = recovery.sigma

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +33,7 @@ def solve(
     gram: str = "separate",
     early: bool = True,
     solver: str = "CLARABEL",
+    progress: Callable[..., None] | None = None,
 ) -> Recovery:
     """Finds the paths and signals of every source.
 
@@ -47,6 +48,7 @@ def solve(
         gram: ``separate`` Gram matrices, or the thesis' ``shared`` one (equation 81), for ``sdp`` and ``cvxpy``.
         early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
         solver: CVXPY's name of the solver.
+        progress: told the share that ``sdp`` has done, 0 to 1, and a ``detail``.
 
     Returns:
         The recovery; ``found``, ``exact`` and ``certified`` are separate statements.
@@ -70,7 +72,7 @@ def solve(
     else:
         from tmca.dbd.solvers.by_dual import lifted_by_dual
 
-        solution = lifted_by_dual(problem, method, gram=gram, early=early, solver=solver)
+        solution = lifted_by_dual(problem, method, gram=gram, early=early, solver=solver, progress=progress)
     return _recovery(problem, method, solution, certify, began)
 
 

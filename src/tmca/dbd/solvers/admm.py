@@ -58,6 +58,7 @@ def solve_dual(
     tolerance: float = 1e-5,
     warm: State | None = None,
     stop: Callable[[Complex], bool] | None = None,
+    progress: Callable[..., None] | None = None,
 ) -> DualSolution:
     """Runs the iterations.
 
@@ -69,6 +70,7 @@ def solve_dual(
         tolerance: of the relative residuals.
         warm: the state of an earlier run of this size.
         stop: asked every 25 iterations with q ``(A, P, M)``; True ends early.
+        progress: told the share of the iterations and, as ``detail``, the residual.
     """
     parts, y = grams(problem), problem.y.reshape(-1)
     state = warm or _start(parts, y)
@@ -85,6 +87,8 @@ def solve_dual(
         affine = _affine(parts, sums, state.q, gram)
         before = state.slack
         state.slack, state.multiplier, negative = _projected(affine, state, negative)
+        if progress is not None:
+            progress(done / iterations, detail=f"residual {worst:.1e}, at most {iterations} iterations")
         if done % _CHECK:
             continue
         primal, dual = _residuals(affine, before, state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 import numpy as np
 
@@ -20,20 +21,25 @@ from tmca.dbd.solvers.exact import EXACT, refined
 from tmca.dbd.solvers.lifted import Lifted
 from tmca.errors import SettingError
 
+Told = Callable[..., None]
 _TOUCHES = (0.97, 0.99, 0.997, 0.999)
 """Shares of its bound from which a polynomial touches it; a plateau shows as many maxima at the lower ones."""
 _MATRICES = 14
 """Matrices of the size of an inequality that the iterations hold at once."""
-_CVXPY_BYTES = 550.0
-"""Per fourth power of the samples, fitted to 2.25 GB at 45 samples with Clarabel."""
+_CLARABEL_BYTES = 550.0
+"""Per fourth power of the samples: 2.25 GB at 45 samples."""
+_SCS_BYTES = 2e4
+"""Per square of the samples: 0.24 GB at 117 samples."""
 
 
-def lifted_by_dual(problem: Problem, method: str, *, gram: str, early: bool, solver: str) -> Lifted:
+def lifted_by_dual(
+    problem: Problem, method: str, *, gram: str, early: bool, solver: str, progress: Told | None
+) -> Lifted:
     """Solves the dual and fits the atoms it shows."""
     if problem.sigma is None:
         remedy = "give sigma, or use method=sfw, which estimates it"
         raise SettingError(f"method={method}", "an unknown noise level", "a known one", remedy)
-    _check_memory(problem, method)
+    _check_memory(problem, f"{method} {solver}" if method == "cvxpy" else method)
     if gram == "shared" and any(not source.sees_doppler for source in problem.sources) and problem.shape[1] > 1:
         raise SettingError("gram=shared", "messages that absorb the Doppler", "separate ones", "use gram=separate")
     level = noise_level(problem) * problem.sigma if problem.sigma else 0.0
@@ -41,7 +47,7 @@ def lifted_by_dual(problem: Problem, method: str, *, gram: str, early: bool, sol
         q, _ = solve_dual_cvx(problem, gram=gram, level=level, solver=solver)
     else:
         stop = (lambda q: _explaining(problem, q) is not None) if early and not level else None
-        q = solve_dual(problem, gram=gram, level=level, stop=stop).q
+        q = solve_dual(problem, gram=gram, level=level, stop=stop, progress=progress).q
     return _from_dual(problem, q)
 
 
@@ -84,8 +90,10 @@ def _check_memory(problem: Problem, method: str) -> None:
     """Refuses sizes that would not fit, before anything is built."""
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     samples = problem.y.size
-    if method == "cvxpy":
-        needed = _CVXPY_BYTES * float(samples) ** 4
+    if method == "cvxpy SCS":
+        needed = _SCS_BYTES * float(samples) ** 2
+    elif method.startswith("cvxpy"):
+        needed = _CLARABEL_BYTES * float(samples) ** 4
     else:
         orders = [
             int(np.prod(problem.shape)) if one.sees_doppler else problem.shape[0] * problem.shape[2]
