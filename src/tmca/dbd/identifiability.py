@@ -7,6 +7,10 @@ from collections.abc import Sequence
 from tmca.dbd.problem import Problem
 
 
+class BeyondFreedom(UserWarning):
+    """More lifted unknowns than samples."""
+
+
 def lifted_unknowns(problem: Problem, paths: Sequence[int]) -> int:
     """Complex unknowns of the lifted problem: paths times coefficients, summed over the sources.
 

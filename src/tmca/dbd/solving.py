@@ -12,7 +12,7 @@ import numpy as np
 from tmca.dbd.arrays import Real
 from tmca.dbd.estimates.channels import Channel
 from tmca.dbd.estimates.structured import bounds, residual
-from tmca.dbd.identifiability import ambiguities, beyond_freedom
+from tmca.dbd.identifiability import BeyondFreedom, ambiguities, beyond_freedom
 from tmca.dbd.problem import Problem
 from tmca.dbd.recovery import RecoveredSource, Recovery
 from tmca.dbd.solvers.certificate import Certificate, certificate
@@ -95,7 +95,7 @@ def _warn(problem: Problem) -> None:
     if problem.truth is not None:
         said = beyond_freedom(problem, [len(one.points) for one in problem.truth])
         if said:
-            warnings.warn(said, stacklevel=3)
+            warnings.warn(said, BeyondFreedom, stacklevel=3)
 
 
 def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, began: float) -> Recovery:
