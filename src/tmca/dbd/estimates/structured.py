@@ -50,7 +50,7 @@ def fit(channels: list[Channel], y: Complex, steps: int = 30) -> list[Channel]:
         accepted = False
         for _ in range(_TRIALS):
             diagonal = np.diag(hessian)
-            damped = hessian + np.diag(damping * diagonal + 1e-12 * diagonal.max())
+            damped = hessian + np.diag((damping + 1e-12) * diagonal + (diagonal == 0))  # in anybody's units
             trial = _moved(channels, np.linalg.solve(damped, gradient), positions)
             new_left = residual(trial, y)
             new = float(np.linalg.norm(new_left))
@@ -92,6 +92,9 @@ def bounds(channels: list[Channel], sigma: float) -> list[Real]:
         sigma: standard deviation of the complex noise.
     """
     slopes, positions = jacobian(channels)
+    sizes = np.linalg.norm(slopes, axis=0)
+    sizes[sizes == 0] = 1
+    slopes = slopes / sizes  # no rank depends on anybody's units
     fixed = _reference_columns(channels)
     kept = [column for column in range(positions) if column not in fixed]
     fisher = 2 / sigma**2 * slopes.T @ slopes
@@ -99,7 +102,7 @@ def bounds(channels: list[Channel], sigma: float) -> list[Real]:
     cross = fisher[np.ix_(kept, range(positions, len(fisher)))]
     schur = fisher[np.ix_(kept, kept)] - cross @ np.linalg.pinv(fisher[nuisance, nuisance], rcond=1e-9) @ cross.T
     deviations = np.zeros(positions)
-    deviations[kept] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur, rcond=1e-12)), 0))
+    deviations[kept] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur, rcond=1e-12)), 0)) / sizes[kept]
     found: list[Real] = []
     place = 0
     for one in channels:
