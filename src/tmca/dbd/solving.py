@@ -98,7 +98,8 @@ def _warn(problem: Problem) -> None:
 
 def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, began: float) -> Recovery:
     left = float(np.linalg.norm(residual(solution.channels, problem.y)) / np.linalg.norm(problem.y))
-    unknowns = sum(2 * (len(one.points) + one.waveform.size - 1) + one.points.size for one in solution.channels)
+    audible = [one for one in solution.channels if len(one.points)]
+    unknowns = sum(2 * (len(one.points) + one.waveform.size - 1) + one.points.size for one in audible)
     exact = solution.sigma == 0 and left < EXACT and unknowns < 2 * problem.y.size
     proof: Certificate | None = None
     if certify and exact:
