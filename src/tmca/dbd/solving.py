@@ -121,11 +121,10 @@ def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, be
 
 def _source(channel: Channel, deviations: Real | None) -> RecoveredSource:
     source = channel.atoms.source
-    absorbed = "doppler" in channel.atoms.axes and not source.sees_doppler
     points = channel.full_points()
     spread = None if deviations is None else _in_full(channel, deviations)
-    signal = source.signal(channel.waveform)
-    return RecoveredSource(source.name, points, channel.amplitudes, channel.waveform, signal, spread, absorbed)
+    signal, relative = source.signal(channel.waveform), channel.relative_axis is not None
+    return RecoveredSource(source.name, points, channel.amplitudes, channel.waveform, signal, spread, relative)
 
 
 def _in_full(channel: Channel, values: Real) -> Real:

@@ -85,7 +85,7 @@ def bounds(channels: list[Channel], sigma: float) -> list[Real]:
     """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source.
 
     Gains and waveforms are nuisance, up to their common factor. Dopplers of ``block`` messages are bounded relative to
-    the first path's, which is zero.
+    the strongest path's, whose own is zero.
 
     Args:
         channels: the truth, or an estimate in its place.
@@ -115,8 +115,7 @@ def _reference_columns(channels: list[Channel]) -> set[int]:
     """Columns of Dopplers that serve as references."""
     columns, place = set(), 0
     for one in channels:
-        absorbed = "doppler" in one.atoms.axes and not one.atoms.source.sees_doppler
-        if absorbed and len(one.points):
-            columns.add(place + one.atoms.axes.index("doppler"))
+        if one.relative_axis is not None and len(one.points):
+            columns.add(place + one.strongest * one.points.shape[1] + one.relative_axis)
         place += one.points.size
     return columns
