@@ -57,7 +57,7 @@ def fit(channels: list[Channel], y: Complex, steps: int = 30) -> list[Channel]:
             if new < error:
                 accepted = True
                 break
-            damping *= 10
+            damping = max(damping * 20, 1e-6)
         if not accepted:
             break
         gain, channels, left, error = error - new, trial, new_left, new

@@ -35,7 +35,7 @@ def slide(measure: Measure, level: float, steps: int = 10) -> None:
             if new < value:
                 accepted = True
                 break
-            damping = max(damping * 10, 1e-8)
+            damping = max(damping * 20, 1e-6)
         if not accepted or trial is None:
             return
         measure.points, measure.weights = trial.points, trial.weights
