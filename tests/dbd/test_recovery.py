@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from tmca.errors import SettingError
 CASES = {
     "shared": {"seed": 2},
     "even sizes": {"M": 10, "P": 6},
-    "block": {"messages": "block", "targets": 1},
+    "block": {"messages": "block", "seed": 3},
     "dense": {"messages": "dense", "M": 13, "P": 4, "targets": 1, "paths": 1, "seed": 1},
     "antennas": {"M": 7, "P": 4, "antennas": 3, "seed": 2},
     "antennas, block": {"M": 7, "P": 4, "antennas": 3, "messages": "block", "seed": 2},
@@ -35,10 +36,14 @@ def of(case, **more):
     return simulate(**{"M": 9, "P": 5, "J": 2, "targets": 2, "paths": 2, **CASES.get(case, {}), **more})
 
 
+@cache
+def recovered(case):
+    return solve(of(case), certify=False)
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_all_paths_are_found_to_rounding_errors(case):
-    problem = of(case)
-    recovery = solve(problem, certify=False)
+    recovery = recovered(case)
     score = recovery.score()
     assert score.success
     assert score.max_error < 1e-8
@@ -51,8 +56,7 @@ def test_all_paths_are_found_to_rounding_errors(case):
 
 @pytest.mark.parametrize("case", ["shared", "block", "antennas"])
 def test_what_was_found_makes_the_samples_again(case):
-    problem = of(case)
-    recovery = solve(problem, certify=False)
+    recovery, problem = recovered(case), recovered(case).problem
     truth = [Truth(np.nan_to_num(one.points), one.amplitudes, one.waveform) for one in recovery.sources]
     np.testing.assert_allclose(samples(problem.shape, problem.sources, truth), problem.y, atol=1e-8)
     for one, source in zip(recovery.sources, problem.sources, strict=True):
@@ -61,14 +65,14 @@ def test_what_was_found_makes_the_samples_again(case):
 
 
 def test_axes_that_do_not_exist_are_nan():
-    flat = solve(of("shared"), certify=False)["radar"].points
+    flat = recovered("shared")["radar"].points
     assert np.isnan(flat[:, 2]).all()
     assert np.isfinite(flat[:, :2]).all()
-    assert np.isnan(solve(of("one pulse"), certify=False)["radar"].points[:, 1:]).all()
+    assert np.isnan(recovered("one pulse")["radar"].points[:, 1:]).all()
 
 
 def test_dopplers_of_block_messages_count_from_the_strongest_path():
-    recovery = solve(of("block"), certify=False)
+    recovery = solve(of("block", M=11, seed=1, amplitudes=(0.4, 1.0)), certify=False)
     link = recovery["communications"]
     assert link.relative_doppler
     assert not recovery["radar"].relative_doppler
@@ -92,10 +96,10 @@ def test_a_silent_source_does_not_spoil_an_exact_fit():
     assert recovery.exact
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_noise_is_never_explained_exactly(seed):
-    problem = simulate(M=5, P=4, J=1, targets=1, paths=1, basis="gaussian")
-    recovery = solve(Problem(noise(np.random.default_rng(seed), 4, 5), problem.sources, 0.0))
+@pytest.mark.parametrize(("frequencies", "pulses", "seed"), [(6, 4, 1), (6, 4, 2), (7, 5, 2)])
+def test_noise_is_never_explained_exactly(frequencies, pulses, seed):
+    problem = simulate(M=frequencies, P=pulses, J=2, targets=1, paths=1, basis="gaussian")
+    recovery = solve(Problem(noise(np.random.default_rng(seed), pulses, frequencies), problem.sources, 0.0))
     assert not recovery.exact
     assert recovery.certificate is None
 
@@ -118,7 +122,7 @@ def test_the_semidefinite_programme_takes_noise_and_the_thesis_gram():
 
 
 def test_balanced_weights_are_those_of_block_messages():
-    problem = of("block", M=11)
+    problem = of("block", M=11, seed=1)
     recovery = solve(problem, weights="balanced", certify=False)
     assert [one.weight for one in recovery.problem.sources] == [1.0, pytest.approx(5**-0.25)]
     assert recovery.score().success
@@ -166,7 +170,7 @@ def test_units_give_seconds_and_hertz():
     signed = np.where(dopplers < 0.5, dopplers, dopplers - 1)
     np.testing.assert_allclose(np.sort(recovery.dopplers_hz["radar"]), np.sort(2000 * signed), atol=1e-4)
     with pytest.raises(SettingError, match="units: found none"):
-        _ = solve(of("no communications"), certify=False).delays_s
+        _ = recovered("no communications").delays_s
 
 
 def test_neither_import_nor_solution_loads_torch():
