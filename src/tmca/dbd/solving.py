@@ -100,7 +100,8 @@ def _warn(problem: Problem) -> None:
 
 def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, began: float) -> Recovery:
     left = float(np.linalg.norm(residual(solution.channels, problem.y)) / np.linalg.norm(problem.y))
-    unknowns = sum(2 * (len(one.points) + one.waveform.size - 1) + one.points.size for one in solution.channels)
+    audible = [one for one in solution.channels if len(one.points)]
+    unknowns = sum(2 * (len(one.points) + one.waveform.size - 1) + one.points.size for one in audible)
     exact = solution.sigma == 0 and left < EXACT and unknowns < 2 * problem.y.size
     proof: Certificate | None = None
     if certify and exact:
@@ -122,11 +123,10 @@ def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, be
 
 def _source(channel: Channel, deviations: Real | None) -> RecoveredSource:
     source = channel.atoms.source
-    absorbed = "doppler" in channel.atoms.axes and not source.sees_doppler
     points = channel.full_points()
     spread = None if deviations is None else _in_full(channel, deviations)
-    signal = source.signal(channel.waveform)
-    return RecoveredSource(source.name, points, channel.amplitudes, channel.waveform, signal, spread, absorbed)
+    signal, relative = source.signal(channel.waveform), channel.relative_axis is not None
+    return RecoveredSource(source.name, points, channel.amplitudes, channel.waveform, signal, spread, relative)
 
 
 def _in_full(channel: Channel, values: Real) -> Real:

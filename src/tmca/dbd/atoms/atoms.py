@@ -6,6 +6,7 @@ import numpy as np
 
 from tmca.dbd.arrays import Complex, Real
 from tmca.dbd.source import AXES, Source
+from tmca.errors import SettingError
 
 
 class Atoms:
@@ -15,6 +16,9 @@ class Atoms:
         source: the transmitter.
         shape: antennas, pulses, frequencies.
         every_axis: keep the Doppler axis even where messages absorb it, for models with one waveform for all paths.
+
+    Raises:
+        SettingError: a lattice on which no coordinate shows.
     """
 
     def __init__(self, source: Source, shape: tuple[int, int, int], every_axis: bool = False) -> None:
@@ -23,6 +27,10 @@ class Atoms:
         doppler = pulses > 1 and (source.sees_doppler or every_axis)
         seen = (frequencies > 1, doppler, antennas > 1)
         self.axes = tuple(axis for axis, there in zip(AXES, seen, strict=True) if there)
+        if not self.axes:
+            found = f"{antennas} antenna, {pulses} pulses and {frequencies} frequency, where no coordinate shows"
+            expected = "several frequencies, or pulses that share a message"
+            raise SettingError(f"samples of {source.name}", found, expected)
         self.lattice_axes = tuple(2 - AXES.index(axis) for axis in self.axes)
         self.counts = np.array([shape[axis] for axis in self.lattice_axes], float)
 

@@ -19,7 +19,7 @@ class Channel:
 
     Args:
         atoms: with every axis, the Doppler of ``block`` messages too.
-        points: ``(n, D)``; Dopplers of ``block`` messages are relative to each other.
+        points: ``(n, D)``; Dopplers of ``block`` messages are relative to the strongest path's once normalised.
         amplitudes: ``(n,)``.
         waveform: ``(G J,)`` of norm one, its largest coefficient real and positive.
     """
@@ -42,11 +42,29 @@ class Channel:
         """``(A P M,)``: the samples of all paths."""
         return self.columns() @ self.amplitudes
 
+    @property
+    def relative_axis(self) -> int | None:
+        """The column of Dopplers that messages absorb, so that they are known relative to each other; or None."""
+        if "doppler" in self.atoms.axes and not self.atoms.source.sees_doppler:
+            return self.atoms.axes.index("doppler")
+        return None
+
+    @property
+    def strongest(self) -> int:
+        """The path that relative Dopplers count from."""
+        return int(np.argmax(np.abs(self.amplitudes)))
+
     def normalised(self) -> Channel:
         """The same with a waveform of norm one whose largest coefficient is real and positive."""
-        largest = self.waveform[np.argmax(np.abs(self.waveform))]
-        factor = np.linalg.norm(self.waveform) * (largest / abs(largest) if largest else 1)
-        return Channel(self.atoms, self.points % 1.0, self.amplitudes * factor, self.waveform / factor)
+        points, waveform = self.points.copy(), self.waveform
+        if self.relative_axis is not None and len(points):
+            start = points[self.strongest, self.relative_axis]
+            points[:, self.relative_axis] -= start
+            ramp = np.exp(-2j * np.pi * start * np.arange(self.atoms.source.messages))
+            waveform = (waveform.reshape(len(ramp), -1) * ramp[:, None]).reshape(-1)
+        largest = waveform[np.argmax(np.abs(waveform))]
+        factor = np.linalg.norm(waveform) * (largest / abs(largest) if largest else 1)
+        return Channel(self.atoms, points % 1.0, self.amplitudes * factor, waveform / factor)
 
     def full_points(self) -> Real:
         """``(n, 3)``: delay, Doppler, angle; NaN for an axis that does not exist."""

@@ -50,14 +50,14 @@ def fit(channels: list[Channel], y: Complex, steps: int = 30) -> list[Channel]:
         accepted = False
         for _ in range(_TRIALS):
             diagonal = np.diag(hessian)
-            damped = hessian + np.diag(damping * diagonal + 1e-12 * diagonal.max())
+            damped = hessian + np.diag((damping + 1e-12) * diagonal + (diagonal == 0))  # in anybody's units
             trial = _moved(channels, np.linalg.solve(damped, gradient), positions)
             new_left = residual(trial, y)
             new = float(np.linalg.norm(new_left))
             if new < error:
                 accepted = True
                 break
-            damping *= 10
+            damping = max(damping * 20, 1e-6)
         if not accepted:
             break
         gain, channels, left, error = error - new, trial, new_left, new
@@ -85,13 +85,16 @@ def bounds(channels: list[Channel], sigma: float) -> list[Real]:
     """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source.
 
     Gains and waveforms are nuisance, up to their common factor. Dopplers of ``block`` messages are bounded relative to
-    the first path's, which is zero.
+    the strongest path's, whose own is zero.
 
     Args:
         channels: the truth, or an estimate in its place.
         sigma: standard deviation of the complex noise.
     """
     slopes, positions = jacobian(channels)
+    sizes = np.linalg.norm(slopes, axis=0)
+    sizes[sizes == 0] = 1
+    slopes = slopes / sizes  # no rank depends on anybody's units
     fixed = _reference_columns(channels)
     kept = [column for column in range(positions) if column not in fixed]
     fisher = 2 / sigma**2 * slopes.T @ slopes
@@ -99,7 +102,7 @@ def bounds(channels: list[Channel], sigma: float) -> list[Real]:
     cross = fisher[np.ix_(kept, range(positions, len(fisher)))]
     schur = fisher[np.ix_(kept, kept)] - cross @ np.linalg.pinv(fisher[nuisance, nuisance], rcond=1e-9) @ cross.T
     deviations = np.zeros(positions)
-    deviations[kept] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur, rcond=1e-12)), 0))
+    deviations[kept] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur, rcond=1e-12)), 0)) / sizes[kept]
     found: list[Real] = []
     place = 0
     for one in channels:
@@ -112,8 +115,7 @@ def _reference_columns(channels: list[Channel]) -> set[int]:
     """Columns of Dopplers that serve as references."""
     columns, place = set(), 0
     for one in channels:
-        absorbed = "doppler" in one.atoms.axes and not one.atoms.source.sees_doppler
-        if absorbed and len(one.points):
-            columns.add(place + one.atoms.axes.index("doppler"))
+        if one.relative_axis is not None and len(one.points):
+            columns.add(place + one.strongest * one.points.shape[1] + one.relative_axis)
         place += one.points.size
     return columns

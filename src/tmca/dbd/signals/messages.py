@@ -111,7 +111,7 @@ def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
         samples: lag in samples of the interval, 0 to M.
 
     Raises:
-        SettingError: a lag of more than an interval.
+        SettingError: a lag of more than an interval; one at which the first or the last message hardly shows.
     """
     pulses, frequencies, subspace = source.rows.shape
     if not 0 <= samples <= frequencies:
@@ -123,6 +123,9 @@ def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
         return Source(source.name, rows, source.message, source.weight)
     if source.messages != pulses:
         raise SettingError("late_samples", "messages of several pulses", "shared or block messages")
+    if not subspace <= samples <= frequencies - subspace:
+        expected = f"{subspace} to {frequencies - subspace}, so that every message shows"
+        raise SettingError("late_samples", f"{samples}", expected)
     rows = np.zeros((pulses, frequencies, pulses + 1, subspace), complex)
     for pulse in range(pulses):
         rows[pulse, :, pulse] = late @ previous[pulse]

@@ -71,7 +71,7 @@ def simulate(
     radars, links = _counts(targets, "targets"), _counts(paths, "paths")
     if not radars + links:
         raise SettingError("targets and paths", "none of either", "at least one")
-    ratio = Fraction(symbol_ratio).limit_denominator(64)
+    ratio = _ratio(symbol_ratio)
     blind_doppler = [False] * len(radars) + [_absorbs_doppler(messages, ratio, P) and not late_samples] * len(links)
     apart = _separation(separation, (M, P, antennas))
     points = [
@@ -126,10 +126,16 @@ def _check(M: int, P: int, J: int, antennas: int, snr_db: float | None, amplitud
 
 
 def _counts(several: Several, name: str) -> list[int]:
-    counts = [several] if isinstance(several, int) else list(several)
-    if any(count < 0 for count in counts):
-        raise SettingError(name, f"{several}", "numbers of 0 or more")
-    return [count for count in counts if count]
+    counts = np.atleast_1d(several)
+    if np.any((counts < 0) | (counts != counts.astype(int))):
+        raise SettingError(name, f"{several}", "whole numbers of 0 or more")
+    return [int(count) for count in counts if count]
+
+
+def _ratio(given: float | Fraction) -> Fraction:
+    if not np.isfinite(float(given)):
+        raise SettingError("symbol_ratio", f"{given}", "a whole number, or one over a whole number")
+    return Fraction(given).limit_denominator(64)
 
 
 def _absorbs_doppler(messages: str, ratio: Fraction, pulses: int) -> bool:

@@ -38,7 +38,7 @@ def group_lasso(measure: Measure, level: float, sweeps: int = 60, tolerance: flo
             left -= gram[:, block] @ step
             weights[block] = new
             largest = max(largest, float(np.linalg.norm(step)))
-        if largest < tolerance * max(1e-12, float(np.linalg.norm(weights))):
+        if largest <= tolerance * float(np.linalg.norm(weights)):
             break
     measure.set_vector(weights)
 

@@ -35,13 +35,13 @@ def slide(measure: Measure, level: float, steps: int = 10) -> None:
             if new < value:
                 accepted = True
                 break
-            damping = max(damping * 10, 1e-8)
+            damping = max(damping * 20, 1e-6)
         if not accepted or trial is None:
             return
         measure.points, measure.weights = trial.points, trial.weights
         gain, value = value - new, new
         damping = max(damping / 5, 1e-12)
-        if gain < 1e-13 * max(value, 1e-30):
+        if gain < 1e-13 * value:
             return
 
 
@@ -85,7 +85,7 @@ def _add_penalty(measure: Measure, level: float, hessian: Real, gradient: Real) 
 def _stepped(measure: Measure, hessian: Real, gradient: Real, damping: float) -> Measure | None:
     """The measure after one damped step; none where the system has no solution."""
     diagonal = np.diag(hessian)
-    damped = hessian + np.diag(damping * diagonal + 1e-14 * diagonal.max())
+    damped = hessian + np.diag((damping + 1e-14) * diagonal + (diagonal == 0))  # in anybody's units
     try:
         step = -np.linalg.solve(damped, gradient)
     except np.linalg.LinAlgError:

@@ -1,0 +1,210 @@
+"""The dual semidefinite programme: index arithmetic by loops, values by CVXPY and by its primal."""
+
+from dataclasses import replace
+from functools import cache
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from tests.dbd.loops import noise, polynomial, small
+from tmca.dbd import simulate
+from tmca.dbd.atoms.measure import Measure
+from tmca.dbd.solvers.admm import solve_dual
+from tmca.dbd.solvers.cone import positive_part
+from tmca.dbd.solvers.cvx import solve_dual_cvx
+from tmca.dbd.solvers.frank_wolfe import descend, largest_level
+from tmca.dbd.solvers.gram import Gram
+from tmca.dbd.solvers.slide import slide
+
+KINDS = ["shared", "even", "block", "three pulses a symbol", "two symbols a pulse", "antennas", "antennas, block"]
+TINY = {
+    "shared": {"M": 4, "P": 3},
+    "block": {"M": 5, "P": 3, "messages": "block"},
+    "antennas": {"M": 3, "P": 2, "antennas": 2},
+    "two dimensions": {"M": 5, "P": 2, "J": 2},
+}
+
+
+@cache
+def tiny(kind, weights=(1.0, 1.0)):
+    problem = simulate(**{"J": 1, "targets": 1, "paths": 1, "basis": "gaussian", "seed": 3, **TINY[kind]})
+    sources = tuple(replace(one, weight=w) for one, w in zip(problem.sources, weights, strict=True))
+    return replace(problem, sources=sources)
+
+
+def lattice(source, shape):
+    """The places of the Gram matrix of a source: without pulses where each has a message of its own."""
+    pulses = shape[1] if len(set(source.message.tolist())) < shape[1] else 1
+    return [(a, p, n) for a in range(shape[0]) for p in range(pulses) for n in range(shape[2])]
+
+
+def lags(source, shape):
+    """The pairs of places that are the same step apart, by step."""
+    places, pairs = lattice(source, shape), {}
+    for i, here in enumerate(places):
+        for k, there in enumerate(places):
+            pairs.setdefault(tuple(b - a for a, b in zip(here, there, strict=True)), []).append((i, k))
+    return pairs
+
+
+def traces(source, shape):
+    """A row for each lag of a half space, with ones where it lies in the Gram matrix, and what it has to sum to."""
+    pairs = {lag: found for lag, found in lags(source, shape).items() if lag >= (0, 0, 0)}
+    rows = np.zeros((len(pairs), len(lattice(source, shape)), len(lattice(source, shape))))
+    for row, found in zip(rows, pairs.values(), strict=True):
+        for pair in found:
+            row[pair] = 1
+    return rows.reshape(len(pairs), -1), np.array([float(lag == (0, 0, 0)) for lag in pairs])
+
+
+def entries(source, shape):
+    """The coefficients of the dual polynomial for each unit vector in the place of q: ``(G J, places, samples)``."""
+    places, J = lattice(source, shape), source.rows.shape[2]
+    found = np.zeros(((source.message[-1] + 1) * J, len(places), int(np.prod(shape))), complex)
+    for number, (a, p, n) in enumerate(np.ndindex(*shape)):
+        place = places.index((a, p, n) if (a, p, n) in places else (a, 0, n))
+        for j in range(J):
+            found[source.message[p] * J + j, place, number] = np.conj(source.rows[p, n, j])
+    return found
+
+
+def slow_value(problem, level=0.0, shared=False):
+    """The programme written out for CVXPY: matrices entry by entry, traces lag by lag."""
+    q = cp.Variable(problem.y.size, complex=True)
+    constraints, corner = [], None
+    for source in problem.sources:
+        size, count, samples = (unit := entries(source, problem.shape)).shape
+        if corner is None or not shared:
+            corner = cp.Variable((count, count), hermitian=True)
+            sums, wanted = traces(source, problem.shape)
+            constraints.append(sums @ cp.vec(corner, order="C") == wanted)
+        H = cp.reshape(unit.reshape(-1, samples) @ q, (size, count), order="C")
+        constraints.append(cp.bmat([[corner, H.H], [H, source.weight**2 * np.eye(size)]]) >> 0)
+    gained = cp.real(cp.sum(cp.multiply(problem.y.reshape(-1).conj(), q)))
+    spent = level / 2 * cp.sum_squares(cp.hstack([cp.real(q), cp.imag(q)])) if level else 0
+    programme = cp.Problem(cp.Maximize(gained - spent), constraints)
+    programme.solve(solver="CLARABEL")
+    return programme.value
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_traces_are_made_one_diagonal_at_a_time(kind):
+    problem, rng = small(kind), np.random.default_rng(0)
+    for source in problem.sources:
+        gram = Gram(source, problem.shape)
+        matrix = noise(rng, gram.size, gram.size)
+        expected = matrix.copy()
+        for lag, pairs in lags(source, problem.shape).items():
+            spare = (sum(matrix[pair] for pair in pairs) - (lag == (0, 0, 0))) / len(pairs)
+            for pair in pairs:
+                expected[pair] -= spare
+        np.testing.assert_allclose(gram.unit_traces(matrix), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_coefficients_make_the_polynomial(kind):
+    problem, rng = small(kind), np.random.default_rng(1)
+    for source in problem.sources:
+        gram, q = Gram(source, problem.shape), noise(rng, *problem.shape)
+        point = (0.37, 0.0 if not source.sees_doppler else 0.81, 0.22)
+        wave = [
+            np.exp(2j * np.pi * ((n - problem.shape[2] // 2) * point[0] + p * point[1] + a * point[2]))
+            for a, p, n in lattice(source, problem.shape)
+        ]
+        np.testing.assert_allclose(gram.coefficients(q.reshape(-1)) @ wave, polynomial(source, q, point), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_adjoint_is_one(kind):
+    problem, rng = small(kind), np.random.default_rng(2)
+    for source in problem.sources:
+        gram, q = Gram(source, problem.shape), noise(rng, problem.y.size)
+        matrix = noise(rng, gram.unknowns, gram.size)
+        assert np.vdot(gram.coefficients(q), matrix) == pytest.approx(np.vdot(q, gram.adjoint(matrix)))
+        np.testing.assert_allclose(gram.adjoint(gram.coefficients(q)), gram.power() * q)
+
+
+@pytest.mark.parametrize("few", [True, False])
+def test_the_positive_part_is_the_nearest_positive_matrix(few):
+    half = noise(np.random.default_rng(3), 9, 9)
+    matrix = half + half.conj().T
+    found, negative = positive_part(matrix, few)
+    values = np.linalg.eigvalsh(matrix)
+    assert negative == np.sum(values < 0)
+    assert np.linalg.eigvalsh(found).min() > -1e-12
+    assert np.linalg.norm(found - matrix) == pytest.approx(np.linalg.norm(values[values < 0]))
+    assert abs(np.vdot(found, found - matrix)) < 1e-10
+
+
+@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
+@pytest.mark.parametrize(("kind", "level"), [*((kind, 0.0) for kind in TINY), ("shared", 0.5), ("block", 0.5)])
+def test_both_solvers_reach_the_value_of_the_programme_written_out(kind, level):
+    problem = tiny(kind)
+    expected = slow_value(problem, level)
+    found = solve_dual(problem, level=level)
+    assert found.residual < 1e-5
+    assert found.value - level / 2 * np.linalg.norm(found.q) ** 2 == pytest.approx(expected, abs=2e-3)
+    assert solve_dual_cvx(problem, level=level)[1] == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
+@pytest.mark.parametrize("kind", ["shared", "block"])
+def test_weights_bound_the_polynomials(kind):
+    problem = tiny(kind, (0.6, 1.5))
+    found = solve_dual(problem)
+    assert found.value == pytest.approx(slow_value(problem), abs=2e-3)
+    points = np.random.default_rng(0).random((200, 3)) * [1, 1, 0]
+    for source in problem.sources:
+        highest = max(np.linalg.norm(polynomial(source, found.q, x)) for x in points)
+        assert 0.8 * source.weight < highest < 1.002 * source.weight
+
+
+def test_one_gram_matrix_for_all_sources_is_a_restriction():
+    lower = []
+    for seed in (0, 2):
+        problem = simulate(M=5, P=2, J=2, targets=1, paths=1, seed=seed)
+        separate = solve_dual(problem).value
+        shared = solve_dual(problem, gram="shared").value
+        assert shared <= separate + 2e-3
+        lower.append(shared < separate - 5e-3)
+    assert any(lower)
+
+
+@pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
+@pytest.mark.parametrize("solver", [solve_dual, solve_dual_cvx])
+def test_the_thesis_gram_gives_the_value_of_the_programme_written_out(solver):
+    problem = tiny("two dimensions")
+    found = solver(problem, gram="shared")
+    value = found.value if solver is solve_dual else found[1]
+    assert value == pytest.approx(slow_value(problem, shared=True), abs=2e-3)
+
+
+def test_a_warm_start_goes_on():
+    problem = tiny("shared")
+    cold = solve_dual(problem)
+    assert cold.iterations > 100
+    warm = solve_dual(problem, warm=cold.state)
+    assert warm.iterations == 25
+    assert warm.value == pytest.approx(cold.value, abs=1e-4)
+
+
+def test_a_stop_ends_the_iterations():
+    asked = []
+    solve_dual(tiny("shared"), stop=lambda q: asked.append(q.shape) or len(asked) == 2)
+    assert asked == [(1, 3, 4), (1, 3, 4)]
+
+
+@pytest.mark.parametrize("kind", ["shared", "block"])
+def test_the_regularised_dual_is_the_scaled_residual_of_its_primal(kind):
+    problem = small(kind, M=5, P=3, targets=1)
+    measure = Measure.empty(problem)
+    level = 0.1 * largest_level(measure)
+    descend(measure, level, rounds=30)
+    slide(measure, level, 100)
+    found = solve_dual(problem, level=level)
+    left = measure.residual().reshape(problem.shape)
+    assert np.linalg.norm(found.q - left / level) < 0.02 * np.linalg.norm(found.q)
+    primal = 0.5 * np.linalg.norm(left) ** 2 + level * sum(np.linalg.norm(w) for _, _, w in measure.each())
+    dual = level * (found.value - level / 2 * np.linalg.norm(found.q) ** 2)
+    assert dual == pytest.approx(primal, rel=1e-3)

@@ -1,0 +1,90 @@
+"""What block messages hide, and what a late clock does."""
+
+import numpy as np
+import pytest
+
+from tests.dbd.loops import moved, noise, polynomial, samples, small
+from tmca.dbd import Source, Truth
+from tmca.dbd.signals.messages import beyond_prefix, lagged
+from tmca.errors import SettingError
+
+
+def test_block_messages_take_any_doppler_upon_themselves():
+    problem = small("block", paths=2)
+    turn, (radar, link) = 0.237, problem.truth
+    waveform = (link.waveform.reshape(5, 2) * np.exp(2j * np.pi * turn * np.arange(5))[:, None]).reshape(-1)
+    other = moved(Truth(link.points, link.amplitudes, waveform), (0, turn, 0))
+    np.testing.assert_allclose(samples(problem.shape, problem.sources, (radar, other)), problem.y, atol=1e-12)
+
+
+def test_shared_messages_do_not():
+    problem = small("shared", paths=2)
+    radar, link = problem.truth
+    other = moved(link, (0, 0.237, 0))
+    assert np.abs(samples(problem.shape, problem.sources, (radar, other)) - problem.y).max() > 0.1
+
+
+@pytest.mark.parametrize(("kind", "varies"), [("block", False), ("shared", True), ("three pulses a symbol", True)])
+def test_the_dual_polynomial_of_block_messages_is_a_ridge_along_the_doppler(kind, varies):
+    problem = small(kind)
+    q = noise(np.random.default_rng(0), *problem.shape)
+    norms = [np.linalg.norm(polynomial(problem.sources[1], q, (0.3, nu, 0))) for nu in (0.0, 0.21, 0.5, 0.83)]
+    assert (np.ptp(norms) > 1e-2) == varies
+    assert np.ptp(norms) < 1e-12 or varies
+
+
+def test_a_lag_nobody_knows_only_adds_to_the_delays():
+    late = small("shared", paths=2, lag=0.17)
+    on_time, (radar, link) = small("shared", paths=2).sources, late.truth
+    other = moved(link, (0.17, 0, 0))
+    np.testing.assert_allclose(samples(late.shape, on_time, (radar, other)), late.y, atol=1e-12)
+
+
+@pytest.mark.parametrize("frequencies", [7, 8])
+@pytest.mark.parametrize("late", [2, 3, 5])
+@pytest.mark.parametrize("kind", ["shared", "block"])
+def test_beyond_the_prefix_an_interval_still_hears_the_message_before(kind, late, frequencies):
+    rng = np.random.default_rng(late)
+    source = small(kind, M=frequencies).sources[1]
+    before = noise(rng, frequencies, 2)
+    received = beyond_prefix(source, before, late)
+    shared = kind == "shared"
+    v = noise(rng, 1 if shared else 6, 2)  # the message before the first interval comes first
+    sent = [before @ v[0]] + [source.rows[p] @ v[0 if shared else p + 1] for p in range(5)]
+    n = np.arange(frequencies) - frequencies // 2
+    time = np.arange(frequencies)
+    stream = np.concatenate([[np.sum(s * np.exp(2j * np.pi * n * t / frequencies)) for t in time] for s in sent])
+    heard = []
+    for p in range(5):
+        window = stream[(p + 1) * frequencies - late : (p + 2) * frequencies - late]
+        heard.append([np.sum(window * np.exp(-2j * np.pi * k * time / frequencies)) / frequencies for k in n])
+    np.testing.assert_allclose(received.signal(v.reshape(-1)), heard, atol=1e-12)
+
+
+def test_no_samples_late_is_on_time_and_an_interval_late_is_the_message_before():
+    source = small("shared").sources[1]
+    before = noise(np.random.default_rng(0), 7, 2)
+    np.testing.assert_allclose(beyond_prefix(source, before, 0).rows, source.rows, atol=1e-13)
+    whole = beyond_prefix(source, before, 7).rows
+    np.testing.assert_allclose(whole, np.concatenate([before[None], source.rows[:-1]]), atol=1e-13)
+
+
+def test_within_the_prefix_a_lag_of_samples_is_a_ramp():
+    source = small("shared").sources[1]
+    v = noise(np.random.default_rng(1), 2)
+    in_time = np.fft.ifft(np.fft.ifftshift(source.signal(v), axes=1), axis=1)
+    turned = np.fft.ifft(np.fft.ifftshift(lagged(source, 3 / 7).signal(v), axes=1), axis=1)
+    np.testing.assert_allclose(turned, np.roll(in_time, 3, axis=1), atol=1e-13)
+
+
+def test_late_messages_that_pulses_share_in_groups_are_refused():
+    source = Source("link", noise(np.random.default_rng(0), 4, 5, 1), (0, 0, 1, 1))
+    with pytest.raises(SettingError, match="messages of several pulses, expected shared or block"):
+        beyond_prefix(source, np.ones((5, 1)), 2)
+
+
+@pytest.mark.parametrize("late", [0, 1, 6, 7])
+def test_a_block_message_heard_for_fewer_samples_than_coefficients_is_refused(late):
+    source = small("block").sources[1]
+    with pytest.raises(SettingError, match=f"late_samples: found {late}, expected 2 to 5"):
+        beyond_prefix(source, np.random.default_rng(0).standard_normal((7, 2)), late)

@@ -1,0 +1,185 @@
+"""Paths are recovered off the grid, to rounding errors, in every setting of the model."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.dbd.loops import noise, samples
+from tmca.dbd import Problem, Source, Truth, Units, simulate, solve
+from tmca.errors import SettingError
+
+CASES = {
+    "shared": {"seed": 2},
+    "even sizes": {"M": 10, "P": 6},
+    "block": {"messages": "block", "seed": 3},
+    "dense": {"messages": "dense", "M": 13, "P": 4, "targets": 1, "paths": 1, "seed": 1},
+    "antennas": {"M": 7, "P": 4, "antennas": 3, "seed": 2},
+    "antennas, block": {"M": 7, "P": 4, "antennas": 3, "messages": "block", "seed": 2},
+    "two radars": {"M": 11, "P": 6, "targets": (2, 1), "seed": 2},
+    "three pulses a symbol": {"P": 6, "symbol_ratio": 3, "seed": 2},
+    "known waveforms": {"known_waveforms": True, "seed": 2},
+    "one pulse": {"M": 25, "P": 1, "seed": 2},
+    "one frequency": {"M": 1, "P": 11, "J": 1, "paths": 0},
+    "no communications": {"targets": 3, "paths": 0},
+    "no radar": {"targets": 0, "paths": 3},
+    "unequal numbers": {"targets": 3, "paths": 1},
+    "late clock": {"late_samples": 3, "seed": 2},
+    "fading": {"amplitudes": (0.3, 1.0)},
+}
+
+
+def of(case, **more):
+    return simulate(**{"M": 9, "P": 5, "J": 2, "targets": 2, "paths": 2, **CASES.get(case, {}), **more})
+
+
+@cache
+def recovered(case):
+    return solve(of(case), certify=False)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_all_paths_are_found_to_rounding_errors(case):
+    recovery = recovered(case)
+    score = recovery.score()
+    assert score.success
+    assert score.max_error < 1e-8
+    assert recovery.exact
+    assert recovery.found
+    assert recovery.residual < 1e-9
+    for one in score.sources:
+        assert one.waveform_correlation == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize("case", ["shared", "block", "antennas"])
+def test_what_was_found_makes_the_samples_again(case):
+    recovery, problem = recovered(case), recovered(case).problem
+    truth = [Truth(np.nan_to_num(one.points), one.amplitudes, one.waveform) for one in recovery.sources]
+    np.testing.assert_allclose(samples(problem.shape, problem.sources, truth), problem.y, atol=1e-8)
+    for one, source in zip(recovery.sources, problem.sources, strict=True):
+        assert np.linalg.norm(one.waveform) == pytest.approx(1)
+        np.testing.assert_allclose(one.signal, source.signal(one.waveform), atol=1e-12)
+
+
+def test_axes_that_do_not_exist_are_nan():
+    flat = recovered("shared")["radar"].points
+    assert np.isnan(flat[:, 2]).all()
+    assert np.isfinite(flat[:, :2]).all()
+    assert np.isnan(recovered("one pulse")["radar"].points[:, 1:]).all()
+
+
+def test_dopplers_of_block_messages_count_from_the_strongest_path():
+    recovery = solve(of("block", M=11, seed=1, amplitudes=(0.4, 1.0)), certify=False)
+    link = recovery["communications"]
+    assert link.relative_doppler
+    assert not recovery["radar"].relative_doppler
+    assert link.points[np.argmax(np.abs(link.amplitudes)), 1] == 0
+    assert any("absorb the absolute Doppler" in note for note in recovery.notes)
+
+
+@pytest.mark.parametrize("scale", [1e-10, 1e8])
+def test_samples_may_be_in_any_unit(scale):
+    problem = of("shared")
+    recovery = solve(replace(problem, y=scale * problem.y), certify=False)
+    assert recovery.exact
+    assert recovery.score().success
+
+
+def test_a_silent_source_does_not_spoil_an_exact_fit():
+    problem = simulate(M=5, P=5, J=2, targets=1, paths=0, seed=1)
+    silent = Source("silent", noise(np.random.default_rng(0), 5, 5, 5), range(5))
+    recovery = solve(Problem(problem.y, (*problem.sources, silent), 0.0), certify=False)
+    assert [len(one.points) for one in recovery.sources] == [1, 0]
+    assert recovery.exact
+
+
+@pytest.mark.parametrize(("frequencies", "pulses", "seed"), [(6, 4, 1), (6, 4, 2), (7, 5, 2)])
+def test_noise_is_never_explained_exactly(frequencies, pulses, seed):
+    problem = simulate(M=frequencies, P=pulses, J=2, targets=1, paths=1, basis="gaussian")
+    recovery = solve(Problem(noise(np.random.default_rng(seed), pulses, frequencies), problem.sources, 0.0))
+    assert not recovery.exact
+    assert recovery.certificate is None
+
+
+@pytest.mark.parametrize("method", ["sdp", "cvxpy"])
+@pytest.mark.parametrize("messages", ["shared", "block"])
+def test_the_semidefinite_programme_finds_the_same_paths(method, messages):
+    problem = simulate(M=7, P=3, J=1, targets=1, paths=1, messages=messages, basis="gaussian", seed=3)
+    recovery = solve(problem, method, certify=False)
+    assert recovery.method == method
+    assert recovery.score().success
+    assert recovery.exact
+
+
+def test_the_semidefinite_programme_takes_noise_and_the_thesis_gram():
+    problem = simulate(M=9, P=3, J=1, targets=1, paths=1, basis="gaussian", seed=3, snr_db=30)
+    by_dual, by_atoms = solve(problem, "sdp", gram="shared"), solve(problem)
+    for one, other in zip(by_dual.sources, by_atoms.sources, strict=True):
+        np.testing.assert_allclose(one.points, other.points, atol=1e-6)
+
+
+def test_balanced_weights_are_those_of_block_messages():
+    problem = of("block", M=11, seed=1)
+    recovery = solve(problem, weights="balanced", certify=False)
+    assert [one.weight for one in recovery.problem.sources] == [1.0, pytest.approx(5**-0.25)]
+    assert recovery.score().success
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"method": "magic"}, "method: found 'magic', expected one of sfw, sdp, cvxpy"),
+        ({"gram": "none"}, "gram: found 'none', expected one of separate, shared"),
+        ({"weights": "heavy"}, "weights: found 'heavy'"),
+        ({"weights": (1.0,)}, "weights: found 1 numbers, expected one for each of 2"),
+        ({"weights": (1.0, 0.0)}, "weight of communications: found 0.0"),
+    ],
+)
+def test_impossible_settings_are_refused(given, told):
+    with pytest.raises(SettingError) as caught:
+        solve(of("shared"), **given)
+    assert told in str(caught.value)
+
+
+def test_what_a_method_cannot_do_is_refused():
+    problem = of("shared")
+    with pytest.raises(SettingError, match="y: found only zeros"):
+        solve(replace(problem, y=0 * problem.y))
+    for method in ("sdp", "cvxpy"):
+        with pytest.raises(SettingError, match="unknown noise level"):
+            solve(replace(problem, sigma=None), method)
+    with pytest.raises(SettingError, match="messages that absorb the Doppler, expected separate"):
+        solve(of("block"), "sdp", gram="shared")
+
+
+@pytest.mark.parametrize(("method", "frequencies"), [("cvxpy", 3000), ("sdp", 300_000)])
+def test_sizes_beyond_the_memory_are_refused_before_the_work(method, frequencies):
+    source = Source("radar", np.ones((frequencies, 1)), [0])
+    with pytest.raises(SettingError, match=f"{frequencies} samples, about .* GB, expected at most .* on this machine"):
+        solve(Problem(np.ones((1, frequencies)), (source,), 0.0), method)
+
+
+def test_units_give_seconds_and_hertz():
+    problem = replace(of("no communications"), units=Units(delay_s=1e-5, doppler_hz=2000.0, carrier_hz=1e10))
+    recovery = solve(problem, certify=False)
+    delays, dopplers = np.sort(problem.truth[0].points[:, 0]), problem.truth[0].points[:, 1]
+    np.testing.assert_allclose(np.sort(recovery.delays_s["radar"]), 1e-5 * delays, atol=1e-12)
+    signed = np.where(dopplers < 0.5, dopplers, dopplers - 1)
+    np.testing.assert_allclose(np.sort(recovery.dopplers_hz["radar"]), np.sort(2000 * signed), atol=1e-4)
+    with pytest.raises(SettingError, match="units: found none"):
+        _ = recovered("no communications").delays_s
+
+
+def test_neither_import_nor_solution_loads_torch():
+    script = (
+        "import sys, tmca.dbd;"
+        "assert not {'numpy', 'scipy', 'torch'} & set(sys.modules);"
+        "from tmca.dbd import simulate, solve;"
+        "assert solve(simulate(M=7, P=3, J=1, targets=1, paths=0)).exact;"
+        "print(' '.join({'torch', 'cvxpy', 'matplotlib', 'xarray'} & set(sys.modules)))"
+    )
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == []

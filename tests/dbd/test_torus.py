@@ -1,0 +1,62 @@
+"""Coordinates that wrap around at 1."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from tmca.dbd.torus import distance, matched, separated_points
+from tmca.errors import SettingError
+
+
+def way_around(a, b):
+    return min(abs(a - b + turns) for turns in (-1, 0, 1))
+
+
+def test_the_shorter_way_may_cross_one():
+    np.testing.assert_allclose(distance([0.95, 0.2, 0.0, 0.5], [0.05, 0.3, 0.5, 0.5]), [0.1, 0.1, 0.5, 0.0], atol=1e-15)
+    np.testing.assert_allclose(distance(1.75, -0.2), 0.05, atol=1e-12)
+
+
+def test_distances_broadcast():
+    a, b = np.random.default_rng(0).random((2, 4))
+    table = [[way_around(x, y) for y in b] for x in a]
+    np.testing.assert_allclose(distance(a[:, None], b), table, atol=1e-15)
+
+
+@pytest.mark.parametrize("separation", [(0.3,), (0.2, 0.4), (0.25, 0.5, 0.5)])
+def test_any_two_points_are_apart_in_a_coordinate(separation):
+    points = separated_points(np.random.default_rng(1), 3, separation)
+    assert points.shape == (3, len(separation))
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        assert any(way_around(a, b) >= s for a, b, s in zip(points[i], points[j], separation, strict=True))
+
+
+def test_a_coordinate_that_tells_nothing_leaves_it_to_the_others():
+    for seed in range(20):
+        points = separated_points(np.random.default_rng(seed), 3, (0.2, np.inf))
+        assert min(way_around(points[i, 0], points[j, 0]) for i, j in ((0, 1), (0, 2), (1, 2))) >= 0.2
+
+
+def test_more_points_than_fit_are_refused(monkeypatch):
+    monkeypatch.setattr("tmca.dbd.torus._TRIES", 200)
+    with pytest.raises(SettingError, match=r"separation: found 0.4 for 3 points"):
+        separated_points(np.random.default_rng(0), 3, (0.4,))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_other_pairs_are_nearer(seed):
+    estimate, truth = np.random.default_rng(seed).random((2, 4, 2))
+
+    def cost(order):
+        pairs = zip(estimate, truth[list(order)], strict=True)
+        return sum(max(way_around(a, b) for a, b in zip(x, z, strict=True)) for x, z in pairs)
+
+    here, there = matched(estimate, truth)
+    assert sorted(here) == sorted(there) == [0, 1, 2, 3]
+    assert cost(there[np.argsort(here)]) == pytest.approx(min(cost(order) for order in permutations(range(4))))
+
+
+def test_spare_points_stay_alone():
+    here, there = matched(np.array([[0.1], [0.99], [0.5]]), np.array([[0.0], [0.52]]))
+    assert dict(zip(here.tolist(), there.tolist(), strict=True)) == {1: 0, 2: 1}
