@@ -34,7 +34,7 @@ class Source:
     name: str
     rows: Complex = field(repr=False)
     message: Whole = field(repr=False)
-    weight: float = 0.0
+    weight: float = None  # type: ignore[assignment]  # a float from here on
 
     def __post_init__(self) -> None:
         message = np.asarray(self.message, np.int64)
@@ -46,7 +46,7 @@ class Source:
         _check_rows(self.name, rows)
         _check_message(self.name, rows, message)
         _check_rank(self)
-        if not self.weight:
+        if self.weight is None:
             power = np.abs(rows) ** 2
             object.__setattr__(self, "weight", float(np.sqrt(np.mean(power[power > 0]))))
         if not (np.isfinite(self.weight) and self.weight > 0):

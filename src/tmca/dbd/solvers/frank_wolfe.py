@@ -18,7 +18,7 @@ from tmca.dbd.solvers.slide import objective, slide
 LEVELS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Shares of the largest useful regularisation that a noiseless solution goes through."""
 _TOLERANCE = 1e-3
-_SMALL = 350
+_SMALL = 200
 """Unknowns that a descent may pass through at any size."""
 _INSERTIONS = 8
 """Most atoms that one source may gain in a round."""
