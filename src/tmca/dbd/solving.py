@@ -102,7 +102,7 @@ def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, be
     left = float(np.linalg.norm(residual(solution.channels, problem.y)) / np.linalg.norm(problem.y))
     audible = [one for one in solution.channels if len(one.points)]
     unknowns = sum(2 * (len(one.points) + one.waveform.size - 1) + one.points.size for one in audible)
-    exact = solution.sigma == 0 and left < EXACT and unknowns < 2 * problem.y.size
+    exact = bool(solution.sigma == 0 and left < EXACT and unknowns < 2 * problem.y.size)
     proof: Certificate | None = None
     if certify and exact:
         proof = certificate(solution.measure)

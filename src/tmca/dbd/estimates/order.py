@@ -17,6 +17,10 @@ from tmca.dbd.source import Source
 from tmca.dbd.torus import distance
 
 _ROUNDS = 30
+_STEPS = 8
+"""Of a fit that only has to say whether a path pays."""
+_TRIED = 4
+"""Doubtful paths that are taken out on trial in a round."""
 _NEAR = 1.2
 """Resolution cells within which two atoms may be one."""
 
@@ -47,19 +51,19 @@ def selected(channels: list[Channel], y: Complex, sigma: float) -> list[Channel]
     for _ in range(_ROUNDS):
         trial = _one_less(channels, y, sigma, best) or _one_more(channels, y, sigma, best)
         if trial is None:
-            return channels
+            break
         channels, best = trial, cost(trial, y, sigma)
-    return channels
+    return fit(channels, y)
 
 
 def _one_less(channels: list[Channel], y: Complex, sigma: float, best: float) -> list[Channel] | None:
     """The channels without the path that is missed least, if they cost less."""
-    for _, index, path in sorted(_doubtful(channels, sigma)):
+    for _, index, path in sorted(_doubtful(channels, sigma))[:_TRIED]:
         trial = [one.copy() for one in channels]
         one = trial[index]
         one.points = np.delete(one.points, path, axis=0)
         one.amplitudes = np.delete(one.amplitudes, path)
-        trial = fit(trial, y)
+        trial = fit(trial, y, _STEPS)
         if cost(trial, y, sigma) < best:
             return trial
     return None
@@ -81,23 +85,34 @@ def _doubtful(channels: list[Channel], sigma: float) -> list[tuple[float, int, i
 
 
 def _one_more(channels: list[Channel], y: Complex, sigma: float, best: float) -> list[Channel] | None:
-    """The channels with a path where the residual matches a waveform best, if they cost less."""
+    """The channels with a path more where the residual matches a source best, if they cost less."""
     left = residual(channels, y)
     for index, one in enumerate(channels):
-        if not len(one.points):
-            continue
-        matched = _matched_filter(one)
-        points, _ = Polynomial(matched, left).peaks(0.0, most=1)
-        for point in points:
-            trial = [other.copy() for other in channels]
-            column = one.atoms.signal(point, one.waveform)
-            gain = np.vdot(column, left) / np.vdot(column, column)
-            trial[index].points = np.vstack([one.points, point])
-            trial[index].amplitudes = np.append(one.amplitudes, gain)
-            trial = fit(trial, y)
-            if cost(trial, y, sigma) < best:
-                return trial
+        trial = [other.copy() for other in channels]
+        trial[index] = _another(one, left) if len(one.points) else _first(one, left)
+        trial = fit(trial, y, _STEPS)
+        if cost(trial, y, sigma) < best:
+            return trial
     return None
+
+
+def _another(channel: Channel, left: Complex) -> Channel:
+    """The channel with one more path of its waveform."""
+    points, _ = Polynomial(_matched_filter(channel), left).peaks(0.0, most=1)
+    column = channel.atoms.signal(points[0], channel.waveform)
+    gain = np.vdot(column, left) / np.vdot(column, column)
+    stacked = np.vstack([channel.points, points[:1]])
+    return Channel(channel.atoms, stacked, np.append(channel.amplitudes, gain), channel.waveform)
+
+
+def _first(channel: Channel, left: Complex) -> Channel:
+    """The first path of a source whose waveform is not known yet either."""
+    lifted = Atoms(channel.atoms.source, channel.atoms.shape)
+    points, _ = Polynomial(lifted, left).peaks(0.0, most=1)
+    weight = np.linalg.lstsq(lifted.matrix(points[0]), left, rcond=None)[0]
+    point = np.zeros(len(channel.atoms.axes))
+    point[[channel.atoms.axes.index(axis) for axis in lifted.axes]] = points[0]
+    return Channel(channel.atoms, point[None], np.ones(1, complex), weight).normalised()
 
 
 def _matched_filter(channel: Channel) -> Atoms:

@@ -17,6 +17,8 @@ from tmca.dbd.solvers.lifted import Lifted
 
 _SHRINK = 0.6
 """Step down in the noise level where it is unknown."""
+_OVERFIT = 0.4
+"""Share of the best estimate of the noise below which a level only explains noise."""
 _NO_NOISE = 1e-7
 """Relative residual below which unknown noise is none."""
 
@@ -52,8 +54,9 @@ def _at_noise(problem: Problem, measure: Measure, sigma: float, level: float) ->
     """Solves on from a measure at one regularisation; the measure is changed in place."""
     top = largest_level(measure)
     steps = [] if sum(measure.counts) else [share * top for share in (0.5, 0.25) if share * top > level]
-    for step in (*steps, level):
-        descend(measure, step, rounds=15, weak=1e-4)
+    if measure.unknowns < measure.y.size:  # beyond, only the selection of paths goes on
+        for step in (*steps, level):
+            descend(measure, step, rounds=15, weak=1e-4)
     q = (measure.residual() / level).reshape(problem.shape)
     joined = measure.copy()
     joined.merge(0.6)
@@ -69,8 +72,8 @@ def _unknown_noise(problem: Problem) -> Lifted:
     scale = float(np.linalg.norm(problem.y)) / np.sqrt(size)
     sigma = min(scale, 0.9 * largest_level(measure) / factor)
     best: tuple[float, Lifted | None] = (np.inf, None)
-    worse = 0
-    while worse < 2 and sigma > _NO_NOISE * scale and measure.unknowns < size:
+    least = 0.0
+    while sigma > max(_NO_NOISE * scale, least):
         solution = _at_noise(problem, measure, sigma, factor * sigma)
         left = float(np.linalg.norm(residual(solution.channels, problem.y)))
         free = size - _parameters(solution.channels) / 2
@@ -78,10 +81,10 @@ def _unknown_noise(problem: Problem) -> Lifted:
             break
         if left < _NO_NOISE * scale * np.sqrt(size):
             return _noiseless(problem)
-        solution.sigma = left / np.sqrt(free)
+        solution.sigma = float(left / np.sqrt(free))
         judged = _information(solution.channels, problem.y)
-        worse = worse + 1 if judged >= best[0] else 0
-        best = min(best, (judged, solution), key=lambda one: one[0])
+        if judged < best[0]:
+            best, least = (judged, solution), _OVERFIT * solution.sigma
         sigma *= _SHRINK
     if best[1] is None:
         return _noisy(problem, sigma)

@@ -1,0 +1,85 @@
+"""Problems and recoveries survive the disk, open elsewhere, and wrong files are named."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tmca.dbd import Units, simulate, solve
+from tmca.dbd.files import load_problem, save_problem, save_recovery
+from tmca.dbd.problem import Problem
+from tmca.errors import DataError, OutputError, TmcaError
+
+
+def plain():
+    return simulate(M=7, P=3, J=2, targets=2, paths=1, messages="block", seed=1, snr_db=20)
+
+
+def test_a_problem_comes_back_as_it_was(tmp_path):
+    problem = plain()
+    there = Problem(problem.y, problem.sources, problem.sigma, problem.truth, Units(1e-6, 2e4, 1e9))
+    back = load_problem(save_problem(there, tmp_path / "p.nc"))
+    np.testing.assert_array_equal(back.y, there.y)
+    assert (back.sigma, back.units) == (there.sigma, there.units)
+    for one, other in zip(back.sources, there.sources, strict=True):
+        assert (one.name, one.weight) == (other.name, other.weight)
+        np.testing.assert_array_equal(one.rows, other.rows)
+        np.testing.assert_array_equal(one.message, other.message)
+    for one, other in zip(back.truth, there.truth, strict=True):
+        np.testing.assert_array_equal(one.points, other.points)
+        np.testing.assert_array_equal(one.waveform, other.waveform)
+
+
+def test_unknown_noise_and_no_truth_stay_unknown(tmp_path):
+    problem = plain()
+    back = load_problem(save_problem(Problem(problem.y, problem.sources), tmp_path / "p.nc"))
+    assert back.sigma is None
+    assert back.truth is None
+    assert back.units is None
+
+
+def test_a_recovery_opens_in_xarray(tmp_path):
+    recovery = solve(simulate(M=9, P=5, J=2, targets=2, paths=1, seed=2))
+    with xr.open_dataset(save_recovery(recovery, tmp_path / "r.nc"), engine="h5netcdf") as found:
+        assert found.attrs["certificate"] == "certified"
+        assert found["points_0"].attrs["source"] == "radar"
+        np.testing.assert_allclose(found["points_0"].sel(axis="delay"), recovery["radar"].points[:, 0])
+        waveform = found["waveform_0"].sel(part="real") + 1j * found["waveform_0"].sel(part="imaginary")
+        np.testing.assert_allclose(waveform, recovery["radar"].waveform)
+
+
+def test_plain_arrays_are_read(tmp_path):
+    problem = plain()
+    radar, link = problem.sources
+    np.savez(tmp_path / "mine.npz", y=problem.y[0], basis_radar=radar.rows[0], basis_link=link.rows, sigma=0.1)
+    back = load_problem(tmp_path / "mine.npz")
+    assert {source.name: source.messages for source in back.sources} == {"radar": 1, "link": 3}
+    assert back.sigma == 0.1
+    np.testing.assert_array_equal(back.y, problem.y)
+
+
+def test_nothing_is_replaced_unasked(tmp_path):
+    path = save_problem(plain(), tmp_path / "p.nc")
+    before = path.read_bytes()
+    with pytest.raises(OutputError):
+        save_problem(plain(), path)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("kind", ["missing", "text", "other", "no basis", "short", "no y"])
+def test_files_that_hold_no_problem_are_named(tmp_path, kind):
+    path = tmp_path / ("x.nc" if kind in ("missing", "text", "other", "no basis") else "x.npz")
+    if kind == "text":
+        path.write_text("hello")
+    elif kind == "other":
+        xr.Dataset({"a": ("x", [1.0])}).to_netcdf(path, engine="h5netcdf")
+    elif kind == "no basis":
+        save_problem(plain(), tmp_path / "good.nc")
+        with xr.open_dataset(tmp_path / "good.nc", engine="h5netcdf") as good:
+            good.drop_vars("message_1").to_netcdf(path, engine="h5netcdf")
+    elif kind == "short":
+        np.savez(path, y=np.ones((3, 6)), basis_radar=np.random.default_rng(0).random((7, 2)))
+    elif kind == "no y":
+        np.savez(path, basis_radar=np.ones((7, 2)))
+    with pytest.raises(TmcaError, match=r"x\.(nc|npz)") as caught:
+        load_problem(path)
+    assert isinstance(caught.value, DataError) or kind == "short"
