@@ -84,6 +84,7 @@ def test_a_dual_variable_of_one_atom_peaks_there(kind):
         energy = problem.shape[0] * np.linalg.norm(source.rows) ** 2
         assert norms[0] == pytest.approx(energy)
         assert np.all(norms[1:] < energy)
+        assert len(Polynomial(atoms, atoms.signal(point, np.ones(1))).peaks(0.9999 * energy)[0]) == 1
 
 
 def test_block_messages_peak_at_the_delay_of_their_one_path():

@@ -197,7 +197,7 @@ def test_a_stop_ends_the_iterations():
 
 @pytest.mark.parametrize("kind", ["shared", "block"])
 def test_the_regularised_dual_is_the_scaled_residual_of_its_primal(kind):
-    problem = small(kind, M=5, P=3, targets=1)
+    problem = small(kind, M=5, P=2, J=1, targets=1)
     measure = Measure.empty(problem)
     level = 0.1 * largest_level(measure)
     descend(measure, level, rounds=30)
