@@ -94,6 +94,14 @@ def test_what_is_refuted_is_not():
     assert solve_dual(recovery.problem).value < total - 5e-3
 
 
+def test_bounds_that_can_just_not_be_kept_refute_too():
+    """The least norm stalls here: samples whose truth is one per cent above the optimum."""
+    problem = simulate(M=9, P=5, J=2, targets=3, paths=1, seed=1)
+    assert certificate(true_atoms(problem)).status == "refuted"
+    total = sum(np.abs(one.amplitudes).sum() for one in problem.truth)
+    assert solve_dual(problem).value < 0.995 * total
+
+
 def test_nobody_certifies_nothing_or_what_is_too_large(monkeypatch):
     problem = simulate(M=7, P=4, J=2, targets=1, paths=1, messages="block", seed=1)
     empty = certificate(Measure.empty(problem))

@@ -164,6 +164,23 @@ def test_bounds_grow_with_the_noise_and_not_with_the_unit():
         np.testing.assert_allclose(other, one, rtol=1e-6)
 
 
+def test_a_delay_that_the_waveform_can_take_upon_itself_has_no_bound():
+    """J = M: any delay of a single path is a change of the message."""
+    problem = simulate(M=5, P=4, J=5, targets=0, paths=1, basis="gaussian", messages="block")
+    assert np.all(np.isinf(bounds(true_channels(problem), 0.1)[0][:, 0]))
+    shared = simulate(M=5, P=4, J=5, targets=0, paths=1, basis="gaussian", messages="shared")
+    assert np.all(np.isfinite(bounds(true_channels(shared), 0.1)[0]))
+
+
+def test_relative_dopplers_may_count_from_any_path():
+    problem = small("block", paths=3, separation=0.1)
+    channels = true_channels(problem)
+    second, third = (bounds(channels, 0.1, (None, path))[1] for path in (1, 2))
+    assert (second[1, 1], third[2, 1]) == (0, 0)
+    assert second[2, 1] == pytest.approx(third[1, 1])  # of their difference, from either end
+    np.testing.assert_allclose(second[:, 0], third[:, 0], rtol=1e-6)
+
+
 def test_one_path_of_a_known_signal_has_the_bounds_of_the_textbook():
     problem = simulate(M=15, P=8, J=1, targets=1, paths=0, basis="sign", known_waveforms=True)
     found = bounds(true_channels(problem), 0.2)[0][0]

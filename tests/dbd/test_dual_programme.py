@@ -187,6 +187,8 @@ def test_a_warm_start_goes_on():
     warm = solve_dual(problem, warm=cold.state)
     assert warm.iterations == 25
     assert warm.value == pytest.approx(cold.value, abs=1e-4)
+    again = solve_dual(problem, warm=cold.state)  # which is as it was
+    np.testing.assert_array_equal(again.q, warm.q)
 
 
 def test_a_stop_ends_the_iterations():

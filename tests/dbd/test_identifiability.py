@@ -8,7 +8,7 @@ import pytest
 from tests.dbd.loops import small
 from tmca.dbd import simulate, solve
 from tmca.dbd.atoms.atoms import Atoms
-from tmca.dbd.identifiability import ambiguities, beyond_freedom, lifted_unknowns
+from tmca.dbd.identifiability import ambiguities, beyond_freedom, lifted_unknowns, same_signals
 
 
 def stacked(problem, counts, seed=0):
@@ -63,6 +63,13 @@ def test_within_freedom_there_is_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         solve(simulate(M=7, P=4, J=1, targets=1, paths=1, basis="gaussian"))
+
+
+@pytest.mark.parametrize("messages", ["shared", "block", "dense"])
+def test_a_source_that_can_send_all_that_another_can_is_named(messages):
+    same = simulate(M=7, P=5, J=1, targets=1, paths=1, messages=messages)  # Vandermonde rows of one column are ones
+    assert same_signals(same) == ("radar and communications can send the same signals: any path may be of either",)
+    assert not same_signals(simulate(M=7, P=5, J=1, targets=1, paths=1, messages=messages, basis="gaussian"))
 
 
 def test_what_cannot_be_known_is_said_of_those_whom_it_concerns():

@@ -3,12 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
+import numpy as np
+from scipy.linalg import subspace_angles
+
+from tmca.dbd.arrays import Complex
 from tmca.dbd.problem import Problem
+from tmca.dbd.source import Source
 
 
 class BeyondFreedom(UserWarning):
     """More lifted unknowns than samples."""
+
+
+class SameSignals(UserWarning):
+    """Whatever one source sends, another can send too."""
 
 
 def lifted_unknowns(problem: Problem, paths: Sequence[int]) -> int:
@@ -32,6 +42,23 @@ def beyond_freedom(problem: Problem, paths: Sequence[int]) -> str | None:
     )
 
 
+def same_signals(problem: Problem) -> tuple[str, ...]:
+    """Pairs of sources one of which can send all that the other can, a sentence each."""
+    found = []
+    for one, other in combinations(problem.sources, 2):
+        if float(subspace_angles(_subspace(one), _subspace(other)).max()) < 1e-7:
+            found.append(f"{one.name} and {other.name} can send the same signals: any path may be of either")
+    return tuple(found)
+
+
+def _subspace(source: Source) -> Complex:
+    """All signals a source can send, as columns ``(P M, G J)``."""
+    pulses, frequencies, size = source.rows.shape
+    columns = np.zeros((pulses, frequencies, source.messages, size), complex)
+    columns[np.arange(pulses), :, source.message] = source.rows
+    return columns.reshape(pulses * frequencies, -1)
+
+
 def ambiguities(problem: Problem) -> tuple[str, ...]:
     """What is undetermined in principle, a sentence each."""
     found = ["the scale and phase of each waveform trade against its gains"]
@@ -41,6 +68,7 @@ def ambiguities(problem: Problem) -> tuple[str, ...]:
                 f"{source.name}: messages of their own in every pulse absorb the absolute Doppler; "
                 "Dopplers are relative to each other, and waveforms known up to a phase ramp over the pulses"
             )
+    found += same_signals(problem)
     found.append(
         "an unknown lag of a source's clock adds to all its delays, an unknown frequency offset to its Dopplers"
     )

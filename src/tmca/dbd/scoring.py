@@ -24,8 +24,9 @@ class SourceScore:
     Args:
         name: of the source.
         right_number: as many paths as there are.
-        errors: by axis, torus distance of each matched path; Dopplers of ``block`` messages up to a common shift.
+        errors: by axis, torus distance of each matched path; Dopplers of ``block`` messages count from the strongest's.
         waveform_correlation: 0 to 1, up to scale and, for ``block`` messages, a phase ramp.
+        reference: the true path that Dopplers of ``block`` messages count from, that of the strongest found; or None.
         bounds: by axis, the recovery's Cramér–Rao bounds of the same paths; empty without noise.
     """
 
@@ -34,6 +35,7 @@ class SourceScore:
     errors: dict[str, Real]
     waveform_correlation: float
     bounds: dict[str, Real]
+    reference: int | None = None
 
     @property
     def max_error(self) -> float:
@@ -92,16 +94,13 @@ def _one(found: RecoveredSource, source: Source, truth: Truth) -> SourceScore:
     first = [axis for axis in axes if axis != 1] if found.relative_doppler else axes
     here, there = matched(found.points[:, first], truth.points[:, first])
     estimate, true = found.points[here], truth.points[there].copy()
-    shift = _common_shift(estimate[:, 1], true[:, 1]) if found.relative_doppler else 0.0
+    strongest = int(np.argmax(np.abs(found.amplitudes[here])))
+    reference = int(there[strongest]) if found.relative_doppler else None
+    shift = float(true[strongest, 1] - estimate[strongest, 1]) if found.relative_doppler else 0.0
     estimate = estimate + np.array([0.0, shift, 0.0])
     errors = {AXES[axis]: distance(estimate[:, axis], true[:, axis]) for axis in axes}
     correlation = _correlation(source, found.waveform, truth.waveform, shift)
-    return SourceScore(found.name, True, errors, correlation, _bounds(found, axes, here))
-
-
-def _common_shift(estimate: Real, true: Real) -> float:
-    """By how much all Dopplers are turned, the circular mean."""
-    return float(np.angle(np.sum(np.exp(2j * np.pi * (true - estimate)))) / (2 * np.pi))
+    return SourceScore(found.name, True, errors, correlation, _bounds(found, axes, here), reference)
 
 
 def _correlation(source: Source, estimate: Complex, true: Complex, shift: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from tmca.dbd.arrays import Real
 from tmca.dbd.estimates.channels import Channel
 from tmca.dbd.estimates.structured import bounds, residual
-from tmca.dbd.identifiability import BeyondFreedom, ambiguities, beyond_freedom
+from tmca.dbd.identifiability import BeyondFreedom, SameSignals, ambiguities, beyond_freedom, same_signals
 from tmca.dbd.problem import Problem
 from tmca.dbd.recovery import RecoveredSource, Recovery
 from tmca.dbd.solvers.certificate import Certificate, certificate
@@ -92,6 +92,8 @@ def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Proble
 
 def _warn(problem: Problem) -> None:
     """Says before the work that it cannot succeed."""
+    for same in same_signals(problem):
+        warnings.warn(same, SameSignals, stacklevel=3)
     if problem.truth is not None:
         said = beyond_freedom(problem, [len(one.points) for one in problem.truth])
         if said:

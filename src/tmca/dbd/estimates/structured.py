@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tmca.dbd.arrays import Complex, Real
@@ -81,28 +83,29 @@ def _moved(channels: list[Channel], step: Real, positions: int) -> list[Channel]
     return moved
 
 
-def bounds(channels: list[Channel], sigma: float) -> list[Real]:
+def bounds(channels: list[Channel], sigma: float, references: Sequence[int | None] | None = None) -> list[Real]:
     """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source.
 
     Gains and waveforms are nuisance, up to their common factor. Dopplers of ``block`` messages are bounded relative to
-    the strongest path's, whose own is zero.
+    one path's, whose own is zero. Coordinates that no samples of this kind can tell have no bound: infinite.
 
     Args:
         channels: the truth, or an estimate in its place.
         sigma: standard deviation of the complex noise.
+        references: per source, the path that relative Dopplers count from; by default the strongest.
     """
     slopes, positions = jacobian(channels)
     sizes = np.linalg.norm(slopes, axis=0)
     sizes[sizes == 0] = 1
     slopes = slopes / sizes  # no rank depends on anybody's units
-    fixed = _reference_columns(channels)
+    fixed = _reference_columns(channels, references or [None] * len(channels))
     kept = [column for column in range(positions) if column not in fixed]
     fisher = 2 / sigma**2 * slopes.T @ slopes
     nuisance = slice(positions, None)
     cross = fisher[np.ix_(kept, range(positions, len(fisher)))]
     schur = fisher[np.ix_(kept, kept)] - cross @ np.linalg.pinv(fisher[nuisance, nuisance], rcond=1e-9) @ cross.T
     deviations = np.zeros(positions)
-    deviations[kept] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(schur, rcond=1e-12)), 0)) / sizes[kept]
+    deviations[kept] = _deviations(schur, least=1e-11 * 2 / sigma**2) / sizes[kept]
     found: list[Real] = []
     place = 0
     for one in channels:
@@ -111,11 +114,21 @@ def bounds(channels: list[Channel], sigma: float) -> list[Real]:
     return found
 
 
-def _reference_columns(channels: list[Channel]) -> set[int]:
+def _deviations(information: Real, least: float) -> Real:
+    """Square roots of the diagonal of the inverse; infinite along directions with ``least`` information or less."""
+    values, vectors = np.linalg.eigh(information)
+    known = values > least
+    variances = (vectors[:, known] ** 2 / values[known]).sum(axis=1)
+    variances[(vectors[:, ~known] ** 2).sum(axis=1) > 1e-8] = np.inf
+    return np.sqrt(variances)
+
+
+def _reference_columns(channels: list[Channel], references: Sequence[int | None]) -> set[int]:
     """Columns of Dopplers that serve as references."""
     columns, place = set(), 0
-    for one in channels:
+    for one, given in zip(channels, references, strict=True):
         if one.relative_axis is not None and len(one.points):
-            columns.add(place + one.strongest * one.points.shape[1] + one.relative_axis)
+            path = one.strongest if given is None else given
+            columns.add(place + path * one.points.shape[1] + one.relative_axis)
         place += one.points.size
     return columns

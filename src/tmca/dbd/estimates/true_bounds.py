@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from tmca.dbd.arrays import Real
 from tmca.dbd.atoms.atoms import Atoms
 from tmca.dbd.estimates.channels import Channel
@@ -10,8 +12,12 @@ from tmca.dbd.problem import Problem
 from tmca.errors import SettingError
 
 
-def true_bounds(problem: Problem) -> list[Real]:
+def true_bounds(problem: Problem, references: Sequence[int | None] | None = None) -> list[Real]:
     """Standard deviations ``(n, D)`` of all coordinates, per source.
+
+    Args:
+        problem: with truth and noise.
+        references: per source, the path that Dopplers of ``block`` messages count from; by default the strongest.
 
     Raises:
         SettingError: a problem without truth or without noise.
@@ -23,4 +29,4 @@ def true_bounds(problem: Problem) -> list[Real]:
         atoms = Atoms(source, problem.shape, every_axis=True)
         points = truth.points[:, [2 - axis for axis in atoms.lattice_axes]]
         channels.append(Channel(atoms, points, truth.amplitudes, truth.waveform))
-    return bounds(channels, problem.sigma)
+    return bounds(channels, problem.sigma, references)

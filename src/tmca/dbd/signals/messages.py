@@ -107,13 +107,13 @@ def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
     Args:
         source: a communications source.
         before: ``(M, J)``, the basis of the message before the first interval; it gets coefficients of its own unless
-            all pulses share theirs.
+            all pulses share theirs, as many as are heard.
         samples: lag in samples of the interval, 0 to M.
 
     Raises:
-        SettingError: a lag of more than an interval; one at which the first or the last message hardly shows.
+        SettingError: a lag of more than an interval; messages that some pulses share.
     """
-    pulses, frequencies, subspace = source.rows.shape
+    pulses, frequencies, _ = source.rows.shape
     if not 0 <= samples <= frequencies:
         raise SettingError("late_samples", f"{samples}", f"0 to {frequencies}, the samples of an interval")
     late, own = _windows(frequencies, samples)
@@ -123,15 +123,27 @@ def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
         return Source(source.name, rows, source.message, source.weight)
     if source.messages != pulses:
         raise SettingError("late_samples", "messages of several pulses", "shared or block messages")
-    if not subspace <= samples <= frequencies - subspace:
-        expected = f"{subspace} to {frequencies - subspace}, so that every message shows"
-        raise SettingError("late_samples", f"{samples}", expected)
-    rows = np.zeros((pulses, frequencies, pulses + 1, subspace), complex)
-    for pulse in range(pulses):
-        rows[pulse, :, pulse] = late @ previous[pulse]
-        rows[pulse, :, pulse + 1] = own @ source.rows[pulse]
-    rows = rows.reshape(pulses, frequencies, -1)
+    rows = _overlapping(late @ previous, own @ source.rows)
     return Source(source.name, rows, np.zeros(pulses, np.int64), source.weight)
+
+
+def _overlapping(before: Complex, own: Complex) -> Complex:
+    """``(P, M, ·)`` rows of intervals that each hold the end of one message and the start of the next."""
+    ends, begins = [_heard(before[0]), *before[1:]], [*own[:-1], _heard(own[-1])]
+    sizes = [rows.shape[1] for rows in (*ends, begins[-1])]
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    found = np.zeros((len(own), own.shape[1], starts[-1]), complex)
+    for pulse, (earlier, later) in enumerate(zip(ends, begins, strict=True)):
+        found[pulse, :, starts[pulse] : starts[pulse + 1]] = earlier
+        found[pulse, :, starts[pulse + 1] : starts[pulse + 2]] = later
+    return found
+
+
+def _heard(rows: Complex) -> Complex:
+    """The rows of a message that is only heard in part, with fewer columns where coefficients do not show."""
+    left, sizes, _ = np.linalg.svd(rows, full_matrices=False)
+    shown = int(np.sum(sizes > 1e-9 * np.linalg.norm(rows) + 1e-12))
+    return rows if shown == rows.shape[1] else left[:, :shown] * sizes[:shown]
 
 
 def _windows(frequencies: int, samples: int) -> tuple[Complex, Complex]:

@@ -7,7 +7,7 @@ and in the Gram matrices are closed; the projection is the cost.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def solve_dual(
         progress: told the share of the iterations and, as ``detail``, the residual.
     """
     parts, y = grams(problem), problem.y.reshape(-1)
-    state = warm or _start(parts, y)
+    state = replace(warm) if warm else _start(parts, y)
     power = sum(part.power() for part in parts)
     negative = [0] * len(parts)
     affine: list[Complex] = []

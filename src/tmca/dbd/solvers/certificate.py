@@ -84,9 +84,12 @@ def _exchange(measure: Measure) -> Certificate:
             return Certificate("undecided", level, reason, q, round_)
         cuts = (cuts + broken)[-_CUTS:]
         solution, status = _least_norm(start, free, cuts)
+        excess = 0.0
+        if solution is None and "Infeasible" not in status:
+            solution, excess, status = _least_excess(start, free, cuts)
+        if excess > TOLERANCE or "Infeasible" in status:
+            return Certificate("refuted", level, "no dual polynomial stays below its bound", q, round_ + 1)
         if solution is None:
-            if "Infeasible" in status:
-                return Certificate("refuted", level, "no dual polynomial stays below its bound", q, round_ + 1)
             return Certificate("undecided", level, f"the cone solver said {status}", q, round_ + 1)
         coordinates = solution
     return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q, _ROUNDS)
@@ -133,23 +136,46 @@ def _broken(measure: Measure, q: Complex) -> tuple[list[tuple[Atoms, Real]], flo
 
 def _least_norm(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[Real | None, str]:
     """The dual variable of least norm that keeps its bounds at the cuts, as coordinates in the free space."""
-    import clarabel
-    from scipy.sparse import csc_matrix, identity
+    size = free.shape[1]
+    blocks, offsets = _cones(start, free, cuts)
+    return _solved(np.ones(size), np.zeros(size), np.vstack(blocks), offsets)
 
-    blocks: list[Real] = []
-    offsets: list[Real] = []
-    cones = []
-    for atoms, point in cuts:
-        rows = _real_rows(atoms, point)
-        blocks += [np.zeros((1, free.shape[1])), -rows @ free]
-        offsets += [np.array([atoms.source.weight]), rows @ start]
-        cones.append(clarabel.SecondOrderConeT(1 + len(rows)))
+
+def _least_excess(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[Real | None, float, str]:
+    """The dual variable that exceeds its bounds at the cuts by the least share, and this share.
+
+    There always is one, also where the bounds themselves can just or just not be kept and the least norm stalls.
+    """
+    size = free.shape[1]
+    blocks, offsets = _cones(start, free, cuts)
+    slack = [np.zeros((len(block), 1)) for block in blocks]
+    for column, (atoms, _) in zip(slack, cuts, strict=True):
+        column[0] = -atoms.source.weight
+    not_negative = np.append(np.zeros(size), -1.0)[None]
+    rows = np.vstack([not_negative, *(np.hstack(pair) for pair in zip(blocks, slack, strict=True))])
+    costs = np.append(np.zeros(size), 1.0)
+    quadratic = np.append(np.full(size, 1e-10), 0.0)
+    solution, status = _solved(quadratic, costs, rows, [np.zeros(1), *offsets])
+    return (None, 0.0, status) if solution is None else (solution[:-1], float(solution[-1]), status)
+
+
+def _cones(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[list[Real], list[Real]]:
+    """``‖f‖ ≤ weight`` at every cut as rows and offsets of second-order cones."""
+    rows = [_real_rows(atoms, point) for atoms, point in cuts]
+    blocks = [np.vstack([np.zeros((1, free.shape[1])), -one @ free]) for one in rows]
+    offsets = [np.append(atoms.source.weight, one @ start) for one, (atoms, _) in zip(rows, cuts, strict=True)]
+    return blocks, offsets
+
+
+def _solved(quadratic: Real, linear: Real, rows: Real, offsets: list[Real]) -> tuple[Real | None, str]:
+    """``min ½ xᵀ diag(quadratic) x + linearᵀ x`` with ``offsets − rows x`` in cones of the offsets' sizes."""
+    import clarabel
+    from scipy.sparse import csc_matrix, diags
+
     settings = clarabel.DefaultSettings()
     settings.verbose, settings.max_iter = False, 60
-    size = free.shape[1]
-    quadratic = identity(size, format="csc")
-    constraints = csc_matrix(np.vstack(blocks))
-    solver = clarabel.DefaultSolver(quadratic, np.zeros(size), constraints, np.concatenate(offsets), cones, settings)
-    solution = solver.solve()
+    cones = [clarabel.NonnegativeConeT(1) if len(one) == 1 else clarabel.SecondOrderConeT(len(one)) for one in offsets]
+    problem = (diags(quadratic, format="csc"), linear, csc_matrix(rows), np.concatenate(offsets))
+    solution = clarabel.DefaultSolver(*problem, cones, settings).solve()
     status = str(solution.status)
     return (np.array(solution.x) if "Solved" in status else None), status

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import Any
 
@@ -47,7 +48,9 @@ def solve_dual_cvx(
     if level:
         objective = objective - level / 2 * cp.sum_squares(cp.hstack([cp.real(q), cp.imag(q)]))
     programme = cp.Problem(cp.Maximize(objective), constraints)
-    programme.solve(solver=solver, **settings)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Solution may be inaccurate")  # atoms are fitted to the samples afterwards
+        programme.solve(solver=solver, **settings)
     if q.value is None:
         raise TmcaError(f"CVXPY with {solver}", f"status {programme.status}", "a solution", "use method=sfw")
     return q.value.reshape(problem.shape), float(programme.value)

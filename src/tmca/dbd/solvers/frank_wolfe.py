@@ -52,7 +52,10 @@ def descend(measure: Measure, level: float, rounds: int = 12, weak: float = 1e-6
     if sum(measure.counts):
         slide(measure, level, 10)
     for round_ in range(rounds):
-        if crowded(measure) or not _inserted(measure, level):
+        if crowded(measure):
+            return round_
+        if not _inserted(measure, level):
+            slide(measure, level, 10)
             return round_
         group_lasso(measure, level)
         _drop(measure, 1e-9)

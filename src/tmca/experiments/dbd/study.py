@@ -124,8 +124,9 @@ def _against_bounds(score: Any, problem: Any) -> Measured:
     """Squared errors and squared Cramér–Rao bounds, summed over all coordinates, at the true parameters."""
     from tmca.dbd.estimates.true_bounds import true_bounds
 
+    references = [one.reference for one in score.sources]
     errors = np.concatenate([error for one in score.sources for error in one.errors.values()])
-    bounds = np.concatenate([bound.reshape(-1) for bound in true_bounds(problem)])
+    bounds = np.concatenate([bound.reshape(-1) for bound in true_bounds(problem, references)])
     return {"squared_error": float(np.sum(errors**2)), "squared_bound": float(np.sum(bounds**2))}
 
 
