@@ -37,7 +37,7 @@ def test_an_atom_is_a_path_of_the_slow_loop(kind):
         point, weight = rng.random(len(atoms.axes)), noise(rng, atoms.size)
         expected = alone(atoms, point, weight)
         np.testing.assert_allclose(atoms.matrix(point) @ weight, expected, atol=1e-12)
-        np.testing.assert_allclose(atoms.signal(point, weight), expected, atol=1e-12)
+        np.testing.assert_allclose(atoms.signals(point[None], weight)[0], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -46,7 +46,7 @@ def test_slopes_are_finite_differences(kind):
     for atoms in both(kind):
         point, weight = rng.random(len(atoms.axes)), noise(rng, atoms.size)
         expected = slopes(lambda x, atoms=atoms, weight=weight: alone(atoms, x, weight), point)
-        np.testing.assert_allclose(atoms.slopes(point, weight), expected, atol=1e-6)
+        np.testing.assert_allclose(atoms.slopes(point[None], weight), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(

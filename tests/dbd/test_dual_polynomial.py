@@ -79,18 +79,18 @@ def test_a_dual_variable_of_one_atom_peaks_there(kind):
     source = Source("known", noise(np.random.default_rng(3), *problem.shape[1:], 1), [0] * problem.shape[1])
     atoms = Atoms(source, problem.shape)
     for point in (np.full(len(atoms.axes), 0.2345), np.full(len(atoms.axes), 0.9999)):
-        points, norms = Polynomial(atoms, atoms.signal(point, np.ones(1))).peaks(0.0)
+        points, norms = Polynomial(atoms, atoms.signals(point[None], np.ones(1))[0]).peaks(0.0)
         np.testing.assert_allclose(points[0], point, atol=1e-9)
         energy = problem.shape[0] * np.linalg.norm(source.rows) ** 2
         assert norms[0] == pytest.approx(energy)
         assert np.all(norms[1:] < energy)
-        assert len(Polynomial(atoms, atoms.signal(point, np.ones(1))).peaks(0.9999 * energy)[0]) == 1
+        assert len(Polynomial(atoms, atoms.signals(point[None], np.ones(1))[0]).peaks(0.9999 * energy)[0]) == 1
 
 
 def test_block_messages_peak_at_the_delay_of_their_one_path():
     source = Source("known", noise(np.random.default_rng(4), 4, 9, 1), range(4))
     atoms = Atoms(source, (1, 4, 9))
-    q = atoms.signal(np.array([0.4321]), noise(np.random.default_rng(5), 4))
+    q = atoms.signals(np.array([[0.4321]]), noise(np.random.default_rng(5), 4))[0]
     points, _ = Polynomial(atoms, q).peaks(0.0)
     np.testing.assert_allclose(points[0], 0.4321, atol=1e-9)
 

@@ -60,13 +60,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     """The description for people: one line a subject."""
     prior = str(found.get("attrs", {}).get("format", "")).startswith("tmca prior")
     captured = {"snapshot", "aperture", "shutter"} <= found.get("variables", {}).keys()
-    kind = (
-        "snapshot"
-        if captured
-        else f"{found['attrs'].get('kind', '')} prior of scene blocks".strip()
-        if prior
-        else found["kind"]
-    )
+    about = str(found.get("attrs", {}).get("kind", ""))
+    kind = "snapshot" if captured else f"{about} prior of scene blocks".strip() if prior else about or found["kind"]
     lines = [f"{found['path']}: {kind} ({found['format']})"]
     for name, variable in found.get("variables", {}).items():
         size = " × ".join(map(str, variable["shape"])) or "one value"
@@ -89,7 +84,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
             f"{corner['coherence']:.4g}, unseen entries {corner['dark_columns']}"
         )
     for key in ("scale", "note", "figure"):
-        if found.get(key) is not None and not (key == "note" and (captured or prior)):
+        if found.get(key) is not None and not (key == "note" and (captured or prior or about)):
             lines.append(f"  {key}: {found[key]}")
     return lines + [f"  {key}: {value}" for key, value in found.get("attrs", {}).items()]
 

@@ -78,9 +78,15 @@ class Source:
         return self.messages < len(self.message)
 
     def signal(self, coefficients: Complex) -> Complex:
-        """The transmitted spectrum ``(P, M)`` for ``coefficients`` of G J numbers."""
-        per_pulse = coefficients.reshape(self.messages, self.subspace)[self.message]
-        return np.einsum("pmj,pj->pm", self.rows, per_pulse)
+        """The transmitted spectra ``(…, P, M)`` for ``coefficients`` of G J numbers in the last dimension."""
+        before = coefficients.shape[:-1]
+        if self.messages == 1 and self.same_every_pulse:
+            spectrum = coefficients @ self.rows[0].T
+            return np.broadcast_to(spectrum[..., None, :], (*before, *self.rows.shape[:2]))
+        if self.messages == 1:
+            return (coefficients @ self.rows.reshape(-1, self.subspace).T).reshape(*before, *self.rows.shape[:2])
+        per_pulse = coefficients.reshape(*before, self.messages, self.subspace)[..., self.message, :]
+        return np.matmul(self.rows, per_pulse[..., None])[..., 0]
 
 
 def _check_rows(name: str, rows: Complex) -> None:

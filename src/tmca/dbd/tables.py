@@ -93,4 +93,7 @@ def _source_lines(source: RecoveredSource, units: Units | None) -> list[str]:
 
 def _with_bound(source: RecoveredSource, index: int, axis: int) -> str:
     value = f"{source.points[index, axis]:.6f}"
-    return value if source.bounds is None else f"{value} ± {source.bounds[index, axis]:.1e}"
+    if source.bounds is None:
+        return value
+    bound = source.bounds[index, axis]
+    return f"{value} ± {bound:.1e}" if np.isfinite(bound) else f"{value} (no bound)"

@@ -53,19 +53,20 @@ class Measure:
 
     def each(self) -> Iterator[tuple[Atoms, Real, Complex]]:
         """The atoms one by one: family, point, weight."""
-        for atoms, points, weights in zip(self.atoms, self.points, self.weights, strict=True):
+        for atoms, points, weights in self._families():
             for point, weight in zip(points, weights, strict=True):
                 yield atoms, point, weight
 
+    def _families(self) -> Iterator[tuple[Atoms, Real, Complex]]:
+        return zip(self.atoms, self.points, self.weights, strict=True)
+
     def matrix(self) -> Complex:
         """``(A P M, K)`` of all atoms side by side."""
-        blocks = [atoms.matrix(point) for atoms, point, _ in self.each()]
-        return np.hstack(blocks) if blocks else np.zeros((self.y.size, 0), complex)
+        return np.hstack([atoms.matrix(points) for atoms, points, _ in self._families()])
 
     def slopes(self) -> Complex:
         """``(A P M, D of all atoms)``: how the samples change with the positions."""
-        blocks = [atoms.slopes(point, weight) for atoms, point, weight in self.each()]
-        return np.hstack(blocks) if blocks else np.zeros((self.y.size, 0), complex)
+        return np.hstack([atoms.slopes(points, weights) for atoms, points, weights in self._families()])
 
     def vector(self) -> Complex:
         """All weights in one vector ``(K,)``."""
@@ -87,10 +88,7 @@ class Measure:
 
     def residual(self) -> Complex:
         """What the atoms leave unexplained, ``(A P M,)``."""
-        left = self.y.copy()
-        for atoms, point, weight in self.each():
-            left -= atoms.signal(point, weight)
-        return left
+        return self.y - sum(atoms.signals(points, weights).sum(axis=0) for atoms, points, weights in self._families())
 
     def fit_weights(self) -> None:
         """Least-squares weights at these positions."""
@@ -157,5 +155,5 @@ def _apart(points: Real, point: Real, counts: Real) -> Real:
 def _taken_over(atoms: Atoms, points: Real, weights: Complex) -> Complex:
     if len(points) == 1:
         return weights[0]
-    together = np.sum([atoms.signal(*pair) for pair in zip(points, weights, strict=True)], axis=0)
+    together = atoms.signals(points, weights).sum(axis=0)
     return np.linalg.lstsq(atoms.matrix(points[0]), together, rcond=None)[0]

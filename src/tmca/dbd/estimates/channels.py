@@ -35,8 +35,7 @@ class Channel:
 
     def columns(self) -> Complex:
         """``(A P M, n)``: the samples of each path with gain one."""
-        found = [self.atoms.signal(point, self.waveform) for point in self.points]
-        return np.stack(found, axis=1) if found else np.zeros((int(np.prod(self.atoms.shape)), 0), complex)
+        return self.atoms.signals(self.points, self.waveform).T
 
     def signal(self) -> Complex:
         """``(A P M,)``: the samples of all paths."""

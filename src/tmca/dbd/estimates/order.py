@@ -99,7 +99,7 @@ def _one_more(channels: list[Channel], y: Complex, sigma: float, best: float) ->
 def _another(channel: Channel, left: Complex) -> Channel:
     """The channel with one more path of its waveform."""
     points, _ = Polynomial(_matched_filter(channel), left).peaks(0.0, most=1)
-    column = channel.atoms.signal(points[0], channel.waveform)
+    column = channel.atoms.signals(points[:1], channel.waveform)[0]
     gain = np.vdot(column, left) / np.vdot(column, column)
     stacked = np.vstack([channel.points, points[:1]])
     return Channel(channel.atoms, stacked, np.append(channel.amplitudes, gain), channel.waveform)

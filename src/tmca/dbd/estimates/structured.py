@@ -17,15 +17,11 @@ def jacobian(channels: list[Channel]) -> tuple[Real, int]:
 
     Parameters: all positions, then real and imaginary parts of all gains and waveforms.
     """
-    positions, linear = [], []
+    positions = [one.atoms.slopes(one.points, one.amplitudes[:, None] * one.waveform) for one in channels]
+    linear = []
     for one in channels:
-        for point, gain in zip(one.points, one.amplitudes, strict=True):
-            positions.append(one.atoms.slopes(point, gain * one.waveform))
-    for one in channels:
-        linear.append(one.columns())
-        pairs = zip(one.points, one.amplitudes, strict=True)
-        sums = sum(gain * one.atoms.matrix(point) for point, gain in pairs)
-        linear.append(np.asarray(sums) if len(one.points) else np.zeros((len(linear[-1]), one.waveform.size), complex))
+        response = np.tensordot(one.amplitudes, one.atoms.phases(one.points), axes=1)
+        linear += [one.columns(), one.atoms.through(response)]
     moves, values = np.hstack(positions), np.hstack(linear)
     both = np.hstack([moves, values, 1j * values])
     return np.vstack([both.real, both.imag]), moves.shape[1]

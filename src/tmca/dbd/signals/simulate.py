@@ -101,8 +101,8 @@ def overlaid(
     y = np.zeros(shape, complex)
     for source, channel in zip(sources, truth, strict=True):
         atoms = Atoms(source, shape, every_axis=True)
-        for point, gain in zip(seen(atoms, channel.points), channel.amplitudes, strict=True):
-            y += atoms.signal(point, gain * channel.waveform).reshape(shape)
+        signals = atoms.signals(seen(atoms, channel.points), channel.waveform)
+        y += (channel.amplitudes @ signals).reshape(shape)
     sigma = 0.0
     if snr_db is not None:
         sigma = float(np.sqrt(np.mean(np.abs(y) ** 2) * 10 ** (-snr_db / 10)))

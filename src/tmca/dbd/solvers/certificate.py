@@ -102,7 +102,7 @@ def _interpolating(measure: Measure) -> tuple[Real, Real, float]:
         direction = weight / np.linalg.norm(weight)
         rows.append(_real_rows(atoms, point))
         values.append(atoms.source.weight * np.concatenate([direction.real, direction.imag]))
-        slopes = atoms.slopes(point, direction)
+        slopes = atoms.slopes(point[None], direction)
         rows.append(np.hstack([slopes.real.T, slopes.imag.T]))
         values.append(np.zeros(slopes.shape[1]))
     matrix, wanted = np.vstack(rows), np.concatenate(values)

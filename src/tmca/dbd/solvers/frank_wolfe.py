@@ -19,7 +19,7 @@ LEVELS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 """Shares of the largest useful regularisation that a noiseless solution goes through."""
 _TOLERANCE = 1e-3
 _SMALL = 200
-"""Unknowns that a descent may pass through at any size."""
+"""Unknowns that a descent may pass through, at most five for every sample."""
 _INSERTIONS = 8
 """Most atoms that one source may gain in a round."""
 
@@ -34,7 +34,7 @@ def largest_level(measure: Measure) -> float:
 
 def crowded(measure: Measure) -> bool:
     """Whether the measure has about as many unknowns as there are samples: these samples are not sparse."""
-    return measure.unknowns > max(2 * measure.y.size, _SMALL)
+    return measure.unknowns > max(2 * measure.y.size, min(_SMALL, 5 * measure.y.size))
 
 
 def descend(measure: Measure, level: float, rounds: int = 12, weak: float = 1e-6) -> int:

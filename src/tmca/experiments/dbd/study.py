@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,9 @@ from tmca.experiments.source import source_digest
 
 SIZES = ("M", "P", "J", "L", "Q")
 VARIABLES = (*SIZES, "separation", "snr_db", "antennas", "symbol_ratio", "lag", "late_samples")
-CHOICES = ("messages", "basis", "method", "gram", "weights", "early")
+CHOICES = ("messages", "basis", "method", "gram", "weights", "early", "sigma")
+TOLD = ("known", "unknown", "zero")
+"""What a solver is told of the noise's standard deviation."""
 DEFAULTS: Settings = {"M": 13, "P": 9, "J": 3, "L": 3, "Q": 3, "messages": "shared", "basis": "vandermonde"}
 DEFAULTS |= {"method": "sfw"}
 _TIGHT = 1e-3
@@ -47,6 +49,9 @@ class Study:
             if name not in VARIABLES + CHOICES:
                 known = ", ".join(VARIABLES + CHOICES)
                 raise SettingError("vary", f"{name!r}", f"one of {known}", "")
+        for told in (*self.axes.get("sigma", ()), self.fixed.get("sigma", "known")):
+            if told not in TOLD:
+                raise SettingError("sigma", f"{told!r}", f"one of {', '.join(TOLD)}")
         if self.draws < 1:
             raise SettingError("draws", f"{self.draws}", "1 or more")
 
@@ -55,18 +60,38 @@ class Study:
         combinations = itertools.product(*self.axes.values())
         made = [DEFAULTS | dict(self.fixed) | dict(zip(self.axes, values, strict=True)) for values in combinations]
         extra = {"certify": self.certify, "tolerance": self.tolerance, "source": source_digest(__name__)}
-        return [one | extra | {"seed": seed} for one in made for seed in range(self.draws)]
+        return [
+            one | extra | {"name": self._name(one, seed), "seed": seed} for one in made for seed in range(self.draws)
+        ]
+
+    def _name(self, cell: Settings, seed: int) -> str:
+        """What progress calls a draw."""
+        sizes = f"{cell['M']} x {cell['P']}, J = {cell['J']}, L = {cell['L']}, Q = {cell['Q']}"
+        varied = "".join(f", {name} = {cell[name]}" for name in self.axes if name not in SIZES)
+        return f"{sizes}{varied} · draw {seed + 1}"
 
 
 def run_study(study: Study, work: str | Path, *, jobs: int = 1, progress: Timed | None = None) -> list[Measured]:
     """A row per combination: rates, errors and times; finished draws in ``work`` are not computed again."""
-    cells = study.cells()
-    for cell in cells[:: study.draws]:
-        _simulated(cell)  # says before the work what cannot be drawn
-    found = run_cells(cells, one_draw, work, jobs=jobs, progress=timed(progress))
-    return [
-        _row(study, cells[start], found[start : start + study.draws]) for start in range(0, len(cells), study.draws)
-    ]
+    return run_studies([study], work, jobs=jobs, progress=progress)[0]
+
+
+def run_studies(
+    studies: Sequence[Study], work: str | Path, *, jobs: int = 1, progress: Timed | None = None
+) -> list[list[Measured]]:
+    """The rows of several studies, computed as one piece of work."""
+    cells = [study.cells() for study in studies]
+    for study, ours in zip(studies, cells, strict=True):
+        for cell in ours[:: study.draws]:
+            _simulated(cell)  # says before the work what cannot be drawn
+    found = iter(run_cells([cell for ours in cells for cell in ours], one_draw, work, jobs=jobs,
+                           progress=timed(progress)))  # fmt: skip
+    return [_rows(study, ours, [next(found) for _ in ours]) for study, ours in zip(studies, cells, strict=True)]
+
+
+def _rows(study: Study, cells: Sequence[Settings], found: Sequence[Measured]) -> list[Measured]:
+    starts = range(0, len(cells), study.draws)
+    return [_row(study, cells[start], found[start : start + study.draws]) for start in starts]
 
 
 def one_draw(cell: Settings) -> Measured:
@@ -88,19 +113,26 @@ def _measured(cell: Settings) -> Measured:
     began = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what is beyond the degrees of freedom is drawn in the figure
-        recovery = solve(problem, cell["method"], certify=cell["certify"], **options)
+        recovery = solve(_told(problem, cell), cell["method"], certify=cell["certify"], **options)
     seconds = time.process_time() - began
     tolerance = cell["tolerance"] or (1e-6 if not problem.sigma else 0.5 / max(cell["M"], cell["P"]))
     score = recovery.score(tolerance=tolerance)
     measured: Measured = {"success": score.success, "exact": recovery.exact, "seconds": seconds}
     measured |= {"right_number": all(one.right_number for one in score.sources), "certified": recovery.certified}
+    measured |= {"silent": not recovery.found}
     measured |= {"error": score.max_error if np.isfinite(score.max_error) else None}
     if problem.sigma and measured["right_number"]:
         measured |= _against_bounds(score, problem)
-    if cell["method"] != "sfw" and not problem.sigma:
-        measured["optimum"] = _share_of_optimum(recovery)
+    if cell["method"] != "sfw" and not recovery.problem.sigma:
+        measured |= _value_of_dual(recovery)
     measured["correlation"] = min(one.waveform_correlation for one in score.sources)
     return measured
+
+
+def _told(problem: Any, cell: Settings) -> Any:
+    """The problem with what the solver is told of its noise."""
+    told = cell.get("sigma", "known")
+    return problem if told == "known" else replace(problem, sigma=None if told == "unknown" else 0.0)
 
 
 def _simulated(cell: Settings) -> Any:
@@ -130,12 +162,13 @@ def _against_bounds(score: Any, problem: Any) -> Measured:
     return {"squared_error": float(np.sum(errors**2)), "squared_bound": float(np.sum(bounds**2))}
 
 
-def _share_of_optimum(recovery: Any) -> float:
-    """The dual's value over the truth's sum of weighted atomic norms: one where the truth is the optimum."""
+def _value_of_dual(recovery: Any) -> Measured:
+    """The dual's value, and its share of the truth's sum of weighted atomic norms: one where the truth is optimal."""
     problem = recovery.problem
     pairs = zip(problem.sources, problem.truth, strict=True)
     norms = [one.weight * np.sum(np.abs(true.amplitudes)) * np.linalg.norm(true.waveform) for one, true in pairs]
-    return float(np.real(np.vdot(recovery.q, problem.y)) / sum(norms))
+    value = float(np.real(np.vdot(recovery.q, problem.y)))
+    return {"value": value, "optimum": value / float(sum(norms))}
 
 
 def _row(study: Study, cell: Settings, found: Sequence[Measured]) -> Measured:
@@ -144,16 +177,26 @@ def _row(study: Study, cell: Settings, found: Sequence[Measured]) -> Measured:
     row |= {"draws": len(found), "success": float(np.mean([one["success"] for one in found]))}
     row |= {"right_number": float(np.mean([one["right_number"] for one in found]))}
     row |= {"exact": float(np.mean([one["exact"] for one in found]))}
+    if any(one["silent"] for one in found):
+        row["silent"] = float(np.mean([one["silent"] for one in found]))
     if study.certify:
         row["certified"] = float(np.mean([one["certified"] is True for one in found]))
     if any("optimum" in one for one in found):
         row["optimum"] = float(np.mean([one["optimum"] > 1 - _TIGHT for one in found]))
-    bounded = [one for one in found if one["success"] and "squared_error" in one]
-    if bounded:
-        ratio = sum(one["squared_error"] for one in bounded) / sum(one["squared_bound"] for one in bounded)
-        row["rmse_over_bound"] = float(np.sqrt(ratio))
+        row["values"] = [one["value"] for one in found]
+    counted = [one for one in found if "squared_error" in one]
+    row |= _over_bound("rmse_over_bound", counted)
+    row |= _over_bound("rmse_of_successes", [one for one in counted if one["success"]])
     row |= {"median_s": float(np.median(seconds)), "p90_s": float(np.quantile(seconds, 0.9)), "max_s": max(seconds)}
     return row
+
+
+def _over_bound(name: str, found: Sequence[Measured]) -> Measured:
+    """Root mean square of all errors over that of all bounds."""
+    if not found:
+        return {}
+    ratio = sum(one["squared_error"] for one in found) / sum(one["squared_bound"] for one in found)
+    return {name: float(np.sqrt(ratio))}
 
 
 def plain_value(text: str) -> Any:

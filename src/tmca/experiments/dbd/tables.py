@@ -28,12 +28,15 @@ _HEADINGS = {
     "right_number": "right numbers",
     "exact": "exact fit",
     "certified": "certified",
+    "silent": "nothing found",
     "optimum": "truth is the optimum",
     "rmse_over_bound": "RMSE / bound",
+    "rmse_of_successes": "of successes",
     "median_s": "median, s",
     "p90_s": "90 %, s",
     "max_s": "most, s",
 }
+_SHARES = ("success", "right_number", "exact", "certified", "silent", "optimum")
 
 
 def study_table(study: Study, rows: Sequence[Measured]) -> str:
@@ -50,7 +53,7 @@ def study_table(study: Study, rows: Sequence[Measured]) -> str:
 def _text(kind: str, value: float | None) -> str:
     if value is None:
         return "–"
-    return f"{value:.0%}" if kind in ("success", "right_number", "exact", "certified", "optimum") else f"{value:.3g}"
+    return f"{value:.0%}" if kind in _SHARES else f"{value:.3g}"
 
 
 def study_figure(study: Study, rows: Sequence[Measured]) -> Figure:
@@ -155,7 +158,7 @@ def save_results(
     described = {"command": said, "fixed": fixed, "draws": study.draws, "rows": list(rows)}
     write_json(described, named(".json"), overwrite=overwrite)
     lines = io.StringIO()
-    writer = csv.DictWriter(lines, sorted({name for row in rows for name in row}))
+    writer = csv.DictWriter(lines, sorted({name for row in rows for name in row} - {"values"}), extrasaction="ignore")
     writer.writeheader()
     writer.writerows(rows)
     write_text(lines.getvalue(), named(".csv"), overwrite=overwrite)
