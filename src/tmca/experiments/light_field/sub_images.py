@@ -51,9 +51,9 @@ def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figu
 
 
 def _name_angles(axis: Axes, views: tuple[int, ...]) -> None:
-    """Ticks at the outer and the centre views of the first sub-image."""
+    """Ticks at the outer views of the first sub-image, and at the centre's where there is room."""
     for count, ticks in zip(views, (axis.set_yticks, axis.set_xticks), strict=True):
-        places = sorted({0, count // 2, count - 1})
+        places = sorted({0, count - 1, *([count // 2] if count > 4 else [])})
         ticks(places, [f"{place - count // 2}" for place in places], fontsize=6)
     axis.set_xlabel("mask columns, in each the angles of views u", fontsize=8)
     axis.set_ylabel("mask rows, in each the angles of views v", fontsize=8)
