@@ -9,6 +9,7 @@ import pytest
 from tests.dbd.loops import full, polynomial
 from tmca.dbd import simulate, solve
 from tmca.dbd.atoms.measure import Measure
+from tmca.dbd.identifiability import SameSignals
 from tmca.dbd.solvers import certificate as module
 from tmca.dbd.solvers.admm import solve_dual
 from tmca.dbd.solvers.certificate import certificate
@@ -92,6 +93,19 @@ def test_what_is_refuted_is_not():
     assert any("not certified" in note for note in recovery.notes)
     total = sum(np.abs(one.amplitudes).sum() for one in recovery.sources)
     assert solve_dual(recovery.problem).value < total - 5e-3
+
+
+def test_an_optimum_among_others_is_not_the_only_one():
+    """With one Vandermonde column both sources send ones: the path of either may be the other's."""
+    problem = simulate(M=9, P=5, J=1, targets=1, paths=1, seed=1)
+    with pytest.warns(SameSignals):
+        recovery = solve(problem)
+    assert recovery.certified
+    assert not recovery.certificate.unique
+    assert "certified, but there may be other optima" in recovery.notes
+    alone = solved("shared")
+    assert alone.certificate.unique
+    assert not any("certified" in note for note in alone.notes)
 
 
 def test_bounds_that_can_just_not_be_kept_refute_too():

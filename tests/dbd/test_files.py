@@ -50,10 +50,11 @@ def test_a_recovery_opens_in_xarray(tmp_path):
 def test_plain_arrays_are_read(tmp_path):
     problem = plain()
     radar, link = problem.sources
-    np.savez(tmp_path / "mine.npz", y=problem.y[0], basis_radar=radar.rows[0], basis_link=link.rows, sigma=0.1)
+    np.savez(tmp_path / "mine.npz", y=problem.y[0], basis_radar=7 * radar.rows[0], basis_link=link.rows, sigma=0.1)
     back = load_problem(tmp_path / "mine.npz")
     assert {source.name: source.messages for source in back.sources} == {"radar": 1, "link": 3}
     assert back.sigma == 0.1
+    assert [one.weight for one in back.sources] == [pytest.approx(7), pytest.approx(1)]  # rms of the rows
     np.testing.assert_array_equal(back.y, problem.y)
 
 

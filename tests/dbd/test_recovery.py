@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -11,6 +11,8 @@ import pytest
 from tests.dbd.loops import noise, samples
 from tmca.dbd import Problem, Source, Truth, Units, simulate, solve
 from tmca.dbd.identifiability import SameSignals
+from tmca.dbd.signals.simulate import overlaid
+from tmca.dbd.solvers import by_dual
 from tmca.errors import SettingError
 
 CASES = {
@@ -89,6 +91,72 @@ def test_samples_may_be_in_any_unit(scale):
     recovery = solve(replace(problem, y=scale * problem.y), certify=False)
     assert recovery.exact
     assert recovery.score().success
+
+
+def louder(problem, gains):
+    """The same problem with the paths of each source times a gain."""
+    pairs = zip(problem.truth, gains, strict=True)
+    truth = tuple(Truth(one.points, gain * one.amplitudes, one.waveform) for one, gain in pairs)
+    return overlaid(problem.sources, truth, problem.shape[0], None, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("gains", "messages"),
+    [((0.1, 1), "shared"), ((0.02, 1), "shared"), ((1, 0.02), "shared"), ((0.1, 1), "block"), ((1, 0.02), "block")],
+)
+def test_the_weaker_signal_is_found_beside_the_stronger(gains, messages):
+    problem = simulate(M=13, P=5, J=2, targets=2, paths=1, messages=messages, seed=3)
+    recovery = solve(louder(problem, gains), certify=False)
+    assert recovery.exact
+    assert recovery.score().success
+
+
+def test_paths_of_one_source_may_be_26_db_apart():
+    wins = [solve(of("shared", amplitudes=(0.05, 1.0), seed=s), certify=False).score().success for s in range(4)]
+    assert wins == [True] * 4
+
+
+@pytest.mark.parametrize("scale", [1e-2, 30.0])
+@pytest.mark.parametrize("weights", [None, "balanced"])
+def test_the_scale_of_a_basis_makes_no_difference(scale, weights):
+    problem = of("block", M=13, paths=1, basis="gaussian", seed=1)
+    radar, link = problem.sources
+    other = Source(link.name, scale * link.rows, link.message)
+    same, scaled = (
+        solve(replace(problem, sources=(radar, one)), certify=False, weights=weights) for one in (link, other)
+    )
+    assert same.score().success
+    np.testing.assert_allclose(scaled["radar"].points, same["radar"].points, atol=1e-9)
+    np.testing.assert_allclose(scaled[link.name].amplitudes * scale, same[link.name].amplitudes, rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["sfw", "sdp"])
+def test_guard_carriers_carry_nothing(method):
+    problem = simulate(M=9, P=4, J=2, targets=1, paths=1, seed=1)
+    mask = np.ones(9)
+    mask[[0, -1]] = 0
+    sources = [Source(one.name, one.rows * mask[:, None], one.message) for one in problem.sources]
+    recovery = solve(Problem(problem.y * mask, sources, 0.0, problem.truth), method)
+    assert recovery.score().success
+    assert np.all(recovery.q[..., [0, -1]] == 0) or method == "sfw"
+    if method == "sdp":
+        with pytest.raises(SettingError, match="8 samples that no basis reaches, expected zeros there"):
+            solve(Problem(problem.y, sources, 0.0), method)
+
+
+def test_a_programme_that_has_not_converged_says_so(monkeypatch):
+    problem = simulate(M=7, P=4, J=2, targets=1, paths=1, seed=1)
+    monkeypatch.setattr(by_dual, "solve_dual", partial(by_dual.solve_dual, iterations=50))
+    assert any("has not converged: residual" in note for note in solve(problem, "sdp", early=False).notes)
+    monkeypatch.undo()
+    assert not any("converged" in note for note in solve(problem, "sdp", early=False).notes)
+
+
+def test_more_unknowns_than_samples_mean_nothing():
+    rng = np.random.default_rng(0)
+    sources = (Source("radar", noise(rng, 4, 6, 2), np.zeros(4, int)), Source("link", noise(rng, 4, 6, 2), range(4)))
+    recovery = solve(Problem(noise(rng, 4, 6), sources, 0.0), certify=False)
+    assert any("paths have more lifted unknowns than there are samples: they mean nothing" in n for n in recovery.notes)
 
 
 def test_a_silent_source_does_not_spoil_an_exact_fit():

@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
+from tmca.errors import SettingError
 from tmca.experiments.dbd import study as module
 from tmca.experiments.dbd.claims import claims, claims_table, shared_gram
 from tmca.experiments.dbd.report import parts, write_report
-from tmca.experiments.dbd.study import Study, run_study
+from tmca.experiments.dbd.study import Study, beyond, plain_value, run_study
 
 
 def test_every_bound_is_of_a_row_that_the_page_computes():
@@ -109,6 +110,50 @@ def test_noise_alone_is_never_exact_whatever_the_solver_is_told(tmp_path, told, 
     assert row.get("silent", 0) == silent
 
 
-def test_what_a_solver_may_be_told_is_checked():
-    with pytest.raises(Exception, match="sigma: found 'nothing', expected one of known, unknown, zero"):
-        Study({"sigma": ["nothing"]}, {}, 1)
+@pytest.mark.parametrize(
+    ("axes", "told"),
+    [
+        ({"sigma": ["nothing"]}, "sigma: found 'nothing', expected one of known, unknown, zero"),
+        ({"method": ["magic"]}, "method: found 'magic', expected one of sfw, sdp, cvxpy"),
+        ({"M": [9.5]}, "M: found 9.5, expected a whole number"),
+        ({"L": [1.5]}, "L or Q: found 1.5, expected a whole number"),
+        ({"Q": ["a"]}, "L or Q: found 'a', expected a whole number, or several"),
+        ({"lag": ["late"]}, "lag: found 'late', expected a number"),
+        ({"noise": [1]}, "vary: found 'noise', expected one of M, P"),
+    ],
+)
+def test_what_no_draw_can_be_made_of_is_said_before_the_work(axes, told):
+    with pytest.raises(SettingError, match=told):
+        Study(axes, {}, 1)
+
+
+def test_tolerances_are_positive():
+    with pytest.raises(SettingError, match=r"tolerance: found 0\.0, expected a positive number"):
+        Study({"M": [9]}, {}, 1, tolerance=0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("3", 3), ("0.5", 0.5), ("1/2", 0.5), ("2+3", "2+3"), ("block", "block"), ("false", False), ("1/0", "1/0")],
+)
+def test_values_are_read_as_they_are_written(text, value):
+    assert plain_value(text) == value
+
+
+@pytest.mark.parametrize(
+    ("cell", "is_beyond"),
+    [
+        ({"M": 9, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block"}, True),  # 9 + 45 > 45
+        ({"M": 12, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block"}, False),  # 9 + 45 ≤ 60
+        ({"M": 13, "P": 3, "J": 2, "L": 1, "Q": 4, "symbol_ratio": 0.5}, True),  # 2 + 4 · 12 > 39
+        ({"M": 9, "P": 9, "J": 2, "L": 1, "Q": 6, "symbol_ratio": 3.0, "separation": 0.1}, False),  # 2 + 6 · 6 ≤ 81
+        ({"M": 9, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block", "antennas": 2}, False),  # 54 ≤ 90
+    ],
+)
+def test_what_is_beyond_the_degrees_of_freedom_is_counted_by_the_message(cell, is_beyond):
+    assert beyond(cell) == is_beyond
+
+
+def test_a_page_of_no_draws_is_refused(tmp_path):
+    with pytest.raises(SettingError, match="draws: found 0"):
+        write_report(tmp_path / "page", tmp_path / "runs", ["tmca"], draws=0)

@@ -143,7 +143,8 @@ def _npz_source(name: str, arrays: dict[str, Any], y: Any) -> Source:
     pulses = len(rows) if rows.ndim == 3 else y.shape[-2]
     plain = np.arange(pulses) if rows.ndim == 3 else np.zeros(pulses, np.int64)
     message = arrays.get(f"message_{name}", plain)
-    return Source(name, rows, message, float(arrays.get(f"weight_{name}", 1.0)))
+    weight = {"weight": float(arrays[f"weight_{name}"])} if f"weight_{name}" in arrays else {}
+    return Source(name, rows, message, **weight)
 
 
 def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = False) -> Path:

@@ -76,8 +76,8 @@ class Recovery:
     def __getitem__(self, name: str) -> RecoveredSource:
         return {source.name: source for source in self.sources}[name]
 
-    def score(self, problem: Problem | None = None, tolerance: float = 1e-6) -> Score:
-        """How near the truth of ``problem`` (this one's by default) the recovery is."""
+    def score(self, problem: Problem | None = None, tolerance: float | None = None) -> Score:
+        """How near the truth of ``problem`` (this one's by default) the recovery is; see :func:`scoring.score`."""
         return score(self.sources, problem or self.problem, tolerance)
 
     @property

@@ -12,6 +12,7 @@ from tmca.dbd.arrays import Complex, Real, Whole
 from tmca.dbd.problem import Problem, Truth
 from tmca.dbd.source import AXES, Source
 from tmca.dbd.torus import distance, matched
+from tmca.errors import SettingError
 
 if TYPE_CHECKING:
     from tmca.dbd.recovery import RecoveredSource
@@ -71,14 +72,26 @@ class Score:
         return {one.name: one for one in self.sources}[name]
 
 
-def score(found: Sequence[RecoveredSource], problem: Problem, tolerance: float = 1e-6) -> Score:
+def usual_tolerance(problem: Problem) -> float:
+    """Largest error of a success: 1e-6 without noise, half of the finest resolution cell with noise."""
+    return 1e-6 if problem.sigma == 0 else 0.5 / max(problem.shape)
+
+
+def score(found: Sequence[RecoveredSource], problem: Problem, tolerance: float | None = None) -> Score:
     """Matches the paths of every source by the Hungarian method and measures what is left.
 
-    Raises:
-        SettingError: a problem without truth.
-    """
-    from tmca.errors import SettingError
+    Args:
+        found: one of every source.
+        problem: with the truth.
+        tolerance: largest error of a success; :func:`usual_tolerance` without.
 
+    Raises:
+        SettingError: a problem without truth, or with other sources.
+    """
+    tolerance = usual_tolerance(problem) if tolerance is None else tolerance
+    if [one.name for one in found] != [one.name for one in problem.sources]:
+        names = ", ".join(one.name for one in problem.sources)
+        raise SettingError("problem", f"sources {names}", ", ".join(one.name for one in found))
     if problem.truth is None:
         raise SettingError("problem", "no truth", "a simulated problem", "simulate one, or give Problem(…, truth=…)")
     triples = zip(found, problem.sources, problem.truth, strict=True)

@@ -43,8 +43,8 @@ def solve(
         method: ``sfw``, sliding Frank–Wolfe, at every size; ``sdp``, the dual semidefinite programme by the
             alternating direction method of multipliers; ``cvxpy``, the same by CVXPY, an oracle for small sizes.
         certify: look for a dual certificate of a noiseless recovery.
-        weights: of the sources in the sum of atomic norms; ``balanced`` gives ``block`` messages P^(−1/4); by default
-            those of the sources.
+        weights: of the sources in the sum of atomic norms; by default those of the sources;
+            ``balanced`` multiplies those of ``block`` messages by P^(−1/4).
         gram: ``separate`` Gram matrices, or the thesis' ``shared`` one (equation 81), for ``sdp`` and ``cvxpy``.
         early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
         solver: CVXPY's name of the solver.
@@ -83,11 +83,12 @@ def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Proble
         if weights != "balanced":
             raise SettingError("weights", f"{weights!r}", "balanced, or a number for each source")
         fourth = problem.shape[1] ** -0.25
-        weights = [1.0 if source.sees_doppler else fourth for source in problem.sources]
-    if len(weights) != len(problem.sources):
-        raise SettingError("weights", f"{len(weights)} numbers", f"one for each of {len(problem.sources)} sources")
-    pairs = zip(problem.sources, weights, strict=True)
-    return replace(problem, sources=tuple(replace(source, weight=weight) for source, weight in pairs))
+        weights = [source.weight * (1.0 if source.sees_doppler else fourth) for source in problem.sources]
+    given = np.atleast_1d(np.asarray(weights, float))
+    if given.shape != (len(problem.sources),):
+        raise SettingError("weights", f"{given.size} numbers", f"one for each of {len(problem.sources)} sources")
+    pairs = zip(problem.sources, given, strict=True)
+    return replace(problem, sources=tuple(replace(source, weight=float(weight)) for source, weight in pairs))
 
 
 def _warn(problem: Problem) -> None:
@@ -109,9 +110,11 @@ def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, be
     if certify and exact:
         proof = certificate(solution.measure)
     paths = [len(one.points) for one in solution.channels]
-    notes = [*ambiguities(problem), beyond_freedom(problem, paths)]
-    if proof is not None and proof.status != "certified":
-        notes.append(f"not certified: {proof.reason}")
+    notes = [*ambiguities(problem), *solution.notes]
+    if beyond_freedom(problem, paths):
+        notes.append(f"{sum(paths)} paths have more lifted unknowns than there are samples: they mean nothing")
+    if proof is not None and (proof.status != "certified" or not proof.unique):
+        notes.append(f"{'certified, but' if proof.certified else 'not certified:'} {proof.reason}")
     deviations = bounds(solution.channels, solution.sigma) if solution.sigma > 0 and any(paths) else None
     sources = [
         _source(one, None if deviations is None else deviations[index]) for index, one in enumerate(solution.channels)
@@ -119,7 +122,7 @@ def _recovery(problem: Problem, method: str, solution: Lifted, certify: bool, be
     q = proof.q if proof is not None and proof.certified and proof.q is not None else solution.q
     return Recovery(
         problem, method, tuple(sources), left, exact, proof, solution.sigma, q, time.perf_counter() - began,
-        tuple(note for note in notes if note),
+        tuple(notes),
     )  # fmt: skip
 
 

@@ -20,16 +20,11 @@ def recovery_values(recovery: Recovery) -> dict[str, Any]:
     values |= {"seconds": recovery.seconds, "notes": list(recovery.notes)}
     values["sources"] = {one.name: _source_values(one, recovery.problem.units) for one in recovery.sources}
     if recovery.problem.truth is not None:
-        score = recovery.score(tolerance=1e-6 if not recovery.sigma else _half_cell(recovery))
+        score = recovery.score()
         found = score.max_error if np.isfinite(score.max_error) else None
         values["score"] = {"success": score.success, "tolerance": score.tolerance, "max_error": found}
         values["score"]["waveform_correlation"] = {one.name: one.waveform_correlation for one in score.sources}
     return values
-
-
-def _half_cell(recovery: Recovery) -> float:
-    """Half of the finest resolution cell."""
-    return 0.5 / max(recovery.problem.shape)
 
 
 def _source_values(source: RecoveredSource, units: Units | None) -> list[dict[str, Any]]:

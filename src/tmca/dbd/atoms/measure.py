@@ -94,9 +94,12 @@ class Measure:
         """Least-squares weights at these positions."""
         self.set_vector(np.linalg.lstsq(self.matrix(), self.y, rcond=None)[0])
 
-    def norms(self) -> list[Real]:
-        """Norm of every weight, by source."""
-        return [np.linalg.norm(weights, axis=1) for weights in self.weights]
+    def strengths(self) -> list[Real]:
+        """Weighted norm of every atom, by source: its share of the sum of atomic norms, whatever the basis' scale."""
+        return [
+            one.source.weight * np.linalg.norm(weights, axis=1)
+            for one, weights in zip(self.atoms, self.weights, strict=True)
+        ]
 
     def relative_residual(self) -> float:
         """Norm of the residual over that of the samples."""
@@ -113,9 +116,9 @@ class Measure:
         return len(fresh)
 
     def keep(self, wanted: Callable[[Real], Mask]) -> None:
-        """Keeps the atoms whose norm ``wanted`` says true of."""
-        for index, norms in enumerate(self.norms()):
-            mask = np.asarray(wanted(norms), bool)
+        """Keeps the atoms whose strength ``wanted`` says true of."""
+        for index, strengths in enumerate(self.strengths()):
+            mask = np.asarray(wanted(strengths), bool)
             self.points[index], self.weights[index] = self.points[index][mask], self.weights[index][mask]
 
     def without(self, source: int, atom: int) -> Measure:

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tmca.dbd.arrays import Complex
+from tmca.dbd.arrays import Complex, Real
 from tmca.dbd.problem import Problem
 from tmca.dbd.solvers.cone import positive_part
 from tmca.dbd.solvers.gram import Gram, grams
+from tmca.errors import SettingError
 
 _CHECK = 25
 _RELAXATION = 1.6
@@ -29,6 +30,8 @@ class DualSolution:
         value: ``Re⟨q, y⟩``.
         iterations: used.
         residual: the larger of the relative primal and dual residuals.
+        converged: whether it fell below the tolerance.
+        stopped: whether ``stop`` ended the iterations.
         state: pass as ``warm`` to go on.
     """
 
@@ -36,6 +39,8 @@ class DualSolution:
     value: float
     iterations: int
     residual: float
+    converged: bool
+    stopped: bool
     state: State = field(repr=False)
 
 
@@ -74,7 +79,8 @@ def solve_dual(
     """
     parts, y = grams(problem), problem.y.reshape(-1)
     state = replace(warm) if warm else _start(parts, y)
-    power = sum(part.power() for part in parts)
+    power = np.asarray(sum(part.power() for part in parts)) if level else _heard(parts, y)
+    stopped = False
     negative = [0] * len(parts)
     affine: list[Complex] = []
     worst, done = np.inf, 0
@@ -93,12 +99,24 @@ def solve_dual(
             continue
         primal, dual = _residuals(affine, before, state)
         worst = max(primal, dual)
-        if worst < tolerance or (stop is not None and stop(state.q.reshape(problem.shape))):
+        stopped = stop is not None and stop(state.q.reshape(problem.shape))
+        if worst < tolerance or stopped:
             break
         if done < 0.6 * iterations:
             _balance(state, primal, dual)
     value = float(np.real(np.vdot(state.q, y)))
-    return DualSolution(state.q.reshape(problem.shape), value, done, float(worst), state)
+    q = state.q.reshape(problem.shape)
+    return DualSolution(q, value, done, float(worst), bool(worst < tolerance), stopped, state)
+
+
+def _heard(parts: list[Gram], y: Complex) -> Real:
+    """The power of all sources in every sample; infinite, so that q is zero, in silent samples that nobody fills."""
+    power = np.asarray(sum(part.power() for part in parts))
+    silent = power == 0
+    if np.any(np.abs(y[silent]) > 1e-9 * np.abs(y).max()):
+        found = f"{int(np.sum(silent))} samples that no basis reaches"
+        raise SettingError("y", found, "zeros there, or noise that is known", "leave these samples out, or give sigma")
+    return np.where(silent, np.inf, power)
 
 
 def _start(parts: list[Gram], y: Complex) -> State:

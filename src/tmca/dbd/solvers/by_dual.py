@@ -45,10 +45,14 @@ def lifted_by_dual(
     level = noise_level(problem) * problem.sigma if problem.sigma else 0.0
     if method == "cvxpy":
         q, _ = solve_dual_cvx(problem, gram=gram, level=level, solver=solver)
-    else:
-        stop = (lambda q: _explaining(problem, q) is not None) if early and not level else None
-        q = solve_dual(problem, gram=gram, level=level, stop=stop, progress=progress).q
-    return _from_dual(problem, q)
+        return _from_dual(problem, q)
+    stop = (lambda q: _explaining(problem, q) is not None) if early and not level else None
+    dual = solve_dual(problem, gram=gram, level=level, stop=stop, progress=progress)
+    solution = _from_dual(problem, dual.q)
+    if not dual.converged and not dual.stopped:
+        said = f"the dual programme has not converged: residual {dual.residual:.1e} after {dual.iterations} iterations"
+        solution.notes = (said,)
+    return solution
 
 
 def touching(problem: Problem, q: Complex, share: float) -> Measure:

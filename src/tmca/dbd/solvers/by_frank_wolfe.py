@@ -12,7 +12,7 @@ from tmca.dbd.estimates.order import cost, selected
 from tmca.dbd.estimates.structured import fit, residual
 from tmca.dbd.problem import Problem
 from tmca.dbd.solvers.exact import EXACT, exact_fit
-from tmca.dbd.solvers.frank_wolfe import crowded, descend, largest_level, path
+from tmca.dbd.solvers.frank_wolfe import LEVELS, crowded, descend, largest_level, path
 from tmca.dbd.solvers.lifted import Lifted
 
 _SHRINK = 0.6
@@ -34,9 +34,9 @@ def _noiseless(problem: Problem) -> Lifted:
     measure = Measure.empty(problem)
     best: tuple[float, Measure | None] = (np.inf, None)
     levels = []
-    for level in path(measure):
+    for share, level in zip(LEVELS, path(measure), strict=False):
         levels.append(level)
-        trial = exact_fit(measure)
+        trial = exact_fit(measure, share / 3)
         best = min(best, trial, key=lambda one: one[0])
         if best[0] < EXACT or crowded(measure):
             break

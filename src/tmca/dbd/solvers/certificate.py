@@ -23,6 +23,7 @@ _EXCESS = 1e-5
 """Share of the bounds that no dual variable keeps by accident of the cone solver's rounding."""
 _LARGEST = 700
 """Samples up to which the exchange method is tried; beyond, only the dual variable of least norm."""
+_TOUCHES = 1e-5
 _CUTS = 400
 _ROUNDS = 25
 _GRID = 8
@@ -38,6 +39,8 @@ class Certificate:
         level: largest ``‖f‖ / weight`` of the dual variable, on a grid of 8 points a cell and Newton steps from there.
         reason: in words.
         q: the dual variable ``(A, P, M)``.
+        unique: whether no other measure is as good: the atoms at all points where the polynomials touch their bounds
+            are independent.
         rounds: of the exchange.
         seconds: it took.
     """
@@ -46,6 +49,7 @@ class Certificate:
     level: float
     reason: str
     q: Complex | None = field(default=None, repr=False)
+    unique: bool = False
     rounds: int = 0
     seconds: float = 0.0
 
@@ -80,16 +84,28 @@ def _exchange(measure: Measure) -> Certificate:
         q = _complex(start + free @ coordinates).reshape(shape)
         broken, level = _broken(measure, q)
         if not broken:
-            return Certificate("certified", level, "a dual polynomial exists", q, round_)
+            return _certified(measure, level, q, round_)
         if start.size > 2 * _LARGEST:
             reason = f"the dual polynomial of least norm exceeds its bound and {start.size // 2} samples are many"
-            return Certificate("undecided", level, reason, q, round_)
+            return Certificate("undecided", level, reason, q, rounds=round_)
         cuts = (cuts + broken)[-_CUTS:]
         solution, status, reason = _within(start, free, cuts)
         if solution is None:
-            return Certificate(status, level, reason, q, round_ + 1)
+            return Certificate(status, level, reason, q, rounds=round_ + 1)
         coordinates = solution
-    return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q, _ROUNDS)
+    return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q, rounds=_ROUNDS)
+
+
+def _certified(measure: Measure, level: float, q: Complex, rounds: int) -> Certificate:
+    """With whether the optimum is the only one: every other one is of atoms where this polynomial touches too."""
+    touching = measure.copy()
+    for index, atoms in enumerate(measure.atoms):
+        points, _ = Polynomial(atoms, q).peaks((1 - _TOUCHES) * atoms.source.weight, oversampling=_GRID, most=40)
+        touching.add(index, points)
+    matrix = touching.matrix()
+    unique = bool(np.linalg.matrix_rank(matrix, 1e-7 * np.linalg.norm(matrix)) == matrix.shape[1])
+    reason = "a dual polynomial exists" if unique else "there may be other optima"
+    return Certificate("certified", level, reason, q, unique, rounds)
 
 
 def _interpolating(measure: Measure) -> tuple[Real, Real, float]:

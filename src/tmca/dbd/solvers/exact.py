@@ -9,18 +9,29 @@ from tmca.dbd.solvers.slide import slide
 
 EXACT = 1e-9
 """Relative residual from which samples count as explained exactly."""
+_SHARES = (0.1, 0.2, 0.02, 1e-3)
+"""Of the strongest atom: what is weaker is left out on trial. The last are for paths 20 to 60 dB below others."""
 _CELLS = 0.6
 _STEPS = 25
+_MISSED = 0.1
+"""Relative residual without an atom above which the others cannot take over its signal."""
 
 
 def refined(measure: Measure, share: float) -> Measure | None:
     """The atoms above ``share`` of the strongest, clusters joined, fitted without regularisation; None if too many."""
+    trial = _strong(measure, share)
+    return _fitted(trial) if trial is not None else None
+
+
+def _strong(measure: Measure, share: float) -> Measure | None:
     trial = measure.copy()
     trial.merge(_CELLS)
-    strongest = max((norms.max(initial=0.0) for norms in trial.norms()), default=0.0)
-    trial.keep(lambda norms: norms > share * strongest)
-    if not sum(trial.counts) or trial.unknowns >= 2 * trial.y.size:
-        return None
+    strongest = max((one.max(initial=0.0) for one in trial.strengths()), default=0.0)
+    trial.keep(lambda strengths: strengths > share * strongest)
+    return trial if sum(trial.counts) and trial.unknowns < 2 * trial.y.size else None
+
+
+def _fitted(trial: Measure) -> Measure:
     _fit(trial)
     if trial.relative_residual() < EXACT:
         trial.merge(1e-2)
@@ -45,25 +56,33 @@ def _eliminated(measure: Measure) -> Measure:
 
 
 def _one_less(measure: Measure) -> Measure | None:
-    norms = measure.norms()
-    strongest = max(one.max(initial=0.0) for one in norms)
-    order = sorted((norm, source, atom) for source, one in enumerate(norms) for atom, norm in enumerate(one))
-    for norm, source, atom in order:
-        if norm > _CELLS * strongest:
-            return None
+    each = enumerate(measure.strengths())
+    for _, source, atom in sorted((value, source, atom) for source, one in each for atom, value in enumerate(one)):
         trial = measure.without(source, atom)
-        _fit(trial)
+        trial.fit_weights()
+        if trial.relative_residual() < _MISSED:
+            slide(trial, 0.0, _STEPS)
         if trial.relative_residual() < EXACT:
             return trial
     return None
 
 
-def exact_fit(measure: Measure, shares: tuple[float, ...] = (0.1, 0.2)) -> tuple[float, Measure | None]:
-    """The best of several thresholds: its relative residual and its atoms."""
+def exact_fit(measure: Measure, least: float = 0.0) -> tuple[float, Measure | None]:
+    """The best of several thresholds: its relative residual and its atoms.
+
+    Args:
+        measure: a regularised solution.
+        least: share of the strongest atom below which the regularisation has left none that counts.
+    """
     best: tuple[float, Measure | None] = (np.inf, None)
-    for share in shares:
-        trial = refined(measure, share)
-        if trial is not None and trial.relative_residual() < best[0]:
+    seen: set[tuple[int, ...]] = set()
+    for share in (one for one in _SHARES if one >= least):
+        trial = _strong(measure, share)
+        if trial is None or trial.counts in seen:
+            continue
+        seen.add(trial.counts)
+        trial = _fitted(trial)
+        if trial.relative_residual() < best[0]:
             best = (trial.relative_residual(), trial)
         if best[0] < EXACT:
             break

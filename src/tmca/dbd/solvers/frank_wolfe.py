@@ -88,8 +88,8 @@ def _merge_clusters(measure: Measure, level: float) -> None:
 
 
 def _drop(measure: Measure, share: float) -> None:
-    limit = share * np.linalg.norm(measure.vector())
-    measure.keep(lambda norms: norms > limit)
+    limit = share * np.linalg.norm(np.concatenate(measure.strengths()))
+    measure.keep(lambda strengths: strengths > limit)
 
 
 def path(measure: Measure, levels: Sequence[float] = LEVELS):  # type: ignore[no-untyped-def]

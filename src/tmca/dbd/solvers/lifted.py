@@ -18,9 +18,11 @@ class Lifted:
         channels: with one waveform a source.
         q: ``(A, P, M)``, the dual variable.
         sigma: standard deviation of the noise it was solved for; 0 for none.
+        notes: what is doubtful about it.
     """
 
     measure: Measure
     channels: list[Channel]
     q: Complex
     sigma: float
+    notes: tuple[str, ...] = ()

@@ -168,7 +168,7 @@ def write_report(
 
 
 def _shortened(study: Study, draws: int | None) -> Study:
-    return replace(study, draws=min(draws, study.draws)) if draws else study
+    return study if draws is None else replace(study, draws=min(draws, study.draws))
 
 
 def _section(part: Part, rows: list[Measured], out: Path, overwrite: bool) -> list[str]:

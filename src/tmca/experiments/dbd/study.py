@@ -5,20 +5,28 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tmca.dbd.identifiability import beyond_freedom
+from tmca.dbd.signals.bases import BASES
+from tmca.dbd.signals.messages import MESSAGES
+from tmca.dbd.solving import GRAMS, METHODS
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings, Timed, run_cells, timed
 from tmca.experiments.source import source_digest
 
 SIZES = ("M", "P", "J", "L", "Q")
 VARIABLES = (*SIZES, "separation", "snr_db", "antennas", "symbol_ratio", "lag", "late_samples")
-CHOICES = ("messages", "basis", "method", "gram", "weights", "early", "sigma")
 TOLD = ("known", "unknown", "zero")
 """What a solver is told of the noise's standard deviation."""
+CHOICES: dict[str, tuple[Any, ...]] = {
+    "messages": MESSAGES, "basis": BASES, "method": METHODS, "gram": GRAMS, "weights": ("plain", "balanced"),
+    "early": (True, False), "sigma": TOLD,
+}  # fmt: skip
 DEFAULTS: Settings = {"M": 13, "P": 9, "J": 3, "L": 3, "Q": 3, "messages": "shared", "basis": "vandermonde"}
 DEFAULTS |= {"method": "sfw"}
 _TIGHT = 1e-3
@@ -46,14 +54,15 @@ class Study:
 
     def __post_init__(self) -> None:
         for name in (*self.axes, *self.fixed):
-            if name not in VARIABLES + CHOICES:
-                known = ", ".join(VARIABLES + CHOICES)
+            if name not in (*VARIABLES, *CHOICES):
+                known = ", ".join((*VARIABLES, *CHOICES))
                 raise SettingError("vary", f"{name!r}", f"one of {known}", "")
-        for told in (*self.axes.get("sigma", ()), self.fixed.get("sigma", "known")):
-            if told not in TOLD:
-                raise SettingError("sigma", f"{told!r}", f"one of {', '.join(TOLD)}")
+            for value in self.axes.get(name, (self.fixed.get(name),)):
+                _check_value(name, value)
         if self.draws < 1:
             raise SettingError("draws", f"{self.draws}", "1 or more")
+        if self.tolerance is not None and not self.tolerance > 0:
+            raise SettingError("tolerance", f"{self.tolerance}", "a positive number")
 
     def cells(self) -> list[Settings]:
         """Every draw of every combination."""
@@ -69,6 +78,19 @@ class Study:
         sizes = f"{cell['M']} x {cell['P']}, J = {cell['J']}, L = {cell['L']}, Q = {cell['Q']}"
         varied = "".join(f", {name} = {cell[name]}" for name in self.axes if name not in SIZES)
         return f"{sizes}{varied} · draw {seed + 1}"
+
+
+def _check_value(name: str, value: Any) -> None:
+    """Says before the work what no draw can be made of."""
+    whole = ("M", "P", "J", "antennas", "late_samples")
+    if name in CHOICES and value not in CHOICES[name]:
+        raise SettingError(name, f"{value!r}", f"one of {', '.join(map(str, CHOICES[name]))}")
+    if name in whole and not isinstance(value, int):
+        raise SettingError(name, f"{value!r}", "a whole number")
+    if name in ("L", "Q"):
+        _number(value)
+    if name in VARIABLES and name not in (*SIZES, "symbol_ratio") and not isinstance(value, int | float):
+        raise SettingError(name, f"{value!r}", "a number")
 
 
 def run_study(study: Study, work: str | Path, *, jobs: int = 1, progress: Timed | None = None) -> list[Measured]:
@@ -115,8 +137,7 @@ def _measured(cell: Settings) -> Measured:
         warnings.simplefilter("ignore")  # what is beyond the degrees of freedom is drawn in the figure
         recovery = solve(_told(problem, cell), cell["method"], certify=cell["certify"], **options)
     seconds = time.process_time() - began
-    tolerance = cell["tolerance"] or (1e-6 if not problem.sigma else 0.5 / max(cell["M"], cell["P"]))
-    score = recovery.score(tolerance=tolerance)
+    score = recovery.score(problem, cell["tolerance"])
     measured: Measured = {"success": score.success, "exact": recovery.exact, "seconds": seconds}
     measured |= {"right_number": all(one.right_number for one in score.sources), "certified": recovery.certified}
     measured |= {"silent": not recovery.found}
@@ -127,6 +148,12 @@ def _measured(cell: Settings) -> Measured:
         measured |= _value_of_dual(recovery)
     measured["correlation"] = min(one.waveform_correlation for one in score.sources)
     return measured
+
+
+def beyond(cell: Settings) -> bool:
+    """Whether the lifted problem of a cell has more unknowns than samples."""
+    problem = _simulated({"seed": 0, **DEFAULTS, **cell})
+    return beyond_freedom(problem, [len(one.points) for one in problem.truth]) is not None
 
 
 def _told(problem: Any, cell: Settings) -> Any:
@@ -149,7 +176,14 @@ def _simulated(cell: Settings) -> Any:
 
 def _number(value: Any) -> Any:
     """A number of paths, or one for each of several sources as ``2+3``."""
-    return [int(one) for one in value.split("+")] if isinstance(value, str) else int(value)
+    parts = value.split("+") if isinstance(value, str) else [value]
+    try:
+        counts = [int(part) for part in parts]
+    except ValueError:
+        counts = []
+    if not counts or (not isinstance(value, str) and value != counts[0]):
+        raise SettingError("L or Q", f"{value!r}", "a whole number, or several such as 2+3")
+    return counts if len(counts) > 1 else counts[0]
 
 
 def _against_bounds(score: Any, problem: Any) -> Measured:
@@ -200,10 +234,12 @@ def _over_bound(name: str, found: Sequence[Measured]) -> Measured:
 
 
 def plain_value(text: str) -> Any:
-    """A number where the text is one."""
-    for kind in (int, float):
+    """A number, a fraction such as 1/2, true or false where the text is one."""
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float, lambda one: float(Fraction(one))):
         try:
             return kind(text)
-        except ValueError:
+        except (ValueError, ZeroDivisionError):
             continue
     return text

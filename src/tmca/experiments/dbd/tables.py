@@ -13,7 +13,7 @@ import numpy as np
 
 from tmca.data import check_target, write_json, write_text
 from tmca.experiments.cells import Measured
-from tmca.experiments.dbd.study import DEFAULTS, Study
+from tmca.experiments.dbd.study import DEFAULTS, Study, beyond
 from tmca.experiments.figures import save_figure
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def _map(axis: Axes, study: Study, rows: Sequence[Measured], names: list[str]) -
     axis.set_title("share of successes; red: more lifted unknowns than samples", fontsize=10)
     for i, a in enumerate(xs):
         for j, b in enumerate(ys):
-            if beyond({**DEFAULTS, **study.fixed, x: a, y: b}):
+            if beyond({**study.fixed, x: a, y: b}):
                 axis.plot(i, j, "s", color="#d1495b", markersize=9, markerfacecolor="none")
     assert axis.figure is not None
     axis.figure.colorbar(shown, ax=axis)
@@ -98,7 +98,7 @@ def _lines(axis: Axes, study: Study, rows: Sequence[Measured], names: list[str])
         label = ", ".join(f"{name} = {value}" for name, value in kept.items())
         axis.plot([str(value) for value in study.axes[x]], rates, "o-", label=label or None)
         for value, rate in zip(study.axes[x], rates, strict=True):
-            if beyond({**DEFAULTS, **study.fixed, x: value, **kept}):
+            if beyond({**study.fixed, x: value, **kept}):
                 axis.plot(str(value), rate, "s", color="#d1495b", markersize=12, markerfacecolor="none")
     axis.set_xlabel(x)
     axis.set_ylabel("share of successes")
@@ -106,17 +106,6 @@ def _lines(axis: Axes, study: Study, rows: Sequence[Measured], names: list[str])
     axis.set_title("red: more lifted unknowns than samples", fontsize=10)
     if others:
         axis.legend(fontsize=8)
-
-
-def beyond(cell: dict[str, Any]) -> bool:
-    """Whether the lifted problem has more unknowns than samples: L J + Q J (P for ``block``) > M P A."""
-    paths, targets = (_total(cell[name]) for name in ("Q", "L"))
-    each = {"block": cell["P"], "dense": cell["P"]}.get(cell["messages"], 1) * cell["J"]
-    return bool(targets * cell["J"] + paths * each > cell["M"] * cell["P"] * cell.get("antennas", 1))
-
-
-def _total(value: Any) -> int:
-    return sum(int(one) for one in value.split("+")) if isinstance(value, str) else int(value)
 
 
 def _rate(rows: Sequence[Measured], where: dict[str, Any]) -> float:
