@@ -57,7 +57,7 @@ def test_a_study_keeps_what_is_finished(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("simulate", "--snr", "nan"), "a finite number of decibels"),
+        (("simulate", "--snr", "nan"), "decibels from -300 to 300"),
         (("simulate", "--targets", "x"), "--targets: found 'x'"),
         (("simulate", "--messages", "none"), "one of shared, block, dense"),
         (("simulate", "--symbol-ratio", "0"), "found 0"),
@@ -66,6 +66,17 @@ def test_a_study_keeps_what_is_finished(capsys, tmp_path):
         (("solve", "nothere.nc"), "nothere.nc: found no such file"),
         (("study", "--vary", "size=3"), "found 'size'"),
         (("study", "--vary", "L"), "NAME=VALUE"),
+        (("study", "--vary", "method=magic"), "method: found 'magic', expected one of sfw, sdp, cvxpy"),
+        (("study", "--vary", "L=1.5"), "found 1.5, expected a whole number"),
+        (("study", "--vary", "L=1", "--tolerance", "-1"), "tolerance: found -1"),
+        (("report", "--draws", "0"), "draws: found 0"),
+        (("simulate", "--seed", "-1"), "seed: found -1"),
+        (("simulate", "--snr", "-5000"), "snr_db: found -5000"),
+        (("simulate", "--separation", "-1"), "separation: found -1"),
+        (("simulate", "--model-only"), "--model-only: found no --scenario"),
+        (("simulate", "--scenario", "road", "-M", "9"), "--scenario: found --frequencies as well"),
+        (("simulate", "--messages", "block", "--symbol-ratio", "3"), "symbol_ratio: found 3 with block messages"),
+        (("solve", "."), "found a folder"),
     ],
 )
 def test_bad_input_gives_one_line_and_leaves_nothing(capsys, tmp_path, words, told):
@@ -79,6 +90,50 @@ def test_sizes_beyond_the_memory_are_refused_with_numbers(capsys):
     np.savez("big.npz", y=y, basis_radar=rng.random((90, 2)))
     assert "8100 samples" in refused(capsys, "dbd", "solve", "big.npz", "--method", "cvxpy", "--sigma", "0")
     assert "give sigma" in refused(capsys, "dbd", "solve", "big.npz", "--method", "sdp")
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--out", "overlaid.nc", "--overwrite"), "which is the input"),
+        (("--figure", "planes.doc"), "planes.doc"),
+        (("--method", "cvxpy", "--solver", "FOO"), "solver: found 'FOO'"),
+        (("--weights", "1"), "weights: found 1 numbers, expected one for each of 2"),
+    ],
+)
+def test_a_solution_that_could_not_be_kept_is_not_begun(capsys, tmp_path, options, told):
+    main(["dbd", "simulate", *SMALL])
+    before = (tmp_path / "overlaid.nc").read_bytes()
+    assert told in refused(capsys, "dbd", "solve", "overlaid.nc", *options)
+    assert (tmp_path / "overlaid.nc").read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["overlaid.nc"]
+
+
+def test_a_page_that_could_not_be_kept_is_not_begun(capsys, tmp_path):
+    (tmp_path / "dbd_cost.png").write_bytes(b"mine")
+    assert "dbd_cost.png" in refused(capsys, "dbd", "report")
+    assert [file.name for file in tmp_path.iterdir()] == ["dbd_cost.png"]
+
+
+def test_a_scene_is_told_in_metres_with_bounds(capsys, tmp_path):
+    (tmp_path / "mine.yaml").write_text(
+        "targets: [{range_m: 0, velocity_m_s: 10, gain: 0.8+0.2j, angle_deg: 30}]\n"
+        "paths: [{length_m: 90, velocity_m_s: -5}]\npulses: 5\nsubspace: 2\nantennas: 3\nsnr_db: 25\n"
+    )
+    main(["dbd", "simulate", "--scenario", "mine.yaml"])
+    main(["dbd", "solve", "overlaid.nc", "--json"])
+    told = json.loads(capsys.readouterr().out.split("frequencies x 3 antennas")[1].split("paths\n", 1)[1])
+    radar, link = told["sources"]["radar"][0], told["sources"]["communications"][0]
+    for found, name, true in (
+        (radar, "range_m", 0), (radar, "velocity_m_s", 10), (radar, "angle_deg", 30),
+        (link, "length_m", 90), (link, "velocity_m_s", -5), (link, "angle_deg", 0),
+    ):  # fmt: skip
+        assert abs(found[name] - true) < 5 * found[f"{name}_bound"] < 5
+    main(["dbd", "solve", "overlaid.nc", "--out", "again.nc"])
+    said = capsys.readouterr().out
+    assert "radar: 1 path\n" in said
+    for heading in ("range, m", "length, m", "velocity, m/s", "angle, degrees"):
+        assert heading in said
 
 
 def test_results_that_exist_are_kept(capsys, tmp_path):

@@ -7,7 +7,7 @@ import xarray as xr
 from tmca.dbd import Units, simulate, solve
 from tmca.dbd.files import load_problem, save_problem, save_recovery
 from tmca.dbd.problem import Problem
-from tmca.errors import DataError, OutputError, TmcaError
+from tmca.errors import DataError, OutputError, SettingError, TmcaError
 
 
 def plain():
@@ -56,6 +56,58 @@ def test_plain_arrays_are_read(tmp_path):
     assert back.sigma == 0.1
     assert [one.weight for one in back.sources] == [pytest.approx(7), pytest.approx(1)]  # rms of the rows
     np.testing.assert_array_equal(back.y, problem.y)
+
+
+def test_plain_arrays_may_come_with_units(tmp_path):
+    radar, link = plain().sources
+    arrays = {"y": plain().y[0], "basis_radar": radar.rows[0], "basis_link": link.rows}
+    scales = {"delay_s": 1e-6, "doppler_hz": 2e5, "carrier_hz": 77e9}
+    np.savez(tmp_path / "units.npz", **arrays, **scales)
+    assert load_problem(tmp_path / "units.npz").units == Units(1e-6, 2e5, 77e9, 0.5)
+    np.savez(tmp_path / "some.npz", **arrays, delay_s=1e-6)
+    with pytest.raises(DataError, match="units: found delay_s, expected delay_s, doppler_hz, carrier_hz, or none"):
+        load_problem(tmp_path / "some.npz")
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"sigma": np.ones(2)}, "sigma: found float64 of shape"),
+        ({"y": np.full((3, 6), "a")}, "y: found <U1, expected numbers"),
+        ({"message_lnk": np.zeros(3)}, "found message_lnk, expected y, sigma"),
+        ({"message_link": np.array([0, 0.5, 1])}, "messages of link: found"),
+    ],
+)
+def test_arrays_that_mean_nothing_are_named(tmp_path, changed, told):
+    radar, link = plain().sources
+    arrays = {"y": plain().y[0], "basis_radar": radar.rows[0], "basis_link": link.rows} | changed
+    np.savez(tmp_path / "mine.npz", **arrays)
+    with pytest.raises((DataError, SettingError), match=r"mine\.npz") as caught:
+        load_problem(tmp_path / "mine.npz")
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"\x93NUMPY"])
+def test_broken_archives_are_named(tmp_path, content):
+    (tmp_path / "x.npz").write_bytes(content)
+    with pytest.raises(DataError, match=r"x\.npz: found no \.npz of plain arrays"):
+        load_problem(tmp_path / "x.npz")
+
+
+@pytest.mark.parametrize("broken", ["sigma", "part", "units", "message"])
+def test_broken_problems_are_named(tmp_path, broken):
+    path = save_problem(plain(), tmp_path / "p.nc")
+    with xr.open_dataset(path, engine="h5netcdf") as opened:
+        dataset = opened.load()
+    if broken == "part":
+        dataset = dataset.isel(part=slice(1))
+    elif broken == "message":
+        dataset = dataset.drop_vars("message_0")
+    else:
+        dataset.attrs |= {"sigma": "loud"} if broken == "sigma" else {"units_delay_s": 1e-6}
+    dataset.to_netcdf(tmp_path / "q.nc", engine="h5netcdf")
+    with pytest.raises(DataError, match=r"q\.nc"):
+        load_problem(tmp_path / "q.nc")
 
 
 def test_nothing_is_replaced_unasked(tmp_path):

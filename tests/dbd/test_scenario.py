@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from tmca.dbd import solve
-from tmca.dbd.signals.scenario import LIGHT_M_S, Path, Scenario, Target
+from tmca.dbd.physical import LIGHT_M_S
+from tmca.dbd.signals.scenario import Scenario
 from tmca.dbd.signals.scenario_files import read_scenario, scenario_names
+from tmca.dbd.signals.ways import Path, Target
 from tmca.errors import DataError, SettingError
 
 SCENE = Scenario(
@@ -71,6 +73,38 @@ def test_scenes_that_no_receiver_hears_are_refused(changed, told):
     assert told in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"targets": [Target(60.0, 300.0)]}, "found 300 m/s, expected less than 216.3 m/s"),
+        ({"paths": [Path(60.0, 500.0)]}, "found 500 m/s, expected less than 432.6 m/s"),
+        ({"targets": [Target(60.0, 1.0, 1.0, 30.0)], "antennas": 2, "spacing": 1.2}, "a turn of 0.6 wavelengths"),
+        ({"pulses": 3.5}, "pulses: found 3.5"),
+        ({"seed": -1}, "seed: found -1"),
+        ({"snr_db": float("nan")}, "snr_db: found nan"),
+    ],
+)
+def test_what_looks_like_something_else_is_refused(changed, told):
+    with pytest.raises(SettingError) as caught:
+        replace(SCENE, **changed)
+    assert told in str(caught.value)
+
+
+def test_numbers_of_targets_are_finite():
+    with pytest.raises(SettingError, match="velocity_m_s of a target: found nan"):
+        Target(60.0, float("nan"))
+
+
+@pytest.mark.parametrize("snr_db", [40.0, None])
+def test_what_the_model_leaves_out_gives_no_targets(snr_db):
+    """The turn of the phase within an interval, 2 % of the samples, is far above the noise."""
+    scene = replace(read_scenario("road"), snr_db=snr_db)
+    problem = scene.receive()
+    left = np.sqrt(np.mean(np.abs(scene.receive().y - scene.receive(doppler_within=False).y) ** 2))
+    assert problem.sigma >= 0.95 * left
+    assert [len(one.points) for one in solve(problem, certify=False).sources] == [3, 3]
+
+
 def test_the_scenarios_of_the_package_are_read():
     assert "road" in scenario_names()
     assert len(read_scenario("road").targets) == 3
@@ -85,10 +119,24 @@ def test_a_scenario_of_ones_own_is_read_with_numbers_written_as_text(tmp_path):
     assert scene.paths == []
 
 
+def test_gains_may_be_complex_and_whole_numbers_written_with_a_point(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("pulses: 5.0\ntargets: [{range_m: 60, velocity_m_s: 1e1, gain: 0.3 - 1j}]\nsnr_db: null\n")
+    scene = read_scenario(file)
+    assert scene.pulses == 5
+    assert isinstance(scene.pulses, int)
+    assert scene.targets[0] == Target(60, 10, 0.3 - 1j)
+    assert scene.snr_db is None
+
+
 @pytest.mark.parametrize(
     "text",
-    ["- 3", "foo: 3", "targets: [{range_m: 1}]", "targets: [3]", "pulses: many", "a: [", "paths: [{length_m: x}]"],
-)
+    [
+        "- 3", "foo: 3", "targets: [{range_m: 1}]", "targets: [3]", "pulses: many", "a: [", "paths: [{length_m: x}]",
+        "targets: 3", "useful_s: [1]", "pulses: true", "snr_db: []", "targets: [{range_m: [1], velocity_m_s: 2}]",
+        "targets: [{range_m: 1, velocity_m_s: 2, gain: [1, 2]}]",
+    ],
+)  # fmt: skip
 def test_files_that_are_no_scenario_are_named(tmp_path, text):
     file = tmp_path / "mine.yaml"
     file.write_text(text)

@@ -110,6 +110,12 @@ def test_noise_levels_are_not_negative(sigma):
     refused(SettingError, "sigma", str(sigma), "a standard dev", lambda: Problem(problem.y, problem.sources, sigma))
 
 
+def test_sources_have_names_of_their_own():
+    source = Source("radar", np.eye(4, 2), np.zeros(3, int))
+    with pytest.raises(SettingError, match="sources: found radar, radar, expected a name of its own for each"):
+        Problem(np.ones((3, 4)), (source, source))
+
+
 def test_every_source_has_its_truth():
     problem = small("shared")
     truth = (Truth(np.zeros((0, 3)), np.zeros(0), np.ones(2)),)

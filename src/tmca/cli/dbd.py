@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json as json_module
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.options import check_figure, check_targets
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import SettingError
 
@@ -32,7 +34,7 @@ def simulate(
     paths: str = "3",
     messages: str = "shared",
     basis: str = "vandermonde",
-    seed: Whole = 0,
+    seed: MaybeWhole = None,
     snr: float | None = None,
     antennas: Whole = 1,
     symbol_ratio: str = "1",
@@ -57,8 +59,8 @@ def simulate(
         paths: of the communications channel; likewise.
         messages: shared, block or dense.
         basis: vandermonde, gaussian, dft or sign.
-        seed: of everything random.
-        snr: decibels; no noise without.
+        seed: of everything random, 0 without; in place of a scenario's too.
+        snr: decibels; no noise without; in place of a scenario's too.
         antennas: of the receiver.
         symbol_ratio: duration of a message in pulse intervals, such as 3 or 1/2.
         lag: of the communications clock, in units of a normalised delay, known to the receiver.
@@ -71,15 +73,16 @@ def simulate(
     from tmca.data import check_target
     from tmca.dbd.files import save_problem
 
+    _check_scenario_alone(dict(locals()))
     check_target(out, overwrite)
     if scenario is not None:
-        problem = _physical(scenario, model_only)
+        problem = _physical(scenario, model_only, seed, snr)
     else:
         from tmca.dbd import simulate as simulated
 
         counts = _counts(targets, "--targets"), _counts(paths, "--paths")
         problem = simulated(
-            frequencies, pulses, subspace, *counts, messages, seed, snr,
+            frequencies, pulses, subspace, *counts, messages, seed or 0, snr,
             basis=basis, antennas=antennas, symbol_ratio=_ratio(symbol_ratio), lag=lag, late_samples=late_samples,
             separation=_separation(separation), known_waveforms=known_waveforms,
         )  # fmt: skip
@@ -126,17 +129,16 @@ def solve(
     """
     from dataclasses import replace
 
-    from tmca.data import check_target
     from tmca.dbd import solve as solved
     from tmca.dbd.files import load_problem, save_recovery
     from tmca.dbd.tables import recovery_lines, recovery_values
     from tmca.experiments.dbd.tables import save_planes
 
+    problem = load_problem(file)
     out = out or file.with_suffix(".recovery.nc")
     figure = figure or out.with_suffix(".png")
-    problem = load_problem(file)
-    for target in (out, figure):
-        check_target(target, overwrite)
+    check_figure(figure, overwrite, file)
+    check_targets([out], overwrite, file)
     if sigma is not None and unknown_noise:
         raise SettingError("--sigma", "--unknown-noise as well", "one of them")
     if sigma is not None or unknown_noise:
@@ -215,19 +217,35 @@ def report(
         jobs: processes side by side.
         overwrite: replace results that exist.
     """
-    from tmca.data import check_target
-    from tmca.experiments.dbd.report import write_report
+    from tmca.experiments.dbd.report import page_files, write_report
 
-    check_target(out.with_name(out.name + ".md"), overwrite)
+    check_targets(page_files(out), overwrite)
     command = ["tmca", *sys.argv[1:]]
     write_report(out, work, command, jobs=jobs, progress=cell_done, overwrite=overwrite, draws=draws)
     print(f"wrote {out}.md")
 
 
-def _physical(name: str, model_only: bool) -> Problem:
+def _check_scenario_alone(given: dict[str, Any]) -> None:
+    """Options of the normalised model do nothing to a scenario, and the other way round."""
+    if given["scenario"] is None:
+        if given["model_only"]:
+            raise SettingError("--model-only", "no --scenario", "one", "the numbers below make samples of the model")
+        return
+    defaults = {name: one.default for name, one in inspect.signature(simulate).parameters.items()}
+    both = ("scenario", "out", "seed", "snr", "model_only", "overwrite")
+    changed = [name for name, value in defaults.items() if name not in both and given[name] != value]
+    if changed:
+        options = ", ".join("--" + name.replace("_", "-") for name in changed)
+        raise SettingError("--scenario", f"{options} as well", "--seed and --snr only", "change the scenario's file")
+
+
+def _physical(name: str, model_only: bool, seed: int | None, snr: float | None) -> Problem:
+    from dataclasses import replace
+
     from tmca.dbd.signals.scenario_files import read_scenario
 
-    scenario = read_scenario(name)
+    given: dict[str, Any] = {"seed": seed, "snr_db": snr}
+    scenario = replace(read_scenario(name), **{key: value for key, value in given.items() if value is not None})
     if model_only:
         return scenario.problem()
     print(f"what turns within an interval and the model leaves out: {scenario.model_error:.2%} of the samples")

@@ -9,6 +9,7 @@ import numpy as np
 
 from tmca.data import write_dataset
 from tmca.dbd.arrays import Complex, Real
+from tmca.dbd.plain_files import read_plain
 from tmca.dbd.problem import Problem, Truth, Units
 from tmca.dbd.recovery import Recovery
 from tmca.dbd.source import AXES, Source
@@ -53,9 +54,11 @@ def _attributes(problem: Problem) -> dict[str, Any]:
     attributes: dict[str, Any] = {"kind": KIND}
     if problem.sigma is not None:
         attributes["sigma"] = problem.sigma
-    if problem.units is not None:
-        attributes |= {f"units_{name}": value for name, value in vars(problem.units).items()}
-    return attributes
+    return attributes | _unit_attributes(problem)
+
+
+def _unit_attributes(problem: Problem) -> dict[str, float]:
+    return {} if problem.units is None else {f"units_{name}": value for name, value in vars(problem.units).items()}
 
 
 def _truth_variables(index: int, truth: Truth) -> dict[str, Any]:
@@ -71,7 +74,8 @@ def load_problem(path: str | Path) -> Problem:
 
     In an ``.npz``, ``basis_NAME`` is ``(M, J)`` or ``(P, M, J)``; ``message_NAME``, ``weight_NAME`` and ``sigma`` are
     optional; without ``message_NAME`` a basis of its own in every pulse carries ``block`` messages and a common one
-    the same signal in all pulses.
+    the same signal in all pulses. With ``delay_s``, ``doppler_hz`` and ``carrier_hz`` (and ``spacing``), as in
+    :class:`Units`, results are in metres and metres a second.
 
     Raises:
         DataError: the file is missing, broken, or lacks something.
@@ -79,9 +83,21 @@ def load_problem(path: str | Path) -> Problem:
     """
     path = Path(path)
     if not path.is_file():
-        raise DataError(path, "no such file", "a NetCDF file of `tmca dbd simulate`, or an .npz with y and basis_…")
+        found = "a folder" if path.is_dir() else "no such file"
+        raise DataError(path, found, "a NetCDF file of `tmca dbd simulate`, or an .npz with y and basis_…")
     if path.suffix == ".npz":
-        return _from_npz(path)
+        return read_plain(path)
+    dataset = _opened(path)
+    try:
+        return _from_dataset(dataset)
+    except TmcaError as error:
+        raise type(error)(f"{path}, {error.where}", error.found, error.expected, error.remedy) from error
+    except (KeyError, ValueError, TypeError, IndexError) as error:
+        expected = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
+        raise DataError(path, str(error).strip("\"'").splitlines()[0], expected) from error
+
+
+def _opened(path: Path) -> xarray.Dataset:
     import xarray
 
     try:
@@ -89,16 +105,10 @@ def load_problem(path: str | Path) -> Problem:
             dataset = opened.load()
     except (OSError, ValueError, KeyError) as error:
         raise DataError(path, "no NetCDF file", "one written by `tmca dbd simulate`") from error
-    if dataset.attrs.get("kind") != KIND:
-        raise DataError(
-            path, f"kind {dataset.attrs.get('kind')!r}", f"{KIND!r}", "simulate one with `tmca dbd simulate`"
-        )
-    try:
-        return _from_dataset(dataset)
-    except KeyError as error:
-        raise DataError(path, f"no {error.args[0]}", "samples y, and basis and message of every source") from error
-    except TmcaError as error:
-        raise type(error)(f"{path}, {error.where}", error.found, error.expected, error.remedy) from error
+    kind = dataset.attrs.get("kind")
+    if kind != KIND:
+        raise DataError(path, f"kind {kind!r}", f"{KIND!r}", "simulate one with `tmca dbd simulate`")
+    return dataset
 
 
 def _from_dataset(dataset: xarray.Dataset) -> Problem:
@@ -119,34 +129,6 @@ def _from_dataset(dataset: xarray.Dataset) -> Problem:
     return Problem(_joined(dataset["y"].values), tuple(sources), sigma, tuple(truths) or None, units)
 
 
-def _from_npz(path: Path) -> Problem:
-    try:
-        with np.load(path) as opened:
-            arrays = dict(opened)
-    except (OSError, ValueError) as error:
-        raise DataError(path, "no .npz of plain arrays", "np.savez(path, y=…, basis_radar=…, …)") from error
-    names = [name.removeprefix("basis_") for name in arrays if name.startswith("basis_")]
-    if "y" not in arrays or not names:
-        raise DataError(path, ", ".join(arrays) or "nothing", "y and one basis_NAME or more")
-    y = arrays["y"]
-    try:
-        sources = [_npz_source(name, arrays, y) for name in names]
-        return Problem(y, tuple(sources), float(arrays["sigma"]) if "sigma" in arrays else None)
-    except TmcaError as error:
-        raise type(error)(f"{path}, {error.where}", error.found, error.expected, error.remedy) from error
-
-
-def _npz_source(name: str, arrays: dict[str, Any], y: Any) -> Source:
-    rows = arrays[f"basis_{name}"]
-    if y.ndim < 2 and rows.ndim < 3:
-        raise DataError("y", f"{y.ndim} dimension", "(P, M) or (A, P, M), or bases of (P, M, J)")
-    pulses = len(rows) if rows.ndim == 3 else y.shape[-2]
-    plain = np.arange(pulses) if rows.ndim == 3 else np.zeros(pulses, np.int64)
-    message = arrays.get(f"message_{name}", plain)
-    weight = {"weight": float(arrays[f"weight_{name}"])} if f"weight_{name}" in arrays else {}
-    return Source(name, rows, message, **weight)
-
-
 def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = False) -> Path:
     """Writes paths, gains, waveforms, bounds and the dual variable; returns the path."""
     import xarray
@@ -154,19 +136,24 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
     variables: dict[str, Any] = {"q": (("antenna", "pulse", "frequency", "part"), _parts(recovery.q))}
     for index, source in enumerate(recovery.sources):
         path_, coefficient = f"path_{index}", f"coefficient_{index}"
-        variables[f"points_{index}"] = ((path_, "axis"), source.points, {"source": source.name})
-        variables[f"amplitudes_{index}"] = ((path_, "part"), _parts(source.amplitudes))
-        variables[f"waveform_{index}"] = ((coefficient, "part"), _parts(source.waveform))
-        variables[f"signal_{index}"] = (("pulse", "frequency", "part"), _parts(source.signal))
+        about = {"source": source.name, "weight": recovery.problem.sources[index].weight}
+        about["relative_doppler"] = int(source.relative_doppler)
+        variables[f"points_{index}"] = ((path_, "axis"), source.points, about)
+        variables[f"amplitudes_{index}"] = ((path_, "part"), _parts(source.amplitudes), about)
+        variables[f"waveform_{index}"] = ((coefficient, "part"), _parts(source.waveform), about)
+        variables[f"signal_{index}"] = (("pulse", "frequency", "part"), _parts(source.signal), about)
         if source.bounds is not None:
-            variables[f"bounds_{index}"] = ((path_, "axis"), source.bounds)
+            variables[f"bounds_{index}"] = ((path_, "axis"), source.bounds, about)
     attributes: dict[str, Any] = {"kind": f"{KIND}: recovery"}
     attributes |= {"method": recovery.method, "residual": recovery.residual, "exact": int(recovery.exact)}
     attributes["certificate"] = "not looked for" if recovery.certificate is None else recovery.certificate.status
     attributes |= {"seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
     if recovery.sigma is not None:
         attributes["sigma"] = recovery.sigma
-    coordinates = {"part": ["real", "imaginary"], "axis": list(AXES)}
+    attributes |= _unit_attributes(recovery.problem)
+    frequencies = recovery.problem.shape[2]
+    coordinates = {"frequency": np.arange(frequencies) - frequencies // 2, "part": ["real", "imaginary"]}
+    coordinates["axis"] = list(AXES)
     return _written(xarray.Dataset(variables, coordinates, attributes), path, overwrite)
 
 

@@ -25,6 +25,13 @@ class Truth:
     amplitudes: Complex
     waveform: Complex
 
+    def __post_init__(self) -> None:
+        count = len(self.amplitudes)
+        if np.shape(self.points) != (count, 3):
+            raise ShapeError("points of the truth", f"shape {np.shape(self.points)}", f"({count}, 3), as gains")
+        if not all(np.all(np.isfinite(one)) for one in (self.points, self.amplitudes, self.waveform)):
+            raise SettingError("truth", "NaN or infinite numbers", "finite ones")
+
 
 @dataclass(frozen=True)
 class Units:
@@ -79,6 +86,9 @@ class Problem:
             raise SettingError("y", f"{bad} of {y.size} samples NaN or infinite", "finite samples", "drop the pulses")
         if self.sigma is not None and not (np.isfinite(self.sigma) and self.sigma >= 0):
             raise SettingError("sigma", f"{self.sigma}", "a standard deviation of zero or more")
+        names = [one.name for one in self.sources]
+        if len(set(names)) < len(names):
+            raise SettingError("sources", ", ".join(names), "a name of its own for each")
         if self.truth is not None and len(self.truth) != len(self.sources):
             raise ShapeError("truth", f"{len(self.truth)}", f"one for each of {len(self.sources)} sources")
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from tmca.dbd.arrays import Complex, Real
+from tmca.dbd.physical import centred
 from tmca.dbd.problem import Problem
 from tmca.dbd.scoring import Score, score
 from tmca.dbd.solvers.certificate import Certificate
@@ -83,7 +82,7 @@ class Recovery:
     @property
     def dopplers_hz(self) -> dict[str, Real]:
         """Per source the Dopplers in hertz, ``−½`` to ``½`` of the pulse repetition frequency; needs units."""
-        return {one.name: _centred(one.points[:, 1]) * self._units().doppler_hz for one in self.sources}
+        return {one.name: centred(one.points[:, 1]) * self._units().doppler_hz for one in self.sources}
 
     @property
     def delays_s(self) -> dict[str, Real]:
@@ -96,7 +95,3 @@ class Recovery:
         if self.problem.units is None:
             raise SettingError("units", "none", "a problem with physical units", "give Problem(…, units=Units(…))")
         return self.problem.units
-
-
-def _centred(values: Real) -> Real:
-    return (np.asarray(values) + 0.5) % 1.0 - 0.5

@@ -37,7 +37,10 @@ class Source:
     weight: float = None  # type: ignore[assignment]  # a float from here on
 
     def __post_init__(self) -> None:
-        message = np.asarray(self.message, np.int64)
+        message = np.asarray(self.message)
+        if not np.all(message == message.astype(np.int64)):
+            raise SettingError(f"messages of {self.name}", f"{message.tolist()}", "whole numbers")
+        message = message.astype(np.int64)
         rows = np.asarray(self.rows, np.complex128)
         if rows.ndim == 2:
             rows = np.broadcast_to(rows, (len(message), *rows.shape))

@@ -114,8 +114,8 @@ def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
         SettingError: a lag of more than an interval; messages that some pulses share.
     """
     pulses, frequencies, _ = source.rows.shape
-    if not 0 <= samples <= frequencies:
-        raise SettingError("late_samples", f"{samples}", f"0 to {frequencies}, the samples of an interval")
+    if samples != int(samples) or not 0 <= samples <= frequencies:
+        raise SettingError("late_samples", f"{samples}", f"a whole number up to {frequencies}, an interval")
     late, own = _windows(frequencies, samples)
     previous = np.concatenate([before[None], source.rows[:-1]])
     if source.messages == 1:

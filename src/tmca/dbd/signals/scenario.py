@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -18,80 +17,13 @@ from tmca.dbd.arrays import Complex, Real
 from tmca.dbd.problem import Problem, Truth, Units
 from tmca.dbd.signals.bases import unit_vector
 from tmca.dbd.signals.messages import messages as message_source
+from tmca.dbd.signals.scenario_checks import check_delays, check_numbers, check_unambiguous
 from tmca.dbd.signals.simulate import overlaid
+from tmca.dbd.signals.ways import Path, Target, Way
 from tmca.dbd.source import Source
-from tmca.errors import SettingError
 
-LIGHT_M_S = 299_792_458.0
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
-
-
-class Way(Protocol):
-    """Something that delays, shifts and scales a signal."""
-
-    @property
-    def gain(self) -> complex: ...
-
-    @property
-    def angle_deg(self) -> float: ...
-
-    @property
-    def delay_s(self) -> float: ...
-
-    def doppler_hz(self, carrier_hz: float) -> float: ...
-
-
-@dataclass(frozen=True)
-class Target:
-    """A point target of the radar.
-
-    Args:
-        range_m: distance.
-        velocity_m_s: radial, positive away.
-        gain: complex amplitude of the echo; one is as strong as a communications path of gain one.
-        angle_deg: from the broadside of the array.
-    """
-
-    range_m: float
-    velocity_m_s: float
-    gain: complex = 1.0
-    angle_deg: float = 0.0
-
-    @property
-    def delay_s(self) -> float:
-        """There and back."""
-        return 2 * self.range_m / LIGHT_M_S
-
-    def doppler_hz(self, carrier_hz: float) -> float:
-        """``2 f v / c``."""
-        return 2 * carrier_hz * self.velocity_m_s / LIGHT_M_S
-
-
-@dataclass(frozen=True)
-class Path:
-    """A path from the communications transmitter to the receiver.
-
-    Args:
-        length_m: of the whole way.
-        velocity_m_s: by which the way grows.
-        gain: complex amplitude.
-        angle_deg: of arrival.
-    """
-
-    length_m: float
-    velocity_m_s: float
-    gain: complex = 1.0
-    angle_deg: float = 0.0
-
-    @property
-    def delay_s(self) -> float:
-        """One way."""
-        return self.length_m / LIGHT_M_S
-
-    def doppler_hz(self, carrier_hz: float) -> float:
-        """``f v / c``."""
-        return carrier_hz * self.velocity_m_s / LIGHT_M_S
 
 
 @dataclass(frozen=True)
@@ -119,7 +51,7 @@ class Scenario:
 
     Raises:
         SettingError: durations or a bandwidth that are not positive, echoes that outlast the interval, paths later
-            than the prefix.
+            than the prefix, velocities or angles that look like others.
     """
 
     targets: Sequence[Target]
@@ -140,16 +72,11 @@ class Scenario:
     truth: tuple[Truth, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        named = ("bandwidth_hz", "useful_s", "carrier_hz", "pulses", "subspace", "antennas", "spacing")
-        for name in named + (("pulse_s",) if self.pulse_s is not None else ()):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise SettingError(name, f"{value}", "a positive number")
-        if not (np.isfinite(self.prefix_s) and self.prefix_s >= 0):
-            raise SettingError("prefix_s", f"{self.prefix_s}", "seconds, zero or more")
+        check_numbers(self)
         if self.pulse_s is None:
             object.__setattr__(self, "pulse_s", self.useful_s / 5)
-        self._check_delays()
+        check_delays(self)
+        check_unambiguous(self)
         rng = np.random.default_rng(self.seed)
         radar = self._radar(rng)
         link = message_source(
@@ -185,42 +112,30 @@ class Scenario:
     def receive(self, doppler_within: bool = True) -> Problem:
         """The samples as a receiver gets them: both signals in the time domain, through their channels, transformed.
 
+        The problem's ``sigma`` counts the noise and what the model leaves out, which a solver can explain no better.
+
         Args:
             doppler_within: let phases turn within an interval too, as they do; without, they turn from interval to
                 interval only, and the samples are the model's.
         """
         spectra = self._spectra(doppler_within)
-        sigma = None if doppler_within else 0.0
+        power = self._left_out(spectra) ** 2 if doppler_within else 0.0
         if self.snr_db is not None:
             rng = np.random.default_rng(self.seed + 1)
             sigma = float(np.sqrt(np.mean(np.abs(spectra) ** 2) * 10 ** (-self.snr_db / 10)))
             noise = rng.standard_normal(spectra.shape) + 1j * rng.standard_normal(spectra.shape)
-            spectra = spectra + sigma * noise / np.sqrt(2)
-        return Problem(spectra, self.sources, sigma, self.truth, self.units)
+            spectra, power = spectra + sigma * noise / np.sqrt(2), power + sigma**2
+        return Problem(spectra, self.sources, float(np.sqrt(power)), self.truth, self.units)
+
+    def _left_out(self, spectra: Complex) -> float:
+        """Root mean square of what the model leaves out of noiseless samples."""
+        return float(np.sqrt(np.mean(np.abs(spectra - replace(self, snr_db=None).problem().y) ** 2)))
 
     @property
     def model_error(self) -> float:
         """Relative norm of what the model leaves out of the noiseless samples."""
-        exact = replace(self, snr_db=None)
-        received, model = exact.receive().y, exact.problem().y
-        return float(np.linalg.norm(received - model) / np.linalg.norm(model))
-
-    def _check_delays(self) -> None:
-        assert self.pulse_s is not None
-        last = max((one.delay_s for one in self.targets), default=0.0) + self.pulse_s
-        if last > self.useful_s:
-            reach = (self.useful_s - self.pulse_s) * LIGHT_M_S / 2
-            found = f"an echo that ends {last * 1e6:.4g} µs after the pulse"
-            remedy = f"take targets within {reach:.4g} m, a longer interval or a shorter pulse"
-            raise SettingError("targets", found, f"{self.useful_s * 1e6:.4g} µs at most", remedy)
-        late = max((one.delay_s for one in self.paths), default=0.0)
-        if late > self.prefix_s:
-            found = f"a path of {late * 1e6:.4g} µs"
-            remedy = "take a longer prefix; without one, subcarriers are no longer orthogonal"
-            raise SettingError("paths", found, f"at most the prefix, {self.prefix_s * 1e6:.4g} µs", remedy)
-        delays = [one.delay_s for one in self.targets] + [one.delay_s for one in self.paths]
-        if min(delays, default=0.0) < 0:
-            raise SettingError("targets and paths", "a negative distance", "distances of zero or more")
+        spectra = self._spectra(True)
+        return self._left_out(spectra) / float(np.sqrt(np.mean(np.abs(spectra) ** 2)))
 
     def _radar(self, rng: np.random.Generator) -> Source:
         """Known pulses, smooth chips of random phases, and their spectra at the subcarriers."""

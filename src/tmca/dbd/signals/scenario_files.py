@@ -6,9 +6,11 @@ from dataclasses import MISSING, fields
 from pathlib import Path as FilePath
 from typing import Any
 
-from tmca.dbd.signals.scenario import Path, Scenario, Target
+from tmca.dbd.signals.scenario import Scenario
+from tmca.dbd.signals.ways import Path, Target
 from tmca.errors import DataError, SettingError
 
+_WHOLE = ("pulses", "subspace", "antennas", "seed")
 _FOLDER = FilePath(__file__).parent / "scenarios"
 
 
@@ -41,12 +43,12 @@ def _scenario(file: FilePath, described: Any) -> Scenario:
     if not isinstance(described, dict):
         raise DataError(file, f"{type(described).__name__}", "names and values, such as bandwidth_hz: 10e6")
     channels = {name: described.pop(name, None) or [] for name in ("targets", "paths")}
+    for name, listed in channels.items():
+        if not isinstance(listed, list):
+            raise DataError(file, f"{name}: {listed!r}", f"a list of {name}, each on its own")
     targets = [_checked(file, f"target {index + 1}", one, Target) for index, one in enumerate(channels["targets"])]
     paths = [_checked(file, f"path {index + 1}", one, Path) for index, one in enumerate(channels["paths"])]
-    try:
-        scenario: Scenario = _checked(file, "the scenario", {"targets": targets, "paths": paths, **described}, Scenario)
-    except SettingError as error:
-        raise type(error)(f"{file}, {error.where}", error.found, error.expected, error.remedy) from error
+    scenario: Scenario = _checked(file, "the scenario", {"targets": targets, "paths": paths, **described}, Scenario)
     return scenario
 
 
@@ -57,15 +59,26 @@ def _checked(file: FilePath, what: str, values: Any, kind: type) -> Any:
     if not isinstance(values, dict) or set(values) - set(named) or set(needed) - set(values):
         found = ", ".join(map(str, values)) if isinstance(values, dict) else repr(values)
         raise DataError(file, f"{what} of {found}", f"{', '.join(needed)}, and maybe others of {', '.join(named)}")
-    numbers = {name: _number(value) for name, value in values.items()}
+    numbers = {name: _value(name, value) for name, value in values.items()}
     for name, value in numbers.items():
-        if isinstance(value, str) and name != "messages":
-            raise DataError(file, f"{name} {value!r} of {what}", "a number")
-    return kind(**numbers)
-
-
-def _number(value: Any) -> Any:
+        if value is None and not (values[name] is None and named[name].default is None):
+            raise DataError(file, f"{name} {values[name]!r} of {what}", "a number")
     try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
+        return kind(**numbers)
+    except SettingError as error:
+        raise type(error)(f"{file}, {error.where}", error.found, error.expected, error.remedy) from error
+
+
+def _value(name: str, value: Any) -> Any:
+    """A value as the dataclasses want it: whole numbers, complex gains, text of numbers; None where it is no number."""
+    if name in ("targets", "paths", "messages"):
         return value
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        if name == "gain":
+            return complex(str(value).replace(" ", ""))
+        number = float(value)
+        return int(number) if name in _WHOLE and number == int(number) else number
+    except (ValueError, OverflowError):
+        return None

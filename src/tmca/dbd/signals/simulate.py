@@ -51,8 +51,8 @@ def simulate(
         snr_db: mean power of the samples over the noise's; no noise without.
         basis: ``vandermonde``, ``gaussian``, ``dft`` or ``sign``.
         antennas: of the receiver; more than one makes the angle a third coordinate.
-        symbol_ratio: duration of a message in pulse intervals: 1, a whole number, or one over it; other than 1
-            messages do not follow ``messages``.
+        symbol_ratio: duration of a message in pulse intervals: 1, a whole number, or one over it; other than 1 it
+            says how messages spread, in place of ``messages``.
         lag: known lag of the communications clock, in units of a normalised delay.
         late_samples: lag beyond the cyclic prefix, in samples of an interval.
         separation: distance of two points in at least one coordinate, in all or per coordinate (delay, Doppler,
@@ -66,12 +66,15 @@ def simulate(
     Raises:
         SettingError: sizes that are not positive, points that do not fit, SNR that is no number.
     """
-    rng = np.random.default_rng(seed)
-    _check(M, P, J, antennas, snr_db, amplitudes)
+    _check({"M": M, "P": P, "J": J, "antennas": antennas}, seed, snr_db, amplitudes)
     radars, links = _counts(targets, "targets"), _counts(paths, "paths")
     if not radars + links:
         raise SettingError("targets and paths", "none of either", "at least one")
     ratio = _ratio(symbol_ratio)
+    if ratio != 1 and messages != "shared":
+        remedy = "leave one of them out"
+        raise SettingError("symbol_ratio", f"{ratio} with {messages} messages", "messages of a pulse each", remedy)
+    rng = np.random.default_rng(seed)
     blind_doppler = [False] * len(radars) + [_absorbs_doppler(messages, ratio, P) and not late_samples] * len(links)
     apart = _separation(separation, (M, P, antennas))
     points = [
@@ -115,12 +118,13 @@ def seen(atoms: Atoms, points: Real) -> Real:
     return points[:, [2 - axis for axis in atoms.lattice_axes]]
 
 
-def _check(M: int, P: int, J: int, antennas: int, snr_db: float | None, amplitudes: tuple[float, float]) -> None:
-    for name, size in (("M", M), ("P", P), ("J", J), ("antennas", antennas)):
-        if size < 1:
-            raise SettingError(name, f"{size}", "1 or more")
-    if snr_db is not None and not np.isfinite(snr_db):
-        raise SettingError("snr_db", f"{snr_db}", "a finite number of decibels, or None for no noise")
+def _check(sizes: dict[str, int], seed: int, snr_db: float | None, amplitudes: tuple[float, float]) -> None:
+    for name, size in (*sizes.items(), ("seed", seed)):
+        least = 0 if name == "seed" else 1
+        if not isinstance(size, int | np.integer) or size < least:
+            raise SettingError(name, f"{size}", f"a whole number of {least} or more")
+    if snr_db is not None and not (isinstance(snr_db, int | float) and abs(snr_db) <= 300):
+        raise SettingError("snr_db", f"{snr_db}", "decibels from -300 to 300, or None for no noise")
     if not 0 < amplitudes[0] <= amplitudes[1]:
         raise SettingError("amplitudes", f"{amplitudes}", "a range of positive magnitudes")
 
@@ -149,6 +153,8 @@ def _separation(separation: float | Sequence[float] | None, sizes: tuple[int, in
     if separation is None:
         return [1 / half if half else np.inf for half in kept]
     given = [separation] * len(kept) if isinstance(separation, float | int) else list(separation)
+    if min(given) < 0 or not np.all(np.isfinite(given)):
+        raise SettingError("separation", f"{separation}", "distances of zero or more")
     if len(given) != len(kept):
         raise SettingError("separation", f"{len(given)} numbers", f"{len(kept)}: delay, Doppler and, if any, angle")
     return [one if half else np.inf for one, half in zip(given, kept, strict=True)]

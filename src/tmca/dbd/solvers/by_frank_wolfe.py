@@ -17,7 +17,7 @@ from tmca.dbd.solvers.lifted import Lifted
 
 _SHRINK = 0.6
 """Step down in the noise level where it is unknown."""
-_OVERFIT = 0.4
+_OVERFIT = 0.6
 """Share of the best estimate of the noise below which a level only explains noise."""
 _NO_NOISE = 1e-7
 """Relative residual below which unknown noise is none."""
@@ -27,7 +27,8 @@ def lifted(problem: Problem) -> Lifted:
     """Solves with the noise the problem states."""
     if problem.sigma is None:
         return _unknown_noise(problem)
-    return _noisy(problem, problem.sigma) if problem.sigma > 0 else _noiseless(problem)
+    audible = EXACT * float(np.sqrt(np.mean(np.abs(problem.y) ** 2)))
+    return _noisy(problem, problem.sigma) if problem.sigma > audible else _noiseless(problem)
 
 
 def _noiseless(problem: Problem) -> Lifted:

@@ -27,12 +27,14 @@ def solve_dual_cvx(
         settings: for the solver.
 
     Raises:
-        TmcaError: CVXPY is missing, or its solver found no solution.
+        TmcaError: CVXPY or its solver is missing, or found no solution.
     """
     try:
         cp: Any = import_module("cvxpy")
     except ImportError as error:
         raise TmcaError("method=cvxpy", "no CVXPY", "it installed", 'pip install "tmca[dbd]"') from error
+    if solver not in cp.installed_solvers():
+        raise TmcaError("solver", f"{solver!r}", f"one of {', '.join(cp.installed_solvers())}", "CLARABEL or SCS")
     parts = grams(problem)
     q = cp.Variable(problem.y.size, complex=True)
     constraints: list[Any] = []
@@ -50,7 +52,11 @@ def solve_dual_cvx(
     programme = cp.Problem(cp.Maximize(objective), constraints)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Solution may be inaccurate")  # atoms are fitted to the samples afterwards
-        programme.solve(solver=solver, **settings)
+        try:
+            programme.solve(solver=solver, **settings)
+        except cp.error.SolverError as error:
+            said = str(error).splitlines()[0]
+            raise TmcaError(f"CVXPY with {solver}", said, "a solution", "use CLARABEL or SCS") from error
     if q.value is None:
         raise TmcaError(f"CVXPY with {solver}", f"status {programme.status}", "a solution", "use method=sfw")
     return q.value.reshape(problem.shape), float(programme.value)

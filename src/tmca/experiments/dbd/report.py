@@ -167,6 +167,12 @@ def write_report(
     write_json(data, out.with_name(out.name + ".json"), overwrite=overwrite)
 
 
+def page_files(out: Path) -> list[Path]:
+    """Everything the page is made of."""
+    pictures = [f"_{part.name}.png" for part in parts() if part.picture]
+    return [out.with_name(out.name + suffix) for suffix in (".md", ".json", "_cost.png", *pictures)]
+
+
 def _shortened(study: Study, draws: int | None) -> Study:
     return study if draws is None else replace(study, draws=min(draws, study.draws))
 
