@@ -99,6 +99,7 @@ def solve(
     method: str = "sfw",
     gram: str = "separate",
     solver: str = "CLARABEL",
+    accuracy: float = 1e-5,
     weights: str | None = None,
     sigma: float | None = None,
     unknown_noise: _Flag = False,
@@ -119,6 +120,7 @@ def solve(
         method: sfw, sdp or cvxpy.
         gram: separate or shared (thesis equation 81), for sdp and cvxpy.
         solver: of cvxpy: CLARABEL for small sizes, SCS.
+        accuracy: relative residual at which sdp ends.
         weights: of the sources: balanced, or a number for each.
         sigma: standard deviation of the noise, in place of the file's.
         unknown_noise: estimate the noise, whatever the file says.
@@ -145,7 +147,10 @@ def solve(
         problem = replace(problem, sigma=None if unknown_noise else sigma)
     shares = _weights(weights)
     with progress_bar(f"solve {file.name}") as progress:
-        recovery = solved(problem, method, certify=certify, gram=gram, weights=shares, solver=solver, progress=progress)
+        recovery = solved(
+            problem, method, certify=certify, gram=gram, weights=shares, solver=solver, accuracy=accuracy,
+            progress=progress,
+        )  # fmt: skip
     save_recovery(recovery, out, overwrite=overwrite)
     save_planes(recovery, figure, overwrite=overwrite)
     print(json_module.dumps(recovery_values(recovery), indent=1) if json else "\n".join(recovery_lines(recovery)))
@@ -173,7 +178,8 @@ def study(
 
     Args:
         vary: NAME=VALUE,VALUE,… given several times; NAME: M, P, J, L, Q, separation, snr_db, antennas, symbol_ratio,
-            lag, late_samples, messages, basis, method, gram, weights (plain, balanced); L and Q take 2+3 for two.
+            lag, late_samples, accuracy, weakest, messages, basis, method, gram, weights (plain, balanced), early,
+            sigma (known, unknown, zero: what the solver is told); L and Q take 2+3 for two.
         set_: NAME=VALUE of the same names for all draws.
         out: results, without a suffix.
         work: folder of finished draws.

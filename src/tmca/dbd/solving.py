@@ -32,6 +32,7 @@ def solve(
     weights: Sequence[float] | str | None = None,
     gram: str = "separate",
     early: bool = True,
+    accuracy: float = 1e-5,
     solver: str = "CLARABEL",
     progress: Callable[..., None] | None = None,
 ) -> Recovery:
@@ -47,6 +48,7 @@ def solve(
             ``balanced`` multiplies those of ``block`` messages by P^(−1/4).
         gram: ``separate`` Gram matrices, or the thesis' ``shared`` one (equation 81), for ``sdp`` and ``cvxpy``.
         early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
+        accuracy: relative residual at which ``sdp`` ends; the value of the programme is about ten times as inexact.
         solver: CVXPY's name of the solver.
         progress: told the share that ``sdp`` has done, 0 to 1, and a ``detail``.
 
@@ -61,6 +63,8 @@ def solve(
         raise SettingError("method", f"{method!r}", f"one of {', '.join(METHODS)}")
     if gram not in GRAMS:
         raise SettingError("gram", f"{gram!r}", f"one of {', '.join(GRAMS)}")
+    if not 0 < accuracy < 1:
+        raise SettingError("accuracy", f"{accuracy}", "a relative residual between 0 and 1, such as 1e-5")
     problem = _weighted(problem, weights)
     _warn(problem)
     if not np.any(problem.y):
@@ -72,7 +76,9 @@ def solve(
     else:
         from tmca.dbd.solvers.by_dual import lifted_by_dual
 
-        solution = lifted_by_dual(problem, method, gram=gram, early=early, solver=solver, progress=progress)
+        solution = lifted_by_dual(
+            problem, method, gram=gram, early=early, accuracy=accuracy, solver=solver, progress=progress
+        )
     return _recovery(problem, method, solution, certify, began)
 
 

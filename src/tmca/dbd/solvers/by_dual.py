@@ -33,7 +33,7 @@ _SCS_BYTES = 2e4
 
 
 def lifted_by_dual(
-    problem: Problem, method: str, *, gram: str, early: bool, solver: str, progress: Told | None
+    problem: Problem, method: str, *, gram: str, early: bool, accuracy: float, solver: str, progress: Told | None
 ) -> Lifted:
     """Solves the dual and fits the atoms it shows."""
     if problem.sigma is None:
@@ -47,7 +47,7 @@ def lifted_by_dual(
         q, _ = solve_dual_cvx(problem, gram=gram, level=level, solver=solver)
         return _from_dual(problem, q)
     stop = (lambda q: _explaining(problem, q) is not None) if early and not level else None
-    dual = solve_dual(problem, gram=gram, level=level, stop=stop, progress=progress)
+    dual = solve_dual(problem, gram=gram, level=level, tolerance=accuracy, stop=stop, progress=progress)
     solution = _from_dual(problem, dual.q)
     if not dual.converged and not dual.stopped:
         said = f"the dual programme has not converged: residual {dual.residual:.1e} after {dual.iterations} iterations"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.data import check_target, write_json, write_text
+from tmca.dbd.arrays import Mask
 from tmca.experiments.cells import Measured
 from tmca.experiments.dbd.study import DEFAULTS, Study, beyond
 from tmca.experiments.figures import save_figure
@@ -30,13 +31,21 @@ _HEADINGS = {
     "certified": "certified",
     "silent": "nothing found",
     "optimum": "truth is the optimum",
+    "near": "within 1e-3",
     "rmse_over_bound": "RMSE / bound",
-    "rmse_of_successes": "of successes",
+    "rmse_of_successes": "RMSE / bound of successes",
     "median_s": "median, s",
     "p90_s": "90 %, s",
     "max_s": "most, s",
 }
-_SHARES = ("success", "right_number", "exact", "certified", "silent", "optimum")
+_RED = "#d1495b"
+_NAMES = {
+    "M": "frequencies M", "P": "pulses P", "J": "coefficients of a signal J", "L": "targets L", "Q": "paths Q",
+    "separation": "least separation in one coordinate", "snr_db": "signal-to-noise ratio, dB",
+    "symbol_ratio": "duration of a message, pulse intervals", "lag": "lag, normalised delay",
+    "late_samples": "lag beyond the prefix, samples", "weakest": "weakest path over the strongest",
+}  # fmt: skip
+_SHARES = ("success", "right_number", "exact", "certified", "silent", "optimum", "near")
 
 
 def study_table(study: Study, rows: Sequence[Measured]) -> str:
@@ -78,20 +87,33 @@ def _map(axis: Axes, study: Study, rows: Sequence[Measured], names: list[str]) -
     shown = axis.imshow(rates, origin="lower", cmap="gray", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
     axis.set_xticks(range(len(xs)), [str(one) for one in xs])
     axis.set_yticks(range(len(ys)), [str(one) for one in ys])
-    axis.set_xlabel(x)
-    axis.set_ylabel(y)
-    axis.set_title("share of successes; red: more lifted unknowns than samples", fontsize=10)
-    for i, a in enumerate(xs):
-        for j, b in enumerate(ys):
-            if beyond({**study.fixed, x: a, y: b}):
-                axis.plot(i, j, "s", color="#d1495b", markersize=9, markerfacecolor="none")
+    axis.set_xlabel(_NAMES.get(x, x))
+    axis.set_ylabel(_NAMES.get(y, y))
+    outside = np.array([[beyond({**study.fixed, x: a, y: b}) for a in xs] for b in ys])
+    _frontier(axis, outside)
+    _title(axis, bool(outside.any()), "beyond the red line")
     assert axis.figure is not None
-    axis.figure.colorbar(shown, ax=axis)
+    axis.figure.colorbar(shown, ax=axis).set_label("share of successes")
+
+
+def _frontier(axis: Axes, outside: Mask) -> None:
+    """A red line between cells within and beyond the degrees of freedom."""
+    for i, j in np.ndindex(outside.shape):
+        if j and outside[i, j] != outside[i, j - 1]:
+            axis.plot([j - 0.5, j - 0.5], [i - 0.5, i + 0.5], color=_RED, linewidth=2.5)
+        if i and outside[i, j] != outside[i - 1, j]:
+            axis.plot([j - 0.5, j + 0.5], [i - 0.5, i - 0.5], color=_RED, linewidth=2.5)
+
+
+def _title(axis: Axes, any_beyond: bool, what: str) -> None:
+    if any_beyond:
+        axis.set_title(f"{what}: more lifted unknowns than samples", fontsize=10)
 
 
 def _lines(axis: Axes, study: Study, rows: Sequence[Measured], names: list[str]) -> None:
     x, others = names[0], names[1:]
     combinations = {tuple(row[name] for name in others) for row in rows}
+    any_beyond = False
     for values in sorted(combinations, key=str):
         kept = dict(zip(others, values, strict=True))
         rates = [_rate(rows, {x: value, **kept}) for value in study.axes[x]]
@@ -99,11 +121,12 @@ def _lines(axis: Axes, study: Study, rows: Sequence[Measured], names: list[str])
         axis.plot([str(value) for value in study.axes[x]], rates, "o-", label=label or None)
         for value, rate in zip(study.axes[x], rates, strict=True):
             if beyond({**study.fixed, x: value, **kept}):
-                axis.plot(str(value), rate, "s", color="#d1495b", markersize=12, markerfacecolor="none")
-    axis.set_xlabel(x)
+                any_beyond = True
+                axis.plot(str(value), rate, "s", color=_RED, markersize=12, markerfacecolor="none")
+    axis.set_xlabel(_NAMES.get(x, x))
     axis.set_ylabel("share of successes")
     axis.set_ylim(-0.05, 1.05)
-    axis.set_title("red: more lifted unknowns than samples", fontsize=10)
+    _title(axis, any_beyond, "red squares")
     if others:
         axis.legend(fontsize=8)
 
