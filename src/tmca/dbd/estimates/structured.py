@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tmca.dbd.arrays import Complex, Real
+from tmca.dbd.descent import levenberg_marquardt
 from tmca.dbd.estimates.channels import Channel
-
-_TRIALS = 8
 
 
 def jacobian(channels: list[Channel]) -> tuple[Real, int]:
@@ -39,33 +38,21 @@ def fit(channels: list[Channel], y: Complex, steps: int = 30) -> list[Channel]:
     """Levenberg–Marquardt from the channels given; gauge directions are left where they are."""
     if not any(len(one.points) for one in channels):
         return channels
-    left = residual(channels, y)
-    error, damping = float(np.linalg.norm(left)), 1e-6
-    for _ in range(steps):
-        slopes, positions = jacobian(channels)
-        hessian = slopes.T @ slopes
-        gradient = slopes.T @ np.concatenate([left.real, left.imag])
-        accepted = False
-        for _ in range(_TRIALS):
-            diagonal = np.diag(hessian)
-            damped = hessian + np.diag((damping + 1e-12) * diagonal + (diagonal == 0))  # in anybody's units
-            trial = _moved(channels, np.linalg.solve(damped, gradient), positions)
-            new_left = residual(trial, y)
-            new = float(np.linalg.norm(new_left))
-            if new < error:
-                accepted = True
-                break
-            damping = max(damping * 20, 1e-6)
-        if not accepted:
-            break
-        gain, channels, left, error = error - new, trial, new_left, new
-        damping = max(damping / 10, 1e-12)
-        if gain < 1e-12 * error:
-            break
-    return [one.normalised() for one in channels]
+
+    def value(trial: list[Channel]) -> float:
+        return 0.5 * float(np.linalg.norm(residual(trial, y)) ** 2)
+
+    def system(trial: list[Channel]) -> tuple[Real, Real]:
+        slopes, _ = jacobian(trial)
+        left = residual(trial, y)
+        return slopes.T @ slopes, -slopes.T @ np.concatenate([left.real, left.imag])
+
+    found = levenberg_marquardt(channels, value, system, _moved, steps)
+    return [one.normalised() for one in found]
 
 
-def _moved(channels: list[Channel], step: Real, positions: int) -> list[Channel]:
+def _moved(channels: list[Channel], step: Real) -> list[Channel]:
+    positions = sum(one.points.size for one in channels)
     values = (step.size - positions) // 2
     complex_step = step[positions : positions + values] + 1j * step[positions + values :]
     moved, place, value = [], 0, 0

@@ -85,12 +85,7 @@ def solve_dual(
     affine: list[Complex] = []
     worst, done = np.inf, 0
     for done in range(1, iterations + 1):
-        sums: list[Complex] = [
-            slack + multiplier for slack, multiplier in zip(state.slack, state.multiplier, strict=True)
-        ]
-        pulled = sum(part.adjoint(one[part.size :, : part.size]) for part, one in zip(parts, sums, strict=True))
-        state.q = (y / (2 * state.step) + pulled) / (power + level / (2 * state.step))
-        affine = _affine(parts, sums, state.q, gram)
+        affine = _nearest(parts, state, y, power, level, gram)
         before = state.slack
         state.slack, state.multiplier, negative = _projected(affine, state, negative)
         if progress is not None:
@@ -104,8 +99,7 @@ def solve_dual(
             break
         if done < 0.6 * iterations:
             _balance(state, primal, dual)
-    value = float(np.real(np.vdot(state.q, y)))
-    q = state.q.reshape(problem.shape)
+    value, q = float(np.real(np.vdot(state.q, y))), state.q.reshape(problem.shape)
     return DualSolution(q, value, done, float(worst), bool(worst < tolerance), stopped, state)
 
 
@@ -126,6 +120,15 @@ def _start(parts: list[Gram], y: Complex) -> State:
         diagonal[: part.size] = 1 / part.size
         slack.append(np.diag(diagonal).astype(complex))
     return State(slack, [np.zeros_like(one) for one in slack], 0.05, np.zeros_like(y))
+
+
+def _nearest(parts: list[Gram], state: State, y: Complex, power: Real, level: float, gram: str) -> list[Complex]:
+    """The closed step in q, and the matrices with its coefficients."""
+    pairs = zip(state.slack, state.multiplier, strict=True)
+    sums: list[Complex] = [slack + multiplier for slack, multiplier in pairs]
+    pulled = sum(part.adjoint(one[part.size :, : part.size]) for part, one in zip(parts, sums, strict=True))
+    state.q = (y / (2 * state.step) + pulled) / (power + level / (2 * state.step))
+    return _affine(parts, sums, state.q, gram)
 
 
 def _affine(parts: list[Gram], sums: list[Complex], q: Complex, gram: str) -> list[Complex]:

@@ -6,9 +6,8 @@ import numpy as np
 
 from tmca.dbd.arrays import Complex, Real
 from tmca.dbd.atoms.measure import Measure
+from tmca.dbd.descent import levenberg_marquardt
 from tmca.dbd.solvers.group_lasso import penalties
-
-_TRIALS = 8
 
 
 def objective(measure: Measure, level: float) -> float:
@@ -22,26 +21,12 @@ def slide(measure: Measure, level: float, steps: int = 10) -> None:
 
     The curvature of ``‖w‖`` is exact, that of the fit Gauss–Newton's.
     """
-    value, damping = objective(measure, level), 1e-6
-    for _ in range(steps):
-        if not sum(measure.counts):
-            return
-        hessian, gradient = _system(measure, level)
-        accepted = False
-        for _ in range(_TRIALS):
-            trial = _stepped(measure, hessian, gradient, damping)
-            new = objective(trial, level) if trial is not None else np.inf
-            if new < value:
-                accepted = True
-                break
-            damping = max(damping * 20, 1e-6)
-        if not accepted or trial is None:
-            return
-        measure.points, measure.weights = trial.points, trial.weights
-        gain, value = value - new, new
-        damping = max(damping / 5, 1e-12)
-        if gain < 1e-13 * value:
-            return
+    if not sum(measure.counts):
+        return
+    found = levenberg_marquardt(
+        measure, lambda one: objective(one, level), lambda one: _system(one, level), _moved, steps
+    )
+    measure.points, measure.weights = found.points, found.weights
 
 
 def _system(measure: Measure, level: float) -> tuple[Real, Real]:
@@ -81,14 +66,7 @@ def _add_penalty(measure: Measure, level: float, hessian: Real, gradient: Real) 
         start += weight.size
 
 
-def _stepped(measure: Measure, hessian: Real, gradient: Real, damping: float) -> Measure | None:
-    """The measure after one damped step; none where the system has no solution."""
-    diagonal = np.diag(hessian)
-    damped = hessian + np.diag((damping + 1e-14) * diagonal + (diagonal == 0))  # in anybody's units
-    try:
-        step = -np.linalg.solve(damped, gradient)
-    except np.linalg.LinAlgError:
-        return None
+def _moved(measure: Measure, step: Real) -> Measure:
     trial = measure.copy()
     vector = measure.vector()
     size = vector.size

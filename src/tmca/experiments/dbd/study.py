@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import time
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -11,10 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from tmca.dbd.estimates.true_bounds import true_bounds
 from tmca.dbd.identifiability import beyond_freedom
+from tmca.dbd.problem import Problem
+from tmca.dbd.recovery import Recovery
+from tmca.dbd.scoring import Score
 from tmca.dbd.signals.bases import BASES
 from tmca.dbd.signals.messages import MESSAGES
-from tmca.dbd.solving import GRAMS, METHODS
+from tmca.dbd.signals.simulate import simulate
+from tmca.dbd.solving import GRAMS, METHODS, solve
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings, Timed, run_cells, timed
 from tmca.experiments.source import source_digest
@@ -126,48 +133,44 @@ def one_draw(cell: Settings) -> Measured:
 
 
 def _measured(cell: Settings) -> Measured:
-    import time
-    import warnings
-
-    from tmca.dbd import solve
-
     problem = _simulated(cell)
-    options = {
-        name: cell[name] for name in ("gram", "weights", "early", "accuracy") if cell.get(name, "plain") != "plain"
-    }
     began = time.process_time()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what is beyond the degrees of freedom is drawn in the figure
-        recovery = solve(_told(problem, cell), cell["method"], certify=cell["certify"], **options)
-    seconds = time.process_time() - began
+    recovery = _solved(problem, cell)
+    measured: Measured = {"seconds": time.process_time() - began, "exact": recovery.exact}
+    measured |= {"certified": recovery.certified, "silent": not recovery.found}
     score = recovery.score(problem, cell["tolerance"])
-    measured: Measured = {"success": score.success, "exact": recovery.exact, "seconds": seconds}
-    measured |= {"right_number": all(one.right_number for one in score.sources), "certified": recovery.certified}
-    measured |= {"silent": not recovery.found}
+    measured |= {"success": score.success, "right_number": all(one.right_number for one in score.sources)}
     measured |= {"error": score.max_error if np.isfinite(score.max_error) else None}
+    measured["correlation"] = min(one.waveform_correlation for one in score.sources)
     if problem.sigma and measured["right_number"]:
         measured |= _against_bounds(score, problem)
     if cell["method"] != "sfw" and not recovery.problem.sigma:
         measured |= _value_of_dual(recovery)
-    measured["correlation"] = min(one.waveform_correlation for one in score.sources)
     return measured
+
+
+def _solved(problem: Problem, cell: Settings) -> Recovery:
+    named = ("gram", "weights", "early", "accuracy")
+    options = {name: cell[name] for name in named if cell.get(name, "plain") != "plain"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is beyond the degrees of freedom is drawn in the figure
+        return solve(_told(problem, cell), cell["method"], certify=cell["certify"], **options)
 
 
 def beyond(cell: Settings) -> bool:
     """Whether the lifted problem of a cell has more unknowns than samples."""
     problem = _simulated({"seed": 0, **DEFAULTS, **cell})
+    assert problem.truth is not None
     return beyond_freedom(problem, [len(one.points) for one in problem.truth]) is not None
 
 
-def _told(problem: Any, cell: Settings) -> Any:
+def _told(problem: Problem, cell: Settings) -> Problem:
     """The problem with what the solver is told of its noise."""
     told = cell.get("sigma", "known")
     return problem if told == "known" else replace(problem, sigma=None if told == "unknown" else 0.0)
 
 
-def _simulated(cell: Settings) -> Any:
-    from tmca.dbd import simulate
-
+def _simulated(cell: Settings) -> Problem:
     sizes: dict[str, Any] = {"M": int(cell["M"]), "P": int(cell["P"]), "J": int(cell["J"])}
     more: dict[str, Any] = {
         name: cell[name] for name in ("separation", "snr_db", "symbol_ratio", "lag") if name in cell
@@ -191,19 +194,18 @@ def _number(value: Any) -> Any:
     return counts if len(counts) > 1 else counts[0]
 
 
-def _against_bounds(score: Any, problem: Any) -> Measured:
+def _against_bounds(score: Score, problem: Problem) -> Measured:
     """Squared errors and squared Cramér–Rao bounds, summed over all coordinates, at the true parameters."""
-    from tmca.dbd.estimates.true_bounds import true_bounds
-
     references = [one.reference for one in score.sources]
     errors = np.concatenate([error for one in score.sources for error in one.errors.values()])
     bounds = np.concatenate([bound.reshape(-1) for bound in true_bounds(problem, references)])
     return {"squared_error": float(np.sum(errors**2)), "squared_bound": float(np.sum(bounds**2))}
 
 
-def _value_of_dual(recovery: Any) -> Measured:
+def _value_of_dual(recovery: Recovery) -> Measured:
     """The dual's value, and its share of the truth's sum of weighted atomic norms: one where the truth is optimal."""
     problem = recovery.problem
+    assert problem.truth is not None
     pairs = zip(problem.sources, problem.truth, strict=True)
     norms = [one.weight * np.sum(np.abs(true.amplitudes)) * np.linalg.norm(true.waveform) for one, true in pairs]
     value = float(np.real(np.vdot(recovery.q, problem.y)))
