@@ -79,7 +79,10 @@ def _block() -> list[Part]:
     fixed = {"messages": "block", "J": 2}
     plain = Study({"messages": ["block"]}, {"M": 21, "P": 9, "J": 2, "L": 3, "Q": 3}, 20, certify=True)
     weighted = Study({"weights": ["plain", "balanced"]}, {**fixed, "M": 33, "P": 9, "L": 2, "Q": 2}, 20, certify=True)
-    text = "Delays, and Dopplers relative to each other; weights `balanced` are P^(-1/4) for the messages."
+    text = (
+        "Delays, and Dopplers relative to each other: the dual polynomial of such messages does not depend on the "
+        "Doppler (`tests/dbd/test_messages.py`). Weights `balanced` are P^(-1/4) for the messages."
+    )
     return [
         Part("block", "Block messages: 21 x 9, J = 2, L = Q = 3", plain, text),
         Part("block_weights", "Block messages: 33 x 9, J = 2, L = Q = 2", weighted, text),
