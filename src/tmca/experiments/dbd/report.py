@@ -229,5 +229,8 @@ def _cost_figure(sizes: Any, seconds: Any, exponent: float, offset: float) -> Fi
     axis.loglog(sizes, seconds, "o-", color="#00798c", label="median of 5")
     axis.loglog(sizes[-4:], np.exp(offset) * sizes[-4:] ** exponent, "--", color="0.5", label=f"power {exponent:.2f}")
     plain_axes(axis, "sliding Frank–Wolfe to an exact fit", "samples MP", "seconds")
+    axis.set_xticks(sizes, [f"{size:g}" for size in sizes])
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.minorticks_off()
     axis.legend(fontsize=8)
     return figure
