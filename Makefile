@@ -13,7 +13,7 @@ demo: .venv/installed
 	.venv/bin/tmca demo --overwrite
 
 test: .venv/installed
-	.venv/bin/pytest -n 2
+	.venv/bin/pytest -n 2 --durations=20
 
 lint: .venv/installed
 	.venv/bin/ruff check .

@@ -11,7 +11,8 @@ _EVERY = 10.0
 """Seconds between two lines where nobody watches."""
 
 Told = Callable[..., None]
-"""Takes the share that is done, 0 to 1, and optionally what is done next and figures that change all the time."""
+"""Takes the share that is done, 0 to 1 (None: preparations, which tell nothing of the time left), and optionally
+what is done next and figures that change all the time."""
 
 
 @contextmanager
@@ -38,17 +39,23 @@ class _Lines:
         self.label, self.last, self.step = label, time.monotonic(), ""
         self.first: tuple[float, float] | None = None
 
-    def __call__(self, share: float, step: str | None = None, detail: str = "") -> None:
+    def __call__(self, share: float | None, step: str | None = None, detail: str = "") -> None:
         now = time.monotonic()
-        self.first = self.first or (now, share)
+        if share is not None:
+            self.first = self.first or (now, share)
         fresh = step is not None and step != self.step
         if not fresh and now - self.last < _EVERY:
             return
         self.last, self.step = now, step or self.step
-        begun, before = self.first  # a run that goes on did not do the first part now
-        left = (now - begun) * (1 - share) / (share - before) if share > before else None
-        eta = "" if left is None or left < 1 else f", {left:.0f} s left" if left < 90 else f", {left / 60:.1f} min left"
-        print(" ".join(f"{self.label}: {share:4.0%} {self.step} {detail}".split()) + eta, file=sys.stderr)
+        done = "" if share is None else f"{share:4.0%}"
+        print(" ".join(f"{self.label}: {done} {self.step} {detail}".split()) + self._left(share, now), file=sys.stderr)
+
+    def _left(self, share: float | None, now: float) -> str:
+        begun, before = self.first or (now, 0.0)  # a run that goes on did not do the first part now
+        if share is None or share <= before:
+            return ""
+        left = (now - begun) * (1 - share) / (share - before)
+        return "" if left < 1 else f", {left:.0f} s left" if left < 90 else f", {left / 60:.1f} min left"
 
 
 def cell_done(done: int, total: int, name: str, left: float) -> None:

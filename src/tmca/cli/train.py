@@ -163,18 +163,15 @@ def _run(train: Any, settings: Any, out: Path, load: Any, accelerator: str, json
 
     local, rank = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
     with progress_bar(f"train {out.name}") as bar:
-        share = 0.0
 
         def read(name: str) -> Any:
             scene = load(name)
             if not rank:
-                bar(share, f"{Path(name).name} read")
+                bar(None, f"{Path(name).name} read")
             return scene
 
         def told(done: int, steps: int, said: str) -> None:
-            nonlocal share
-            share = done / steps
-            bar(share, "training", f"step {done}/{steps}, {said}")
+            bar(done / steps, "training", f"step {done}/{steps}, {said}")
 
         found = train(
             settings, out, read, accelerator=accelerator, processes=local,
