@@ -51,6 +51,20 @@ def test_gains_are_counted_from_the_static_code_scene_by_scene(examples):
     assert found.chosen.design.mse <= found.static.design.mse * (1 + 1e-6)
 
 
+def test_the_share_that_is_done_counts_each_search_by_its_effort(examples):
+    told = []
+    survey, effort = Effort(1, 2, 0), Effort(1, 6, 0)
+    advise(
+        examples, SensorSheet(), slots=[2], kinds=["one-hot"], period=(4, 6), survey=survey, effort=effort,
+        progress=lambda share, step: told.append((share, step)), bands=3,
+    )  # fmt: skip
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1)
+    assert max(share for share, step in told if "survey" in step) == pytest.approx(4 / 16)
+    assert max(share for share, step in told if step == "static") == pytest.approx(10 / 16)
+
+
 def test_no_slot_that_fits_leaves_the_static_code(examples):
     sheet = SensorSheet(exposure=0.001, pattern_rate=1000)
     found = advise(examples, sheet, period=(4, 6), survey=SMALL, effort=SMALL, bands=3)

@@ -16,6 +16,8 @@ from tmca.sensor import Sensor
 
 SLOTS = (2, 4, 8, 16)
 """Numbers of slots that are tried."""
+_FLIP = 0.1
+"""Steps of a descent that take as long as a flip."""
 WORTH = 0.1
 """Gain in dB below which more than one slot is not worth it."""
 _LIGHT = 0.02
@@ -233,20 +235,19 @@ def advise(
     asked = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
     plan = [(kind, k) for kind, k in asked if task.reaches(kind, k)]
     out = tuple(sorted(set(asked) - set(plan)))
-    told, parts = progress or (lambda share, step: None), len(plan) + 3
-    static = task.judged("static", 1, survey, _part(told, 0, parts, "survey: static"))
+    part = _Parts(progress or (lambda share, step: None), [survey] * (len(plan) + 1) + [effort or Effort()] * 2)
+    static = task.judged("static", 1, survey, part("survey: static"))
     surveyed = [static]
-    for place, (kind, k) in enumerate(plan, start=1):
-        step = _part(told, place, parts, f"survey: {kind}, K = {k}")
+    for kind, k in plan:
         starts = _contained(surveyed, k) if kind == "free" else []
-        surveyed.append(task.judged(kind, k, survey, step, starts, static))
-    final = task.judged("static", 1, effort, _part(told, parts - 2, parts, "static"), [static])
+        surveyed.append(task.judged(kind, k, survey, part(f"survey: {kind}, K = {k}"), starts, static))
+    final = task.judged("static", 1, effort, part("static"), [static])
     best = _best(surveyed[1:])
     if best is None:
         return Advice(final, surveyed, None, task.noise, sheet, out, throughput)
     kind, k = best.design.kind, best.design.slots
     starts = [best, final] if kind == "free" else [best]
-    chosen = task.judged(kind, k, effort, _part(told, parts - 1, parts, f"{kind}, K = {k}"), starts, final)
+    chosen = task.judged(kind, k, effort, part(f"{kind}, K = {k}"), starts, final)
     return Advice(final, surveyed, chosen, task.noise, sheet, out, throughput)
 
 
@@ -308,5 +309,14 @@ def _noise(sheet: SensorSheet, period: tuple[int, int], camera: dict[str, Any]) 
     return found.read, found.shot
 
 
-def _part(told: Callable[[float, str], None], place: int, parts: int, what: str) -> Callable[[float], None]:
-    return lambda share: told((place + share) / parts, what)
+class _Parts:
+    """Progress of searches one after the other, each as long as its effort."""
+
+    def __init__(self, told: Callable[[float, str], None], efforts: Sequence[Effort]) -> None:
+        lengths = [effort.descents * effort.steps + _FLIP * effort.flips for effort in efforts]
+        self.told, self.all, self.left = told, sum(lengths), lengths
+
+    def __call__(self, what: str) -> Callable[[float], None]:
+        """Takes the share that is done of the next search."""
+        before, own = self.all - sum(self.left), self.left.pop(0)
+        return lambda share: self.told((before + own * share) / self.all, what)
