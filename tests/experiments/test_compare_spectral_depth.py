@@ -13,6 +13,7 @@ from tmca.data import label, split_rendered, write_dataset
 from tmca.experiments.spectral_depth import comparison, plan
 from tmca.experiments.spectral_depth.margin_tables import learning, margins, order
 from tmca.experiments.spectral_depth.rows import CODES, CONSTANT, Sizes
+from tmca.experiments.spectral_depth.scenes import withheld_scene
 from tmca.experiments.spectral_depth.tables import markdown
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks of two steps are rough
@@ -75,7 +76,7 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     assert rows[SHOWN[0], "σ = 0.002", "likelihood"]["search_cpu_minutes"] > 0
     assert {row["code"] for row in learning(found)} == {SHOWN[2]}
     assert "What learning codes adds" in page
-    assert "also rendered, chose the best step" in page
+    assert "(rendered) chose the best step" in page
     assert "measured 100%" in page  # of its pixels have a known depth
     guess = rows[CONSTANT, "", CONSTANT]
     with xr.open_dataset(scenes[1]) as truth:
@@ -165,6 +166,23 @@ def test_networks_learn_from_no_scene_that_is_measured(tmp_path):
     cells = plan.trainings(table, {})
     learned = {name for cell in cells for part in ("train", "validation") for name in cell["training"]["data"][part]}
     assert learned == {"own.nc", *rendered} - {rendered[1]}
+
+
+def test_a_withheld_scene_chooses_steps_and_teaches_nothing(tmp_path):
+    common = {"source": "", "side": 68, "placed": None, "from_rgb": False, "checksums": [], "scenes": {}}
+    table = plan.Table(common, SMALL, ["a", "b", "c"], ["two-headed"], range(1), {}, 2, tmp_path, "b")
+    rendered = sorted(split_rendered()["train"])
+    own = plan.network_scenes(table)
+    assert own == {"train": ["a", "c", *rendered[1:]], "validation": [rendered[0], "b"], "prior": ["a", "c"]}
+    told = comparison._of_networks(table, ["A", "B", "C"])
+    assert told == {"rendered": {"train": rendered[1:], "validation": rendered[:1]}, "withheld": "B"}
+
+
+def test_the_last_file_with_depth_is_withheld_where_another_is_left(tmp_path, scenes):
+    cube = xr.open_dataset(scenes[0])["radiance"]
+    cube.to_netcdf(tmp_path / "cube.nc")
+    assert withheld_scene([*scenes, str(tmp_path / "cube.nc"), "coffee"]) == scenes[1]
+    assert withheld_scene([scenes[0], str(tmp_path / "cube.nc"), "coffee"]) is None
 
 
 def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, scenes):

@@ -20,7 +20,7 @@ from tmca.experiments.spectral_depth.cells import measure
 from tmca.experiments.spectral_depth.comparison_figures import comparison_pictures, picture_files
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
 from tmca.experiments.spectral_depth.rows import DECODER_NAMES, NETWORKS, Sizes
-from tmca.experiments.spectral_depth.scenes import check_readable, load_any_depth_scene
+from tmca.experiments.spectral_depth.scenes import check_readable, load_any_depth_scene, withheld_scene
 from tmca.experiments.spectral_depth.tables import markdown, results
 
 EFFORT = {"starts": 3, "steps": 40, "rate": 0.003}
@@ -92,18 +92,27 @@ def compare_spectral_depth(
     grid = Grid(partial(measure, folder=str(work)), work, jobs, cluster, progress)
     common = _common(learned, names, work, own, how, progress)
     make_folder(out)
-    table = plan.Table(common, own, learned, tuple(decoders), range(seed, seed + seeds), effort or EFFORT, steps, work)
+    which = tuple(decoders), range(seed, seed + seeds)
+    table = plan.Table(common, own, learned, *which, effort or EFFORT, steps, work, withheld_scene(learned))
     found = _measured(grid, table)
     split = {"train": list(short_names(list(learned)).values()), "test": list(names.values()), **how}
     if {*decoders} & {*NETWORKS}:
-        rendered = plan.network_scenes(table)
-        split["rendered"] = {"train": rendered["train"][len(learned) :], "validation": rendered["validation"]}
+        split |= _of_networks(table, split["train"])
     told = results(found, split, {**vars(own), "effort": dict(table.effort), "steps": steps}, command)
     write_table(told, markdown(told), files, overwrite)
     scenes = {n: load_any_depth_scene(path, probe, materials="test", **how) for path, n in names.items()}
     comparison_pictures([c for c in found if c["seed"] == seed], scenes, probe, out, overwrite=overwrite)
     grid.failures.check()
     return told
+
+
+def _of_networks(table: plan.Table, names: Sequence[str]) -> dict[str, Any]:
+    """Which scenes networks have beside those of the lists, and which of these is withheld from them."""
+    own = plan.network_scenes(table)
+    found: dict[str, Any] = {
+        "rendered": {"train": own["train"][len(own["prior"]) :], "validation": own["validation"][:1]}
+    }
+    return found if table.withheld is None else found | {"withheld": names[list(table.train).index(table.withheld)]}
 
 
 def _common(

@@ -42,6 +42,7 @@ class Table:
         effort: arguments of `MaskEffort`.
         steps: of a training.
         work: folder of the cells.
+        withheld: one of ``train`` that teaches networks nothing, and with a rendered scene chooses their best step.
     """
 
     common: Settings
@@ -52,6 +53,7 @@ class Table:
     effort: Mapping[str, Any]
     steps: int
     work: Path
+    withheld: str | None = None
 
 
 Codes = Mapping[tuple[str, int], str]
@@ -136,11 +138,13 @@ def _training(table: Table, code: str, decoder: str, seed: int, start: str | Non
 
 
 def network_scenes(table: Table) -> Settings:
-    """Those of a training: what is measured teaches nothing, a rendered scene chooses the best step."""
+    """Those of a training: what is measured teaches nothing, a rendered and a withheld scene choose the best step."""
     from tmca.data import split_rendered
 
     rendered = sorted({*split_rendered()["train"]} - {*table.common["scenes"]})
-    return {"train": [*table.train, *rendered[1:]], "validation": rendered[:1], "prior": list(table.train)}
+    learned = [name for name in table.train if name != table.withheld]
+    chosen = rendered[:1] if table.withheld is None else [*rendered[:1], table.withheld]
+    return {"train": [*learned, *rendered[1:]], "validation": chosen, "prior": learned}
 
 
 def behind_networks(table: Table, trained: Sequence[Measured]) -> list[Settings]:

@@ -184,6 +184,12 @@ def check_depth_scene(source: str, placed: str | None, from_rgb: bool) -> tuple[
     return kind, least
 
 
+def withheld_scene(sources: Sequence[str]) -> str | None:
+    """The last scene from a file that has a depth of its own, where others are left to learn from; None without."""
+    real = [name for name in sources if Path(name).exists() and _kind_and_side(name)[0] != "cube"]
+    return real[-1] if len(real) > 1 else None
+
+
 def _kind_and_side(source: str) -> tuple[str, int]:
     """Kind of a scene, as `tmca.data.describe` says it, and its shorter side in pixels."""
     from tmca.data import describe

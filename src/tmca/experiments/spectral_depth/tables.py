@@ -134,11 +134,15 @@ def _training(found: dict[str, Any]) -> list[str]:
     rendered, budget = found["split"].get("rendered"), found["budget"]
     if rendered is None:
         return []
+    withheld = found["split"].get("withheld")
+    kept = "" if withheld is None else f" and {withheld}, which no network learned from,"
     return [
         f"Networks learned from these scenes and rendered ones ({', '.join(rendered['train'])}), {budget['steps']} "
-        f"steps each; {', '.join(rendered['validation'])}, also rendered, chose the best step. A step costs more where "
-        "there are more slots and filters: CPU minutes of search and training are told. Learned codes start from the "
-        "searched ones of their kind and stay in their family.\n"
+        f"steps each; {', '.join(rendered['validation'])} (rendered){kept} chose the best step. A step costs more "
+        "where there are more slots and filters: CPU minutes of search and training are told. Learned codes start from "
+        "the searched ones of their kind and stay in their family; they learn from the two-headed network's loss and "
+        "from the error of inverse depth that the patch likelihood is to expect. Other networks are trained behind "
+        "codes that were so learned.\n"
     ]
 
 
