@@ -145,8 +145,9 @@ def _transitions() -> list[Part]:
     )
     apart = Study({"separation": [0.02, 0.04, 0.06, 0.08, 0.12]}, {**_FULL}, 20)
     text = "Red: more lifted unknowns than samples, where no convex method can succeed (the corrected theorem 2)."
+    within = "No setting has more lifted unknowns than samples (the corrected theorem 2)."
     return [
-        Part("targets", "Phase transition: targets and subspace, 9 x 5, Q = 2, shared", paths, text, True),
+        Part("targets", "Phase transition: targets and subspace, 9 x 5, Q = 2, shared", paths, within, True),
         Part("paths_block", "Phase transition: paths and subspace, 11 x 5, L = 2, block", block, text, True),
         Part("separation", "Separation: 13 x 9, J = 3, L = Q = 3", apart, "Least distance in one coordinate.", True),
     ]

@@ -225,7 +225,7 @@ def _learned(found: dict[str, Any]) -> str:
     """How codes were learned, where any were."""
     if not any(row["code"] in LEARNED for row in found["rows"]):
         return "codes are not learned with it"
-    return "E2E codes start at the optimised ones and learn with it, in the same minutes"
+    return "E2E codes start at the optimised ones and learn with it, in no more minutes"
 
 
 def _times(size: Sequence[int]) -> str:
