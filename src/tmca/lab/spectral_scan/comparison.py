@@ -114,7 +114,7 @@ def _through(response: Array, spectrum: Array) -> float:
 
 
 def comparison_figure(compared: list[Comparison]) -> Figure:
-    """A panel per point: measured with its spread over the box, reference, and their angle in the corner."""
+    """A panel per point: measured with its spread over the box, reference, and their angle above."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(3.4 * len(compared), 2.9), layout="constrained")
@@ -123,8 +123,7 @@ def comparison_figure(compared: list[Comparison]) -> Figure:
         axis.fill_between(one.nm, low, high, color="#00798c", alpha=0.2, linewidth=0)
         axis.plot(one.nm, one.spectrum, color="#00798c", label="scan")
         axis.plot(one.nm, one.reference, "--", color="0.2", label="spectrometer")
-        axis.set_title(f"{one.name} at {one.place[0]},{one.place[1]}", fontsize=9)
-        axis.text(0.03, 0.05, f"SAM {one.angle:.2f}°", transform=axis.transAxes, fontsize=9)
+        axis.set_title(f"{one.name} at {one.place[0]},{one.place[1]}: SAM {one.angle:.2f}°", fontsize=9)
         axis.set_ylim(0, 1.15 * max(high.max(), one.reference.max()))
         axis.set_xlabel("wavelength (nm)", fontsize=8)
         axis.tick_params(labelsize=8)

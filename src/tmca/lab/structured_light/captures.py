@@ -86,14 +86,23 @@ def lit_pixels(capture: Capture) -> NDArray[np.bool_]:
     lit = (swing > floor) & ~capture.saturated
     if lit.mean() < _LIT:
         found = f"fringes on {lit.mean():.1%} of the pixels (the median swing is {np.median(swing):.3g})"
-        raise DataError(capture.source, found, f"{_LIT:.0%} or more", "give more light, or expose for longer")
+        raise DataError(capture.source, found, f"{_LIT:.0%} or more", "give more light, or put the frames in order")
     return np.asarray(lit)
 
 
 def _frame_noise(values: NDArray[np.float32]) -> float:
-    """Standard deviation of a frame's noise, from second differences along both axes, which smooth scenes lack."""
-    mixed = np.diff(np.diff(values[-1, :2], axis=-1), axis=-2)
-    return float(np.median(np.abs(mixed)) / 0.6745 / 2)
+    """Standard deviation of a frame's noise from the mean light of each frequency, which is the same in any order.
+
+    Of one frequency alone, from second differences between neighbours.
+    """
+    from scipy.stats import chi2
+
+    frequencies, steps = values.shape[:2]
+    if frequencies == 1:
+        mixed = np.diff(np.diff(values[0, :2], axis=-1), axis=-2)
+        return float(np.median(np.abs(mixed)) / 0.6745 / 2)
+    spread = values.mean(axis=1, dtype=np.float64).var(axis=0, ddof=1)
+    return float(np.sqrt(steps * np.median(spread) * (frequencies - 1) / chi2.median(frequencies - 1)))
 
 
 def check_order(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray[np.bool_]) -> None:

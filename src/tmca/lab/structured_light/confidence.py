@@ -56,23 +56,22 @@ def by_range(why: Why, depth: Array, position: Array, plan: FringePlan, ends: tu
     return found
 
 
-def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 3) -> Why:
+def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6) -> Why:
     """Adds pixels whose depth fewer than ``fewest`` of their eight neighbours share.
 
-    A pixel that sees two surfaces has a depth of neither, as have at most the two beside it along the edge. Neighbours
-    share a depth if a surface less steep than 76° can join them, noise apart.
+    A pixel that sees two surfaces, or one half in shadow, has a wrong depth, and so may the two beside it along the edge.
+    Neighbours share a depth if a surface less steep than 76° can join them, noise apart.
 
     Args:
         why: so far.
         depth: metres.
         std: of the depth.
         focal: of the camera in pixels.
-        fewest: 3 keeps corners of surfaces; 6 takes their edges away too, where a pixel may see the near surface and
-            have its middle in the shadow behind.
+        fewest: 6 takes away one pixel along straight edges, 3 keeps corners.
     """
     known = why == 0
     values, doubt = np.where(known, depth, np.nan), 4 * np.sqrt(2) * np.where(known, std, 0.0)
-    padded = np.pad(values, 1, constant_values=np.nan)
+    padded = np.pad(values, 1, mode="edge")  # the picture's border is no edge of a surface
     company, (height, width) = np.zeros(depth.shape, dtype=int), depth.shape
     for dy, dx in ((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if y or x):
         other = padded[1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
