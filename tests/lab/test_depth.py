@@ -114,7 +114,7 @@ def test_saturated_pixels_are_left_out():
 
 def test_depths_out_of_range_are_left_out_and_a_scene_of_them_is_refused():
     plan = FringePlan()
-    capture, truth, _, _ = captured("smooth", plan)
+    capture, *_ = captured("smooth", plan)
     found = measure_depth(capture, plan, bench(SIZE), far=1.2)
     assert np.nanmax(found["depth"].values) <= 1.2
     with pytest.raises(DataError, match="out of range"):

@@ -20,7 +20,9 @@ def test_clean_cosines_give_their_phase_modulation_and_offset(steps, height, wid
     rng = np.random.default_rng(seed)
     phase = rng.uniform(-np.pi, np.pi, (2, height, width))
     modulation, offset = rng.uniform(1, 50, phase.shape), rng.uniform(50, 99, phase.shape)
-    found = measure_phases(np.stack([shifted(p, m, o, steps) for p, m, o in zip(phase, modulation, offset, strict=True)]))
+    found = measure_phases(
+        np.stack([shifted(p, m, o, steps) for p, m, o in zip(phase, modulation, offset, strict=True)])
+    )
     assert np.allclose(np.exp(1j * found.phase), np.exp(1j * phase))
     assert np.allclose(found.modulation, modulation)
     assert np.allclose(found.offset, offset)

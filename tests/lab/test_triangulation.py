@@ -42,7 +42,9 @@ def projected(lens, point):
 def test_depth_comes_back_from_projected_points(size, bent, across):
     calibration = tilted(size, bent)
     if across == "y":
-        calibration = Calibration(calibration.camera, calibration.projector, calibration.rotation, np.array([0, -0.2, 0]))
+        calibration = Calibration(
+            calibration.camera, calibration.projector, calibration.rotation, np.array([0, -0.2, 0])
+        )
     depth = np.random.default_rng(0).uniform(0.4, 1.6, size)
     position = np.empty(size)
     for y in range(size[0]):
