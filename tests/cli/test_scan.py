@@ -62,20 +62,8 @@ def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
 def test_the_spectral_depth_camera_takes_a_snapshot_of_the_scene(capsys, table):
     said(capsys, "scan", "depth", "table/captures", *PLAN, "--out", "depth.nc")
     said(capsys, "scan", "spectra", "table/scene", *LIGHT, "--out", "spectra.nc")
-    said(capsys, "scan", "join", "spectra.nc", "depth.nc", "--out", "s.nc")
-    said(
-        capsys,
-        "simulate",
-        "spectral-depth",
-        "s.nc",
-        "--bands",
-        "4",
-        "--crop",
-        "40x40",
-        "--out",
-        "snap.nc",
-        "--no-figures",
-    )
+    said(capsys, "scan", "join", "spectra.nc", "depth.nc", "--wavelengths", "440:680:8", "--out", "s.nc")
+    said(capsys, "simulate", "spectral-depth", "s.nc", "--crop", "48x48", "--metric-depth", "--out", "snap.nc")
     assert "snapshot" in said(capsys, "inspect", "snap.nc")
 
 

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from tmca.data import label, label_depth, nm_to_metres, read_spectral_depth, write_dataset
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.lab.ground_truth import DEPTH, join_ground_truth, open_cube, open_part
 
 NM = np.array([400.0, 430, 480, 500, 700])
@@ -54,6 +54,24 @@ def test_missing_bands_lie_between_their_neighbours():
     assert np.allclose(found[1:3, 3, 3], values[0, 3, 3] * (1 - share) + values[3, 3, 3] * share)
     assert (found[:, 4, 4] == 0).all()
     assert (scene.attrs["interpolated"], scene.attrs["clipped"], scene.attrs["pixels_without_spectrum"]) == (4, 2, 1)
+
+
+def test_a_cameras_bands_lie_on_the_lines_between_the_scans():
+    spectra, depth = parts()
+    asked = np.array([400.0, 405, 455, 480, 650, 700])
+    found, own = join_ground_truth(spectra, depth, wavelengths=nm_to_metres(asked)), join_ground_truth(spectra, depth)
+    for y in range(6):
+        for x in range(7):
+            line = np.interp(asked, NM, own["radiance"].values[:, y, x])
+            assert np.allclose(found["radiance"].values[:, y, x], line, atol=1e-6)
+    assert np.allclose(found["wavelength_nm"], asked)
+    # band 2 (480 nm) is missing at 1,1: 455 and 480 nm lean on it
+    assert found["measured"].values[:, 1, 1].tolist() == [1, 1, 0, 0, 1, 1]
+    assert np.isfinite(found["radiance_std"].values[:, 5, 0]).all()
+    with pytest.raises(DataError, match="found 400 to 700 nm, expected 390 to 500 nm"):
+        join_ground_truth(spectra, depth, wavelengths=nm_to_metres([390.0, 500]))
+    with pytest.raises(SettingError, match="ascending"):
+        join_ground_truth(spectra, depth, wavelengths=nm_to_metres([500.0, 450]))
 
 
 def test_parts_that_do_not_fit_are_refused(tmp_path):

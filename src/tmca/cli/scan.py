@@ -200,16 +200,27 @@ def compare(
 
 
 @app.command
-def join(spectra: Path, depth: Path, /, *, out: Path, figure: Path | None = None, overwrite: Flag = False) -> None:
+def join(
+    spectra: Path,
+    depth: Path,
+    /,
+    *,
+    out: Path,
+    wavelengths: str | None = None,
+    figure: Path | None = None,
+    overwrite: Flag = False,
+) -> None:
     """Join SPECTRA and DEPTH of one camera into the scene file that the spectral-depth camera reads.
 
     Args:
         spectra: file of tmca scan spectra.
         depth: file of tmca scan depth.
         out: NetCDF file to write.
+        wavelengths: of the scene's bands, in nm, FIRST:LAST:COUNT or a list: a camera's; the scan's own without it.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
     """
+    from tmca.cli.wavelengths import metres
     from tmca.data import write_dataset
     from tmca.experiments.pictures import picture_of
     from tmca.lab.ground_truth import DEPTH, SPECTRA, join_ground_truth, open_part
@@ -218,7 +229,7 @@ def join(spectra: Path, depth: Path, /, *, out: Path, figure: Path | None = None
     for source in (spectra, depth):
         check_targets([out], overwrite, source)
     parts = open_part(spectra, SPECTRA, "tmca scan spectra"), open_part(depth, DEPTH, "tmca scan depth")
-    scene = join_ground_truth(*parts, name=out.stem)
+    scene = join_ground_truth(*parts, name=out.stem, wavelengths=None if wavelengths is None else metres(wavelengths))
     write_dataset(scene, out, overwrite=overwrite)
     if figure is not None:
         picture_of(out, figure, overwrite=overwrite)

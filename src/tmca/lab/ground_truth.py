@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import label, label_depth, label_spectral_depth
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
 SPECTRA, DEPTH = ("reflectance", "reflectance_std", "quality"), ("depth", "depth_std", "confidence")
 
 
-def join_ground_truth(spectra: xr.Dataset, depth: xr.Dataset, name: str = "scene") -> xr.Dataset:
+def join_ground_truth(
+    spectra: xr.Dataset, depth: xr.Dataset, name: str = "scene", wavelengths: Sequence[float] | None = None
+) -> xr.Dataset:
     """Cube and depth map of the same camera as one scene, as `tmca.data.read_spectral_depth` reads it.
 
     Cubes have no gaps there: a band that is left out at a pixel is interpolated between the pixel's measured bands,
@@ -28,13 +31,17 @@ def join_ground_truth(spectra: xr.Dataset, depth: xr.Dataset, name: str = "scene
         spectra: of `tmca.lab.spectral_scan.measure_reflectance`.
         depth: of `tmca.lab.structured_light.measure_depth`.
         name: of the scene.
+        wavelengths: of its bands, metres, ascending: those of a camera, between which and the scan's is interpolated;
+        the
+            scan's own without it.
 
     Returns:
         ``radiance`` (wavelength, y, x), the reflectance under an even light, in [0, 1]; ``depth`` (y, x), metres, NaN
         where unknown; ``radiance_std``, ``depth_std`` and ``measured`` beside them; counts in the attributes.
 
     Raises:
-        DataError: another size, or no pixel with both a spectrum and a depth.
+        DataError: another size, wavelengths outside the scan's, or no pixel with both a spectrum and a depth.
+        SettingError: wavelengths that do not ascend.
     """
     values = spectra["reflectance"].values.astype(np.float64)
     if values.shape[1:] != depth["depth"].shape:
@@ -54,12 +61,35 @@ def join_ground_truth(spectra: xr.Dataset, depth: xr.Dataset, name: str = "scene
         "pixels_without_spectrum": int(empty.sum()),
     }
     about = {"name": name, "metric": True, "kind": "spectral-depth scene", "quantity": "reflectance", **counts}
-    cube = label(within.astype(np.float32), spectra["wavelength"].values)
+    own, std = spectra["wavelength"].values, spectra["reflectance_std"].values
+    asked = own if wavelengths is None else _checked(np.asarray(wavelengths, dtype=np.float64), own, spectra)
+    cube = label(_at(asked, own, within).astype(np.float32), asked)
     scene = label_spectral_depth(cube, label_depth(metres, name), about)
-    scene["radiance_std"] = (cube.dims, spectra["reflectance_std"].values)
+    scene["radiance_std"] = (cube.dims, _at(asked, own, std).astype(np.float32))
     scene["depth_std"] = (("y", "x"), depth["depth_std"].values, {"units": "m"})
-    scene["measured"] = (cube.dims, (good & (within == whole)).astype(np.uint8))
+    scene["measured"] = (cube.dims, (_at(asked, own, good & (within == whole)) > 1 - 1e-6).astype(np.uint8))
     return scene
+
+
+def _checked(asked: NDArray[np.float64], own: NDArray[np.float64], spectra: xr.Dataset) -> NDArray[np.float64]:
+    """The wavelengths asked for, which ascend within the scan's."""
+    if not asked.size or (np.diff(asked) <= 0).any():
+        raise SettingError("wavelengths", f"{asked.size} that do not ascend", "ascending wavelengths")
+    if asked[0] < own[0] * (1 - 1e-9) or asked[-1] > own[-1] * (1 + 1e-9):
+        found, wanted = (f"{w[0] * 1e9:g} to {w[-1] * 1e9:g} nm" for w in (own, asked))
+        raise DataError(spectra.attrs.get("source", "spectra"), found, wanted, "scan or ask for those wavelengths")
+    return asked
+
+
+def _at(asked: NDArray[np.float64], own: NDArray[np.float64], cube: NDArray[Any]) -> NDArray[np.float64]:
+    """The cube between its bands; of standard deviations that is no less than what is true."""
+    above = np.clip(np.searchsorted(own, asked), 1, len(own) - 1) if len(own) > 1 else np.zeros(len(asked), int)
+    below = np.maximum(above - 1, 0)
+    gap = np.where(above > below, own[above] - own[below], 1.0)
+    share = np.where(above > below, (asked - own[below]) / gap, 1.0)[:, None, None]
+    # a band that is hit takes nothing from its neighbour, which may be unknown
+    low, high = (np.where(part, cube[i], 0.0) for part, i in ((share < 1 - 1e-9, below), (share > 1e-9, above)))
+    return np.asarray((1 - share) * low + share * high, dtype=np.float64)
 
 
 def _without_gaps(cube: NDArray[np.float64], wavelengths: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -59,8 +59,8 @@ def by_range(why: Why, depth: Array, position: Array, plan: FringePlan, ends: tu
 def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6) -> Why:
     """Adds pixels whose depth fewer than ``fewest`` of their eight neighbours share.
 
-    A pixel that sees two surfaces, or one half in shadow, has a wrong depth, and so may the two beside it along the edge.
-    Neighbours share a depth if a surface less steep than 76° can join them, noise apart.
+    A pixel that sees two surfaces, or one half in shadow, has a wrong depth, and so may the two beside it along the
+    edge. Neighbours share a depth if a surface less steep than 76° can join them, noise apart.
 
     Args:
         why: so far.
