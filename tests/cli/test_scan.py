@@ -18,7 +18,7 @@ LIGHT = ("--dark", "table/dark", "--white", "table/white")
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
-    main(["scan", "render", str(folder / "table"), "--size", "80x104", "--picture", "chelsea"])
+    main(["scan", "render", str(folder / "table"), "--size", "100x150", "--picture", "chelsea"])
     return folder / "table"
 
 
@@ -37,14 +37,17 @@ def said(capsys, *arguments):
 
 
 def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
-    depth = ("scan", "depth", "table/captures", *PLAN, "--out", "depth.nc", "--figure", "depth.png", "--json")
+    outputs = ("--out", "depth.nc", "--figure", "depth.png", "--truth", "table/truth.nc", "--json")
+    depth = ("scan", "depth", "table/captures", *PLAN, *outputs)
     about = json.loads(said(capsys, *depth))
-    assert about["pixels"]["known"] > 0.6 * 80 * 104
+    assert about["pixels"]["known"] > 0.6 * 100 * 150
     assert about["median_std"] < 2e-3
+    assert about["rmse_percent"] < 0.2
+    assert 0.8 < about["in_deviations"] < 1.6  # texture within a pixel moves its depth, which is no noise
     asked = ("--wavelengths", "400:700:31")
     spectra = ("scan", "spectra", "table/scene", *LIGHT, *asked, "--out", "spectra.nc", "--figure", "spectra.png")
-    assert "31 bands, 400 to 700 nm, 80×104 pixels" in said(capsys, *spectra)
-    points = ("--references", "table/references.csv", "--points", "P1=24,31", "P2=40,72", "--figure", "sam.png")
+    assert "31 bands, 400 to 700 nm, 100×150 pixels" in said(capsys, *spectra)
+    points = ("--references", "table/references.csv", "--points", "P1=30,45", "P2=50,105", "--figure", "sam.png")
     rows = json.loads(said(capsys, "scan", "compare", "spectra.nc", *points, "--json"))
     assert [row["point"] for row in rows] == ["P1", "P2"]
     assert max(row["sam"] for row in rows) < 1

@@ -41,7 +41,7 @@ def places(points: list[str]) -> dict[str, tuple[int, int]]:
     return found
 
 
-def said_depth(measured: xr.Dataset, out: Path, json: bool) -> None:
+def said_depth(measured: xr.Dataset, out: Path, json: bool, error: dict[str, float] | None = None) -> None:
     """How many pixels have a depth, from where to where, how certain, and why the others have none."""
     import numpy as np
 
@@ -52,11 +52,14 @@ def said_depth(measured: xr.Dataset, out: Path, json: bool) -> None:
     about: dict[str, Any] = {"out": str(out), "near": float(np.nanmin(depth)), "far": float(np.nanmax(depth))}
     about |= {"median_std": spread, "noise": float(measured.attrs["noise"]), "pixels": counts}
     if json:
-        print(json_module.dumps(about, indent=1))
+        print(json_module.dumps(about | (error or {}), indent=1))
         return
     others = ", ".join(f"{count} {name}" for name, count in counts.items() if count and name != "known")
     print(f"{out}: {about['near']:.4g} to {about['far']:.4g} m, standard deviation {1e3 * spread:.3g} mm (median)")
     print(f"  {counts['known']} of {why.size} pixels known" + (f"; {others}" if others else ""))
+    if error:
+        share = f"{error['rmse_percent']:.3g} % of its range; largest {1e3 * error['largest']:.3g} mm"
+        print(f"  against the truth: RMSE {1e3 * error['rmse']:.3g} mm, {share}")
 
 
 def said_spectra(measured: xr.Dataset, out: Path, json: bool) -> None:

@@ -81,6 +81,33 @@ def measure_depth(
     return _labelled(depth, depth_std, found, position, phases, capture).assign_attrs(unwrapping=unwrap)
 
 
+def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
+    """How far a measured depth map is from the true one, over the pixels that have both.
+
+    Args:
+        measured: of `measure_depth`.
+        truth: (y, x), metres.
+
+    Returns:
+        ``rmse`` and ``largest`` error in metres, ``rmse_percent`` of the truth's range, and ``in_deviations``: the
+        median error in its own standard deviations over that of a normal distribution, 1 if they are right.
+
+    Raises:
+        DataError: another size, or no pixel with both.
+    """
+    if truth.shape != measured["depth"].shape:
+        found, wanted = ("×".join(map(str, size)) for size in (truth.shape, measured["depth"].shape))
+        raise DataError(truth.attrs.get("source", "truth"), f"{found} pixels", f"{wanted} as were measured")
+    error = measured["depth"].values.astype(np.float64) - truth.values
+    both = np.isfinite(error)
+    if not both.any():
+        raise DataError(truth.attrs.get("source", "truth"), "no pixel with a measured and a true depth", "some")
+    rmse, spread = float(np.sqrt(np.mean(error[both] ** 2))), float(np.nanmax(truth) - np.nanmin(truth))
+    ratio = float(np.median(np.abs(error / measured["depth_std"].values)[both]) / 0.6745)
+    percent = 100 * rmse / spread if spread else float("nan")
+    return {"rmse": rmse, "largest": float(np.abs(error[both]).max()), "rmse_percent": percent, "in_deviations": ratio}
+
+
 def _rounding(capture: Capture) -> float:
     return max(capture.step / np.sqrt(12), 1e-6 * float(np.ptp(capture.values)))
 
