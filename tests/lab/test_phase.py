@@ -70,6 +70,14 @@ def test_frames_in_the_wrong_order_are_no_cosine():
     assert np.median(measure_phases(clean[:, [1, 0, 2, 3]]).misfit) > 0.3
 
 
+@pytest.mark.parametrize(("steps", "harmonic", "stays"), [(3, 2, True), (4, 2, False), (4, 3, True), (5, 3, False)])
+def test_harmonics_next_to_a_multiple_of_the_steps_stay_in_the_phase(steps, harmonic, stays):
+    phase = np.linspace(-3, 3, 99).reshape(9, 11)
+    angle = phase - 2 * np.pi * np.arange(steps)[:, None, None] / steps
+    found = measure_phases((60 + 40 * np.cos(angle) + 4 * np.cos(harmonic * angle))[None])
+    assert (np.abs(found.phase[0] - phase).max() > 0.05) == stays
+
+
 def test_without_modulation_nothing_is_known():
     assert np.isinf(phase_std(0.0, 1.0, 4))
 
