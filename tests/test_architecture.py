@@ -22,6 +22,7 @@ FLOORS = {
     "design": 6,
     "decoders": 6,
     "training": 7,
+    "lab": 7,
     "experiments": 8,
     "cli": 9,
     "viewer": 9,

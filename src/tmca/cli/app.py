@@ -17,6 +17,10 @@ COMMANDS = {
     "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
     "sweep": ("sweep:app", "Every combination of some settings, over test scenes."),
     "design": ("design:app", "Find codes for a sensor, and say what they gain before anything is built."),
+    "scan": (
+        "scan:app",
+        "Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene.",
+    ),
     "dbd": ("dbd:app", "Radar targets and radio paths from one overlaid signal."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }

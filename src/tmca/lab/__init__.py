@@ -1,0 +1,1 @@
+"""What stands on the optical table: devices, captures, calibration, ground truth."""

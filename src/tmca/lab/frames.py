@@ -1,0 +1,118 @@
+"""Frames of a camera from files: a folder of pictures in the order of their names, or one stack."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data import read_array
+from tmca.errors import DataError, SettingError
+
+SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".bmp")
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Grey frames in digital numbers.
+
+    ``values`` is ``(N, H, W)`` float32, ``saturated`` ``(N, H, W)``, ``names`` say which frame is which (the file's
+    name without its suffix, or the number in a stack), ``step`` is one digital number (0 of floats).
+    """
+
+    source: Path
+    names: tuple[str, ...]
+    values: NDArray[np.float32]
+    saturated: NDArray[np.bool_]
+    step: float = 1.0
+
+
+def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
+    """Read a folder of PNG, TIFF, BMP or NPY frames, or one such file with ``(N, H, W)`` or ``(H, W)``.
+
+    Files count in the order of the numbers in their names. Colour frames become grey by the mean of their channels, and
+    are saturated where one channel is.
+
+    Args:
+        path: the folder or the stack.
+        saturation: the value from which on a pixel is saturated; an integer type's maximum without it, and 1 for
+            floats that stay below or at 1. Larger floats have none.
+
+    Raises:
+        DataError: no frames, a broken file, or frames of different size or type.
+        SettingError: a saturation that is not a number above 0.
+    """
+    path = Path(path)
+    if saturation is not None and not (np.isfinite(saturation) and saturation > 0):
+        raise SettingError("saturation", repr(saturation), "a number above 0")
+    if path.is_dir():
+        names, arrays = _of_folder(path)
+    elif path.is_file():
+        names, arrays = _of_stack(path)
+    else:
+        raise DataError(path, "no such file or folder", "a folder of frames or a stack", "check the path")
+    _same(path, names, arrays)
+    return _frames(path, names, np.stack(arrays), saturation)
+
+
+def _of_folder(folder: Path) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
+    files = sorted((f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES), key=lambda f: counted(f.name))
+    if not files:
+        raise DataError(folder, "a folder without frames", f"files {', '.join('*' + s for s in SUFFIXES)}")
+    return tuple(f.stem for f in files), [_grey_axes(read_array(f), f) for f in files]
+
+
+def _of_stack(file: Path) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
+    if file.suffix.lower() not in SUFFIXES:
+        raise DataError(file, f"the suffix {file.suffix!r}", ", ".join(SUFFIXES), "save the stack as one of them")
+    stack = read_array(file)
+    if stack.ndim == 2:
+        return (file.stem,), [stack]
+    if stack.ndim != 3:
+        raise DataError(file, f"an array of shape {stack.shape}", "frames (N, H, W)")
+    return tuple(map(str, range(len(stack)))), list(stack)
+
+
+def counted(name: str) -> list[tuple[int, str]]:
+    """Sorting key by which frame 9 comes before frame 10."""
+    return [(int(part), "") if part.isdigit() else (-1, part.lower()) for part in re.split(r"(\d+)", name)]
+
+
+def _grey_axes(frame: NDArray[Any], file: Path) -> NDArray[Any]:
+    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[-1] not in (1, 2, 3, 4)):
+        raise DataError(file, f"an array of shape {frame.shape}", "one frame (H, W), in grey or colour")
+    return frame
+
+
+def _same(path: Path, names: tuple[str, ...], arrays: list[NDArray[Any]]) -> None:
+    first = arrays[0]
+    for name, array in zip(names, arrays, strict=True):
+        if array.shape != first.shape or array.dtype != first.dtype:
+            found = f"frame {name} of {_said(array)}"
+            raise DataError(path, found, f"{_said(first)} as in {names[0]}", "capture it again with the same settings")
+        if array.dtype.kind not in "uif" or not array.size:
+            raise DataError(path, f"frame {name} of {_said(array)}", "digital numbers")
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise DataError(path, f"frame {name} with values that are not finite", "digital numbers", "write it again")
+
+
+def _said(array: NDArray[Any]) -> str:
+    return f"{'×'.join(map(str, array.shape))} pixels ({array.dtype})"
+
+
+def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: float | None) -> Frames:
+    whole = raw.dtype.kind in "ui"
+    colours = raw[..., : 1 if raw.shape[-1] == 2 else 3] if raw.ndim == 4 else raw[..., None]
+    top = saturation if saturation is not None else _full_scale(raw)
+    values = colours.mean(axis=-1, dtype=np.float64).astype(np.float32)
+    return Frames(path, names, values, np.asarray((colours >= top).any(axis=-1)), 1.0 if whole else 0.0)
+
+
+def _full_scale(raw: NDArray[Any]) -> float:
+    if raw.dtype.kind in "ui":
+        return float(np.iinfo(raw.dtype).max)
+    return 1.0 if float(raw.max()) <= 1 else np.inf

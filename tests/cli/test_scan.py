@@ -1,0 +1,129 @@
+"""``tmca scan`` from projected fringes to a scene that the spectral-depth camera takes, and what it refuses."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.cli.refusals import refused
+from tmca.cli import main
+from tmca.data import read_spectral_depth
+
+PLAN = ("--plan", "table/fringes", "--calibration", "table/calibration.json")
+LIGHT = ("--dark", "table/dark", "--white", "table/white")
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    main(["scan", "render", str(folder / "table"), "--size", "100x150", "--picture", "chelsea"])
+    return folder / "table"
+
+
+@pytest.fixture
+def table(bench, tmp_path, monkeypatch):
+    """The files of a table in a folder of the test's own."""
+    shutil.copytree(bench, tmp_path / "table")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "table"
+
+
+def said(capsys, *arguments):
+    capsys.readouterr()
+    main([str(a) for a in arguments])
+    return capsys.readouterr().out
+
+
+def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
+    outputs = ("--out", "depth.nc", "--figure", "depth.png", "--truth", "table/truth.nc", "--json")
+    depth = ("scan", "depth", "table/captures", *PLAN, *outputs)
+    about = json.loads(said(capsys, *depth))
+    assert about["pixels"]["known"] > 0.6 * 100 * 150
+    assert about["median_std"] < 2e-3
+    assert about["rmse_percent"] < 0.2
+    assert 0.8 < about["in_deviations"] < 1.6  # texture within a pixel moves its depth, which is no noise
+    asked = ("--wavelengths", "400:700:31")
+    spectra = ("scan", "spectra", "table/scene", *LIGHT, *asked, "--out", "spectra.nc", "--figure", "spectra.png")
+    assert "31 bands, 400 to 700 nm, 100×150 pixels" in said(capsys, *spectra)
+    points = ("--references", "table/references.csv", "--points", "P1=30,45", "P2=50,105", "--figure", "sam.png")
+    rows = json.loads(said(capsys, "scan", "compare", "spectra.nc", *points, "--json"))
+    assert [row["point"] for row in rows] == ["P1", "P2"]
+    assert max(row["sam"] for row in rows) < 1
+    assert "SAM" in said(capsys, "scan", "compare", "table/truth.nc", *points[:5], "--filters", "table/references.csv")
+    assert "31 bands" in said(capsys, "scan", "join", "spectra.nc", "depth.nc", "--out", "s.nc", "--figure", "s.png")
+    scene, truth = read_spectral_depth("s.nc"), read_spectral_depth("table/truth.nc")
+    error = scene["depth"].values - truth["depth"].values
+    assert np.sqrt(np.nanmean(error**2)) < 0.002 * 1.2
+    assert np.abs(scene["radiance"].values - truth["radiance"].values).mean() < 0.005
+    assert "spectral-depth scene" in said(capsys, "inspect", "s.nc")
+    for picture in ("depth", "spectra", "sam", "s"):
+        assert Image.open(f"{picture}.png").width > 600
+
+
+def test_the_spectral_depth_camera_takes_a_snapshot_of_the_scene(capsys, table):
+    said(capsys, "scan", "depth", "table/captures", *PLAN, "--out", "depth.nc")
+    said(capsys, "scan", "spectra", "table/scene", *LIGHT, "--out", "spectra.nc")
+    said(capsys, "scan", "join", "spectra.nc", "depth.nc", "--wavelengths", "440:680:8", "--out", "s.nc")
+    said(capsys, "simulate", "spectral-depth", "s.nc", "--crop", "48x48", "--metric-depth", "--out", "snap.nc")
+    assert "snapshot" in said(capsys, "inspect", "snap.nc")
+
+
+def test_fringes_are_pictures_in_order(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = said(capsys, "scan", "fringes", "f", "--projector", "60x90", "--fringes", "1,5", "--steps", "3")
+    assert "6 frames, fringe_0001_00.png … fringe_0005_02.png" in text
+    assert Image.open("f/fringe_0005_02.png").size == (90, 60)
+    assert json.loads((tmp_path / "f" / "fringes.json").read_text())["steps"] == 3
+
+
+def test_bad_captures_are_refused_in_one_line_and_nothing_is_written(capsys, table):
+    def depth(*more, figure="d.png"):
+        outputs = ("--out", "d.nc", "--figure", figure)
+        return refused(capsys, "scan", "depth", "table/captures", *PLAN, *outputs, *more)
+
+    captures = table / "captures"
+    assert "found the suffix '.xyz'" in depth(figure="d.xyz")
+    assert "0 to 8" in depth("--neighbours", "12")
+    assert "of the depths out of range" in depth("--far", "0.5")
+    assert "% of the pixels saturated" in depth("--saturation", "3000")
+    (captures / "fringe_0004_01.png").rename(captures / "aside")
+    (captures / "fringe_0004_02.png").rename(captures / "fringe_0004_01.png")
+    (captures / "aside").rename(captures / "fringe_0004_02.png")
+    assert "frames of 4 fringes" in depth()
+    (captures / "fringe_0016_01.png").unlink()
+    assert "found no fringe_0016_01 (1 of 16 missing), expected all 16 frames" in depth()
+    (table / "calibration.json").write_text("{}")
+    assert "calibration.json: found no numbers for rotation" in depth()
+    assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
+
+
+def test_bad_scans_are_refused_in_one_line_and_nothing_is_written(capsys, table):
+    def spectra(*more):
+        return refused(capsys, "scan", "spectra", "table/scene", *LIGHT, "--out", "s.nc", *more)
+
+    assert "expected the 16 wavelengths asked for, 400 to 700 nm" in spectra("--wavelengths", "400:700:16")
+    assert "--wavelengths: found 'blue'" in spectra("--wavelengths", "blue")
+    assert "a number or a file of its spectrum" in spectra("--white-reflectance", "bright")
+    assert "saturated in" in spectra("--saturation", "3000")
+    assert "--read-noise" in spectra("--read-noise", "-1")
+    (table / "white" / "white_500nm.png").unlink()
+    assert "table/white: found no frame at 500 nm" in spectra()
+    assert "NAME=ROW,COLUMN" in refused(
+        capsys, "scan", "compare", "table/truth.nc", "--references", "table/references.csv", "--points", "P1"
+    )
+    join = ("scan", "join", "table/truth.nc", "table/truth.nc", "--out", "s.nc")
+    assert "expected a file of tmca scan spectra" in refused(capsys, *join)
+    assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
+
+
+def test_impossible_tables_and_fringes_are_refused(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "fringes that lead to one" in refused(capsys, "scan", "fringes", "f", "--fringes", "4,16")
+    assert "whole numbers" in refused(capsys, "scan", "fringes", "f", "--fringes", "1,2.5")
+    assert "3 or more" in refused(capsys, "scan", "fringes", "f", "--steps", "2")
+    assert "16 pixels or more" in refused(capsys, "scan", "render", "t", "--size", "8x8")
+    (tmp_path / "f").mkdir()
+    assert "an existing output" in refused(capsys, "scan", "fringes", "f")
+    assert not (tmp_path / "t").exists()

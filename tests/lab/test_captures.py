@@ -1,0 +1,143 @@
+"""Frames as they lie on disk: all there, in order, neither saturated nor dark."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tmca.errors import DataError, SettingError
+from tmca.lab.frames import read_frames
+from tmca.lab.structured_light import FringePlan, load_plan, measure_depth, read_capture, write_fringes
+from tmca.lab.structured_light.rendered import bench, render_fringes, scene_depth
+
+SIZE = (48, 65)
+PLAN = FringePlan()
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return render_fringes(PLAN, bench(SIZE), scene_depth("smooth", SIZE), np.ones(SIZE), bits=16).frames
+
+
+def depth_of(path):
+    return measure_depth(read_capture(path, PLAN), PLAN, bench(SIZE))
+
+
+def folder_of(path, frames, names=PLAN.names):
+    path.mkdir(exist_ok=True)
+    for name, frame in zip(names, frames, strict=False):
+        Image.fromarray(frame).save(path / f"{name}.png")
+    return path
+
+
+def test_folders_stacks_and_own_names_are_the_same_capture(tmp_path, frames):
+    import tifffile
+
+    np.save(tmp_path / "stack.npy", frames)
+    tifffile.imwrite(tmp_path / "stack.tif", frames, photometric="minisblack")
+    kept = [
+        folder_of(tmp_path / "named", frames),
+        folder_of(tmp_path / "counted", frames, [f"IMG_{i}" for i in range(len(frames))]),
+        tmp_path / "stack.npy",
+        tmp_path / "stack.tif",
+    ]
+    for path in kept:
+        assert np.array_equal(read_capture(path, PLAN).values.reshape(frames.shape), frames), path
+
+
+def test_colour_frames_become_grey_and_are_saturated_in_one_channel(tmp_path):
+    colour = np.zeros((3, 4, 3), np.uint8)
+    colour[1, 2] = (255, 0, 30)
+    Image.fromarray(colour).save(tmp_path / "a.png")
+    found = read_frames(tmp_path)
+    assert found.values[0, 1, 2] == pytest.approx(95)
+    assert found.saturated.sum() == 1
+    assert found.saturated[0, 1, 2]
+
+
+def test_missing_frames_are_named(tmp_path, frames):
+    folder = folder_of(tmp_path / "c", frames)
+    (folder / f"{PLAN.names[5]}.png").unlink()
+    with pytest.raises(DataError, match=rf"no {PLAN.names[5]} \(1 of 16 missing\)"):
+        read_capture(folder, PLAN)
+    np.save(tmp_path / "s.npy", frames[:-1])
+    with pytest.raises(DataError, match="found 15 frames, expected 16: 4 frequencies of 4 steps"):
+        read_capture(tmp_path / "s.npy", PLAN)
+
+
+ORDERS = {
+    "two steps": [0, 1, 2, 3, 5, 4, *range(6, 16)],
+    "steps that run back": [0, 1, 2, 3, 4, 7, 6, 5, *range(8, 16)],
+    "steps that begin later": [*range(8), 9, 10, 11, 8, *range(12, 16)],
+    "frequencies": [*range(4, 8), *range(4), *range(8, 16)],
+    "all backwards": list(range(15, -1, -1)),
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_frames_in_the_wrong_order_are_refused(tmp_path, frames, order):
+    np.save(tmp_path / "s.npy", frames[ORDERS[order]])
+    with pytest.raises(DataError, match="fringes") as error:
+        depth_of(tmp_path / "s.npy")
+    assert "put them in the order fringe_0001_00" in str(error.value)
+
+
+def test_saturated_and_dark_captures_are_refused(tmp_path, frames):
+    bright = np.clip(frames.astype(np.int64) * 4, 0, 65535).astype(np.uint16)
+    with pytest.raises(DataError, match=r"% of the pixels saturated .* expose for less time"):
+        read_capture(folder_of(tmp_path / "bright", bright), PLAN)
+    noise = np.random.default_rng(0).normal(300, 20, frames.shape).astype(np.uint16)
+    with pytest.raises(DataError, match=r"fringes on 0.0% of the pixels .* more light"):
+        depth_of(folder_of(tmp_path / "dark", noise))
+
+
+def test_broken_frames_are_refused(tmp_path, frames):
+    folder = folder_of(tmp_path / "c", frames)
+    Image.fromarray(frames[0][:-1]).save(folder / f"{PLAN.names[3]}.png")
+    with pytest.raises(DataError, match=f"frame {PLAN.names[3]} of 47×65 pixels"):
+        read_capture(folder, PLAN)
+    whole = (folder / f"{PLAN.names[2]}.png").read_bytes()
+    (folder / f"{PLAN.names[2]}.png").write_bytes(whole[:100])
+    with pytest.raises(DataError, match="unreadable"):
+        read_capture(folder, PLAN)
+    with pytest.raises(DataError, match="no such file or folder"):
+        read_frames(tmp_path / "gone")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DataError, match="a folder without frames"):
+        read_frames(tmp_path / "empty")
+    np.save(tmp_path / "nan.npy", np.full((2, 3, 4), np.nan))
+    with pytest.raises(DataError, match="not finite"):
+        read_frames(tmp_path / "nan.npy")
+    with pytest.raises(SettingError, match="saturation"):
+        read_frames(folder, saturation=-1)
+
+
+def test_the_projected_pictures_are_the_plan(tmp_path):
+    plan = FringePlan(size=(30, 64), fringes=(1, 5), steps=3)
+    write_fringes(plan, tmp_path / "f")
+    assert load_plan(tmp_path / "f") == load_plan(tmp_path / "f" / "fringes.json") == plan
+    for name, profile in zip(plan.names, plan.profiles().reshape(-1, 64), strict=True):
+        picture = np.asarray(Image.open(tmp_path / "f" / f"{name}.png"))
+        assert picture.shape == (30, 64)
+        assert (picture == np.round(255 * profile)).all()
+    u = np.arange(64)
+    assert np.abs(plan.profiles()[1, 2] - (0.5 + 0.5 * np.cos(2 * np.pi * (5 * (u + 0.5) / 64 - 2 / 3)))).max() < 0.002
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"steps": 2}, {"fringes": (4, 1)}, {"fringes": (0, 1)}, {"fringes": (1, 500)}, {"size": (2, 2)}, {"across": "z"}],
+)
+def test_impossible_plans_are_refused(bad):
+    with pytest.raises(SettingError):
+        FringePlan(**bad)
+
+
+@pytest.mark.parametrize("change", [{"format": "other"}, {"steps": "many"}, {"size": None}])
+def test_impossible_manifests_are_refused(tmp_path, change):
+    write_fringes(FringePlan(size=(8, 16), fringes=(1,)), tmp_path / "f")
+    file = tmp_path / "f" / "fringes.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    with pytest.raises(DataError, match=r"fringes\.json"):
+        load_plan(file)
