@@ -7,7 +7,7 @@ import xarray as xr
 
 from tests.data import rgbd_scenes
 from tmca.cameras import SpectralDepthCamera
-from tmca.data import rendered_scene
+from tmca.data import rendered_scene, write_dataset
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure, spread_points
 from tmca.experiments.spectral_depth.figures import psf_figure
@@ -53,6 +53,14 @@ def test_a_scene_comes_to_the_cameras_bands_size_and_range():
     xr.testing.assert_equal(scene["depth"], middle_of(fitted, SIZE, "coffee")["depth"])  # cropped after it was fitted
     whole = rendered_scene("coffee", wavelengths=WAVES)["radiance"].values
     assert float(scene["radiance"].mean()) == pytest.approx(float(whole.mean()), rel=0.5)
+
+
+def test_a_file_of_other_bands_comes_to_the_cameras_bands(tmp_path):
+    write_dataset(rendered_scene("coffee", size=(36, 41))[["radiance", "depth"]], tmp_path / "whole.nc")
+    scene = load_spectral_depth(str(tmp_path / "whole.nc"), WAVES, near=0.4, far=2.0)
+    assert scene["radiance"].sizes == {"wavelength": 3, "y": 36, "x": 41}
+    np.testing.assert_allclose(scene["wavelength"], WAVES)
+    assert bool(np.isfinite(scene["radiance"]).all())
 
 
 def test_metric_depth_is_kept_or_told_how_it_was_mapped(camera):

@@ -69,7 +69,7 @@ def load_spectral_depth(
     how = {"source": source, "reduce": reduce, "placed": placed, "from_rgb": from_rgb, "materials": materials}
     how |= {"fitted": fitted, "seed": seed}
     scene = _read(source, wavelengths, near, far, reduce, placed, from_rgb, materials, seed)
-    scene["radiance"] = at_bands(scene["radiance"], wavelengths)
+    scene = scene.drop_dims("wavelength").assign(radiance=at_bands(scene["radiance"], wavelengths))
     if placed is None and fitted:
         scene["depth"], about = fitted_depth(scene["depth"], near, far)
         scene.attrs.update(about)
