@@ -5,6 +5,7 @@ import torch
 
 from tests.training import tiny
 from tmca.decoders.neural import Weights
+from tmca.training.imaging import ImagingSystem
 from tmca.training.precision import choose_precision
 
 
@@ -44,3 +45,20 @@ def test_weights_say_which_precision_it_was(tmp_path, monkeypatch):
     assert Weights.load(found.weights).card["training"]["precision"] == "32-true"
     again = tiny.train(tmp_path / "run", **{"precision": "auto", "optimiser.steps": 2})  # still the same run
     assert again.steps == 2
+
+
+@pytest.mark.parametrize("precision", ["32-true", "bf16-mixed"])
+def test_scenes_and_their_truth_are_never_rounded(tmp_path, monkeypatch, precision):
+    met, recorded = [], ImagingSystem.forward
+
+    def forward(system, patches, *drawn):
+        met.extend(values for patch in patches for values in (patch.scene, patch.truth))
+        layer = torch.nn.functional.linear(torch.eye(2), torch.eye(2))
+        assert layer.dtype == (torch.bfloat16 if precision == "bf16-mixed" else torch.float32)
+        return recorded(system, patches, *drawn)
+
+    monkeypatch.setattr(ImagingSystem, "forward", forward)
+    tiny.train(tmp_path / "run", **{"precision": precision, "optimiser.steps": 2})
+    assert len(met) == 16
+    assert all(values.dtype == torch.float32 for values in met)
+    assert any(not values.bfloat16().float().equal(values) for values in met)

@@ -72,6 +72,14 @@ def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
     assert bool(camera.planes.known(decoded.depth).all())
 
 
+@pytest.mark.parametrize("learn", [[], ["mask"]])
+def test_half_precision_is_for_the_layers_of_the_network_alone(tmp_path, learn):
+    small = {"precision": "bf16-mixed", "optimiser.steps": 2, "validate_every": 2, "camera.learn": learn}
+    found = train(tmp_path, **small)
+    assert found.steps == 2
+    assert found.best["psnr"] > 0
+
+
 @pytest.mark.parametrize("learn", [("mask",), ("shutter",), ("mask", "shutter", "filters")])
 def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
     changes = {

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import torch
+
+if TYPE_CHECKING:
+    from lightning_fabric.plugins import MixedPrecision
 
 Precision = Literal["32-true", "bf16-mixed"]
 
@@ -20,8 +23,29 @@ def choose_precision(asked: Literal["auto"] | Precision, accelerator: str = "aut
     """
     if asked != "auto":
         return asked
-    cuda = accelerator in ("auto", "cuda", "gpu") and torch.cuda.is_available()
-    return "bf16-mixed" if (_cuda_has_bfloat16() if cuda else _cpu_has_bfloat16()) else "32-true"
+    has = _cuda_has_bfloat16() if _on_cuda(accelerator) else _cpu_has_bfloat16()
+    return "bf16-mixed" if has else "32-true"
+
+
+def mixed_precision(accelerator: str = "auto") -> MixedPrecision:
+    """Lightning Fabric's half precision for the layers of a network alone.
+
+    Fabric itself would round scenes and their truth to 8 bits before they are imaged.
+
+    Args:
+        accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``, as Lightning Fabric reads them.
+    """
+    from lightning_fabric.plugins import MixedPrecision
+
+    class Layers(MixedPrecision):
+        def convert_input(self, data: Any) -> Any:
+            return data
+
+    return Layers("bf16-mixed", "cuda" if _on_cuda(accelerator) else "cpu")
+
+
+def _on_cuda(accelerator: str) -> bool:
+    return accelerator in ("auto", "cuda", "gpu") and torch.cuda.is_available()
 
 
 def _cuda_has_bfloat16() -> bool:

@@ -14,7 +14,7 @@ from tmca.errors import SettingError
 from tmca.training.folder import held, open_run
 from tmca.training.loop import Progress, Run
 from tmca.training.patches import Load, Patch
-from tmca.training.precision import Precision, choose_precision
+from tmca.training.precision import Precision, choose_precision, mixed_precision
 from tmca.training.scenes import SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
 from tmca.training.starts import KeptStarts, Pool
@@ -134,8 +134,9 @@ def _engine(settings: TrainSettings, precision: Precision, accelerator: str, pro
         warnings.simplefilter("ignore")
         try:
             fabric = Fabric(
-                accelerator=accelerator, devices=processes, num_nodes=nodes, precision=precision,
+                accelerator=accelerator, devices=processes, num_nodes=nodes,
                 strategy="ddp" if processes * nodes > 1 else "auto",
+                plugins=[mixed_precision(accelerator)] if precision == "bf16-mixed" else [],
             )  # fmt: skip
         except (ValueError, RuntimeError) as error:  # Fabric has no error of its own for a device that is not there
             raise SettingError("--accelerator", repr(accelerator), "one of this machine", str(error)) from None
