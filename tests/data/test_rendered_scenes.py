@@ -72,6 +72,12 @@ def test_radiance_is_reflectance_times_illuminant():
     np.testing.assert_allclose(scene.radiance, scene.reflectance * scene.illuminant, atol=2e-3)
 
 
+def test_a_lone_band_is_one_of_ten_nanometres():
+    alone = rendered_scene("coffee", wavelengths=[550e-9], size=(12, 15))["reflectance"]
+    among = rendered_scene("coffee", wavelengths=[540e-9, 550e-9, 560e-9], size=(12, 15))["reflectance"]
+    np.testing.assert_allclose(alone.values[0], among.values[1], atol=1e-6)
+
+
 def test_the_same_seed_gives_the_same_scene_and_another_seed_another():
     first, again, other = (rendered_scene("coffee", size=(64, 64), seed=seed) for seed in (3, 3, 4))
     assert first.identical(again)

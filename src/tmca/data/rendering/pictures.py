@@ -151,11 +151,10 @@ def lit_bands(wavelengths: NDArray[np.float64], illuminant: str) -> tuple[NDArra
 
 
 def band_weights(wavelengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``(L, 61)`` shares of the 5 nm samples in each band, boxes half-way to neighbours; rows sum to 1."""
+    """``(L, 61)`` shares of the 5 nm samples in each band, boxes half-way to neighbours, 10 nm alone; rows sum to 1."""
     centres = wavelengths * 1e9
-    spacing = np.diff(centres) if len(centres) > 1 else np.array([10.0])
-    edges = np.concatenate([[spacing[0]], spacing]), np.concatenate([spacing, [spacing[-1]]])
-    low, high = centres - edges[0] / 2, centres + edges[1] / 2
+    gaps = np.pad(np.diff(centres), 1, mode="edge") if len(centres) > 1 else np.full(2, 10.0)
+    low, high = centres - gaps[:-1] / 2, centres + gaps[1:] / 2
     grid, step = measured.GRID_NM, measured.GRID_NM[1] - measured.GRID_NM[0]
     # Bands narrower than a sample take the interpolated value: triangles shared between two samples.
     fine = low[:, None] + (np.arange(16) + 0.5) / 16 * (high - low)[:, None]
