@@ -4,6 +4,7 @@ from tmca.codes.balanced import balanced_choice, one_hot_planes
 from tmca.codes.binary import hard_threshold, one_hot_slots
 from tmca.codes.blue_noise import blue_noise_ranks
 from tmca.codes.files import CodesFile, read_codes, write_codes
+from tmca.codes.imperfect import leaked, misplaced, slot_overlap, through_time
 from tmca.codes.multiplexed import MultiplexedCodes
 from tmca.codes.patterns import FAMILIES, pattern
 from tmca.codes.plane import CodePlane
@@ -16,9 +17,13 @@ __all__ = [
     "balanced_choice",
     "blue_noise_ranks",
     "hard_threshold",
+    "leaked",
+    "misplaced",
     "one_hot_planes",
     "one_hot_slots",
     "pattern",
     "read_codes",
+    "slot_overlap",
+    "through_time",
     "write_codes",
 ]

@@ -1,0 +1,101 @@
+"""A camera on a bench with faults, beside the one that the decoder knows."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, TypeVar
+
+from tmca.cameras.camera import Camera
+from tmca.cameras.coded import CodedCamera
+from tmca.cameras.hardware.codes import ImperfectCodes, ImperfectPlane, ShutterFaults
+from tmca.cameras.hardware.dispersion import DisplacedCamera, beyond, over
+from tmca.cameras.hardware.faults import Hardware
+from tmca.cameras.hardware.mask import ImperfectHeights, aberrated, aberration
+from tmca.cameras.hardware.sensor import DefectiveSensor
+from tmca.cameras.light_field import LightFieldCamera
+from tmca.cameras.spectral import SpectralCamera
+from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.errors import SettingError
+from tmca.optics import Dispersion, ViewShear
+
+SomeCamera = TypeVar("SomeCamera", bound=Camera)
+
+
+def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0) -> SomeCamera:
+    """The camera as its bench really is: it images and records with the faults, in the same units and sizes.
+
+    Codes are shared, so that both follow them while they are learned. What it records is for the camera itself, as it
+    is known, to decode.
+
+    Args:
+        camera: as it is known.
+        hardware: its faults.
+        seed: of jitter, aberration, hot and dead pixels.
+
+    Raises:
+        SettingError: a fault that this camera cannot have.
+    """
+    hardware.check(camera.application)
+    found: Any = _sharing(camera)
+    if isinstance(camera, SpectralCamera):
+        _spectral(found, hardware, seed)
+    elif isinstance(camera, LightFieldCamera):
+        _light_field(found, hardware, seed)
+    elif isinstance(camera, SpectralDepthCamera):
+        _spectral_depth(found, hardware, seed)
+    if hardware.hot_pixels or hardware.dead_pixels:
+        found.sensor = DefectiveSensor(hardware.hot_pixels, hardware.dead_pixels, seed, **camera.sensor.settings())
+    return found
+
+
+def _sharing(module: Any) -> Any:
+    """A module of the same parts; others can take their place without a change of the first."""
+    found = copy.copy(module)
+    found._modules, found._buffers = dict(module._modules), dict(module._buffers)
+    return found
+
+
+def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int) -> None:
+    if camera.coloured is not None:
+        raise SettingError("hardware", "faults of a coloured aperture", "those of binary codes")
+    for name in ("dispersion_error", "blur"):
+        if camera.disperser == "dual" and getattr(hardware, name):
+            raise SettingError(name, f"{getattr(hardware, name):g}", "0 with a dual disperser")
+    beside = (0, 0)
+    if hardware.dispersion_error:
+        known = camera.dispersion
+        camera.dispersion = over(_stretched(known, hardware.dispersion_error), known)
+        beside = beyond(camera.dispersion, known)
+        camera.__class__, camera.beside = DisplacedCamera, beside  # type: ignore[assignment]
+    if hardware.blur:
+        known_blur = camera.relay_blur if isinstance(camera.relay_blur, list) else [camera.relay_blur] * camera.bands
+        camera.relay_blur = [(one**2 + hardware.blur**2) ** 0.5 for one in known_blur]
+    _coded(camera, hardware, seed, tuple(camera.multiplexed.aperture.size), beside=beside)
+
+
+def _stretched(known: Dispersion, error: float) -> Dispersion:
+    middle = (min(known.displacement) + max(known.displacement)) / 2
+    return Dispersion(tuple(middle + (d - middle) * (1 + error) for d in known.displacement))
+
+
+def _light_field(camera: LightFieldCamera, hardware: Hardware, seed: int) -> None:
+    y, x = (one * (1 + hardware.shear_error) for one in camera.shear.step)
+    camera.shear = ViewShear(camera.shear.views, (y, x), camera.shear.scale)
+    _coded(camera, hardware, seed, camera.mask_size, blur=hardware.blur)
+
+
+def _coded(camera: CodedCamera, hardware: Hardware, seed: int, size: Any, **how: Any) -> None:
+    camera._fixed = None
+    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
+    camera.multiplexed = ImperfectCodes(camera.multiplexed, faults, hardware, size, **how)  # type: ignore[assignment]
+
+
+def _spectral_depth(camera: SpectralDepthCamera, hardware: Hardware, seed: int) -> None:
+    camera._kept = None
+    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
+    camera.shutter = ImperfectPlane(camera.shutter, faults)  # type: ignore[assignment]
+    if hardware.height_error or hardware.wavefront_error:
+        spread = camera.spread = _sharing(camera.spread)
+        path = aberration(hardware.wavefront_error, spread.heights.size, seed)
+        spread.waves = aberrated(spread.waves, path, camera.wavelengths)
+        spread.heights = ImperfectHeights(spread.heights, hardware.height_error)

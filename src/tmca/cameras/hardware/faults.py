@@ -1,0 +1,146 @@
+"""Faults of a bench: how devices, optics and sensor differ from the camera that the decoder knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from math import inf, isfinite
+from typing import Any
+
+from tmca.errors import SettingError
+
+Pair = tuple[float, float]
+
+
+def _range(low: float, high: float, unit: str) -> Any:
+    return {"low": low, "high": high, "unit": unit}
+
+
+LIMITS: dict[str, dict[str, Any]] = {
+    "contrast": _range(1, inf, "open light over closed light, above 1"),
+    "leakage": _range(0, 1, "share of the light, 0 to 1"),
+    "switching": _range(0, 1, "share of a slot, 0 to 1"),
+    "dead_time": _range(0, 1, "share of a slot, 0 to 1"),
+    "delay": _range(-64, 64, "slots, within ±64"),
+    "jitter": _range(0, 1, "slots, 0 to 1"),
+    "rolling": _range(-64, 64, "slots, within ±64"),
+    "misregistration": _range(-1000, 1000, "pixels, one number or (rows, columns), within ±1000"),
+    "magnification": _range(0.5, 2, "0.5 to 2"),
+    "rotation": _range(-180, 180, "degrees, within ±180"),
+    "dispersion_error": _range(-1, 1, "share of the displacement, within ±1"),
+    "shear_error": _range(-1, 1, "share of the shear, within ±1"),
+    "blur": _range(0, 20, "pixels, 0 to 20"),
+    "height_error": _range(-1, 1, "share of the heights, within ±1"),
+    "wavefront_error": _range(0, 1e-5, "metres, 0 to 1e-5"),
+    "hot_pixels": _range(0, 1, "share of the pixels, 0 to 1"),
+    "dead_pixels": _range(0, 1, "share of the pixels, 0 to 1"),
+}
+"""Least and largest value of every fault, and its unit in words."""
+PARTS = {
+    "spectral": ("height_error", "wavefront_error", "shear_error"),
+    "light-field": ("height_error", "wavefront_error", "dispersion_error"),
+    "spectral-depth": ("contrast", "misregistration", "magnification", "rotation", "dispersion_error", "shear_error",
+                       "blur"),
+}  # fmt: skip
+"""Faults that a camera cannot have."""
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """Faults of a bench; none by default.
+
+    Args:
+        contrast: light that an open aperture pixel passes over that of a closed one; infinite for a perfect one.
+        leakage: share of the light that a closed shutter pixel records.
+        switching: time that the aperture needs from one pattern to the next, share of a slot; it changes linearly.
+        dead_time: time at the beginning of every slot in which no shutter is open, share of a slot.
+        delay: of the shutter after the aperture, slots.
+        jitter: standard deviation of the shutter's steps around their times, slots.
+        rolling: delay of the sensor's last row after its first, slots.
+        misregistration: displacement of the aperture's image on the sensor, pixels: both axes, or (rows, columns).
+        magnification: of the aperture's image, about its middle.
+        rotation: of the aperture's image about its middle, degrees.
+        dispersion_error: share by which every displacement differs, about the middle of all.
+        shear_error: share by which the views' shear differs.
+        blur: standard deviation of the point spread of the relay between aperture and sensor, pixels.
+        height_error: share by which all heights of a phase mask differ.
+        wavefront_error: root mean square of a drawn aberration (Zernike modes up to the fourth order), metres of path.
+        hot_pixels: share of the sensor's pixels that are stuck at full scale.
+        dead_pixels: share of the sensor's pixels that are stuck at zero.
+
+    Raises:
+        SettingError: a value that is not finite or outside its range.
+    """
+
+    contrast: float = inf
+    leakage: float = 0.0
+    switching: float = 0.0
+    dead_time: float = 0.0
+    delay: float = 0.0
+    jitter: float = 0.0
+    rolling: float = 0.0
+    misregistration: float | Pair = 0.0
+    magnification: float = 1.0
+    rotation: float = 0.0
+    dispersion_error: float = 0.0
+    shear_error: float = 0.0
+    blur: float = 0.0
+    height_error: float = 0.0
+    wavefront_error: float = 0.0
+    hot_pixels: float = 0.0
+    dead_pixels: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, limit in LIMITS.items():
+            values = _numbers(name, getattr(self, name))
+            if not all(limit["low"] <= v <= limit["high"] and (isfinite(v) or name == "contrast") for v in values):
+                raise SettingError(name, str(getattr(self, name)), limit["unit"])
+        if self.contrast == 1:
+            raise SettingError("contrast", "1", "above 1: open and closed pixels would be the same")
+        if self.hot_pixels + self.dead_pixels > 1:
+            raise SettingError("hot_pixels, dead_pixels", f"{self.hot_pixels + self.dead_pixels:g}", "1 together")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Hardware:
+        """Faults by their names.
+
+        Raises:
+            SettingError: an unknown name, or an impossible value.
+        """
+        for name in values:
+            if name not in LIMITS:
+                raise SettingError("hardware", repr(name), f"one of {', '.join(LIMITS)}")
+        return cls(**{name: _stored(name, value) for name, value in values.items()})  # type: ignore[arg-type]
+
+    @property
+    def shift(self) -> Pair:
+        """Rows and columns of the misregistration, pixels."""
+        both = self.misregistration
+        return (float(both[0]), float(both[1])) if isinstance(both, tuple) else (float(both), float(both))
+
+    def faults(self) -> dict[str, Any]:
+        """Those that there are."""
+        perfect = {field.name: field.default for field in fields(self)}
+        return {name: value for name, value in asdict(self).items() if value != perfect[name]}
+
+    def check(self, application: str) -> None:
+        """Raises SettingError for a fault that a camera cannot have."""
+        for name in self.faults():
+            if name in PARTS[application]:
+                known = ", ".join(other for other in LIMITS if other not in PARTS[application])
+                raise SettingError(name, str(getattr(self, name)), f"none in a {application} camera, which has {known}")
+
+
+def _numbers(name: str, value: Any) -> tuple[float, ...]:
+    parts = value if isinstance(value, tuple | list) else (value,)
+    if len(parts) not in ((1, 2) if name == "misregistration" else (1,)):
+        raise SettingError(name, str(value), LIMITS[name]["unit"])
+    try:
+        return tuple(float(part) for part in parts)
+    except (TypeError, ValueError):
+        raise SettingError(name, repr(value), LIMITS[name]["unit"]) from None
+
+
+def _stored(name: str, value: Any) -> float | Pair:
+    numbers = _numbers(name, value)
+    return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
