@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.bench import BenchOptions
 from tmca.cli.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
+from tmca.cli.hardware import HardwareOptions
 from tmca.cli.light_field import LightFieldSceneOptions
 from tmca.cli.light_field_bench import LightFieldBenchOptions
 from tmca.cli.numbers import Whole
@@ -30,6 +31,7 @@ app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
 _VIEWS, _MASK, _PLACED = LightFieldSceneOptions(), LightFieldOptions(), LightFieldBenchOptions()
 _DEPTH, _BENCH, _OPTICS = DepthSceneOptions(), SpectralDepthOptions(), BenchOptions()
+_HARDWARE = HardwareOptions()
 
 
 @app.command
@@ -42,6 +44,7 @@ def spectral(
     reading: SceneOptions = _SCENE,
     camera: SpectralOptions = _CAMERA,
     sensor: SensorOptions = _SENSOR,
+    hardware: HardwareOptions = _HARDWARE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Take a snapshot of SCENES with the spectral camera: one scene, or one for each slot of the exposure.
@@ -64,11 +67,12 @@ def spectral(
     if not scenes:
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
     cubes = [load_scene(scene, bands=kept, size=size(crop, "--crop"), **reading.reading()) for scene in scenes]
-    cube, moved = cubes[0], pair(motion, "--motion")
+    cube, moved, faults = cubes[0], pair(motion, "--motion"), hardware.faults()
     assumed(cube)
+    known = spectral_camera(cube, camera, sensor)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures), output.overwrite, scenes[0])
-    taken = take_snapshot(cubes, spectral_camera(cube, camera, sensor), seed=camera.seed, motion=moved)
+    taken = take_snapshot(cubes, known, seed=camera.seed, motion=moved, hardware=faults)
     how = " -d admm-tv" if taken.camera.blurred else ""
     _write(taken, target, output, {"bands": taken.camera.bands}, f"{taken.camera.bands} bands", how)
 
@@ -83,6 +87,7 @@ def light_field(
     camera: LightFieldOptions = _MASK,
     bench: LightFieldBenchOptions = _PLACED,
     sensor: SensorOptions = _SENSOR,
+    hardware: HardwareOptions = _HARDWARE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Take a snapshot of SCENE with the light-field camera: a coded mask in front of the sensor.
@@ -101,7 +106,8 @@ def light_field(
     centre_assumed(field)
     target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures, views=True), output.overwrite, scene)
-    taken = take_light_field_snapshot(field, light_field_camera(field, camera, bench, sensor), seed=camera.seed)
+    known = light_field_camera(field, camera, bench, sensor)
+    taken = take_light_field_snapshot(field, known, camera.seed, hardware.faults())
     views = list(taken.camera.views)
     _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")
 
@@ -116,6 +122,7 @@ def spectral_depth(
     camera: SpectralDepthOptions = _BENCH,
     bench: BenchOptions = _OPTICS,
     sensor: SensorOptions = _SENSOR,
+    hardware: HardwareOptions = _HARDWARE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Take a snapshot of SCENE with the spectral-depth camera: a phase mask that changes within the exposure.
@@ -130,7 +137,7 @@ def spectral_depth(
     """
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_pictures
 
-    taken, target = take(scene, crop, reading, camera, bench, sensor, output)
+    taken, target = take(scene, crop, reading, camera, bench, sensor, hardware, output)
     about = {"bands": taken.camera.bands, "unknown_depth_pixels": taken.notes["unknown_depth_pixels"]}
     unknown, (height, width) = taken.notes["unknown_depth_pixels"], taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
@@ -160,10 +167,13 @@ def _write(
         "slots": taken.camera.slots,
         "throughput": taken.camera.throughput(),
         "noise": vars(taken.camera.noise),
+        "hardware": taken.notes.get("hardware", ""),
         "files": [str(file) for file in written],
     }
     if output.json:
         print(json.dumps(report, indent=1))
         return
     print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}")
+    if "hardware" in taken.notes:
+        print(f"taken with faults that decoders are not told of: {taken.notes['hardware']}")
     print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")

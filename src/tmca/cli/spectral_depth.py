@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Group, Parameter
 
 from tmca.cli.bench import BenchOptions
+from tmca.cli.hardware import HardwareOptions
 from tmca.cli.numbers import whole
 from tmca.cli.options import OutputOptions, SensorOptions, TruthOptions, check_targets, numbers, size
 from tmca.cli.progress import progress_bar
@@ -177,19 +178,20 @@ def take(
     options: SpectralDepthOptions,
     bench: BenchOptions,
     sensor: SensorOptions,
+    hardware: HardwareOptions,
     output: OutputOptions,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
     from tmca.cameras.presets import PROBE
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
 
-    probe = options.camera(sensor, bench, PROBE)
+    probe, faults = options.camera(sensor, bench, PROBE), hardware.faults()
     loaded = reading.load(scene, probe, size(crop, "--crop"))
     target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
     check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)
     camera = options.camera(sensor, bench, (loaded.sizes["y"], loaded.sizes["x"]))
     with progress_bar(f"simulate: {target.name}") as progress:
-        return take_spectral_depth_snapshot(loaded, camera, seed=options.seed, progress=progress), target
+        return take_spectral_depth_snapshot(loaded, camera, options.seed, progress, faults), target
 
 
 def refuse_reading(reading: TruthOptions, **others: Any) -> None:

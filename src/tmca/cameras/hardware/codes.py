@@ -74,7 +74,9 @@ class ImperfectCodes(nn.Module):
         """(aperture (K, H, Wa), shutter (K, H, W')), grey."""
         aperture, shutter = self.codes()
         own = self.hardware
-        shown = misplaced(leaked(aperture, 1 / own.contrast), own.shift, own.magnification, own.rotation, self.size)
+        shown = misplaced(
+            leaked(aperture, 1 / own.contrast_ratio), own.shift, own.magnification, own.rotation, self.size
+        )
         seen = self.faults(shutter)
         return self._blurred(shown), torch.nn.functional.pad(seen, self.beside) if any(self.beside) else seen
 

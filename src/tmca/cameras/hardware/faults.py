@@ -17,7 +17,7 @@ def _range(low: float, high: float, unit: str) -> Any:
 
 
 LIMITS: dict[str, dict[str, Any]] = {
-    "contrast": _range(1, inf, "open light over closed light, above 1"),
+    "contrast_ratio": _range(1, inf, "open light over closed light, above 1"),
     "leakage": _range(0, 1, "share of the light, 0 to 1"),
     "switching": _range(0, 1, "share of a slot, 0 to 1"),
     "dead_time": _range(0, 1, "share of a slot, 0 to 1"),
@@ -34,13 +34,16 @@ LIMITS: dict[str, dict[str, Any]] = {
     "wavefront_error": _range(0, 1e-5, "metres, 0 to 1e-5"),
     "hot_pixels": _range(0, 1, "share of the pixels, 0 to 1"),
     "dead_pixels": _range(0, 1, "share of the pixels, 0 to 1"),
+    "motion": _range(-1000, 1000, "pixels, one number or (rows, columns), within ±1000"),
 }
 """Least and largest value of every fault, and its unit in words."""
+PAIRS = ("misregistration", "motion")
+"""Faults along rows and columns."""
 PARTS = {
     "spectral": ("height_error", "wavefront_error", "shear_error"),
     "light-field": ("height_error", "wavefront_error", "dispersion_error"),
-    "spectral-depth": ("contrast", "misregistration", "magnification", "rotation", "dispersion_error", "shear_error",
-                       "blur"),
+    "spectral-depth": ("contrast_ratio", "misregistration", "magnification", "rotation", "dispersion_error",
+                       "shear_error", "blur", "motion"),
 }  # fmt: skip
 """Faults that a camera cannot have."""
 
@@ -50,7 +53,7 @@ class Hardware:
     """Faults of a bench; none by default.
 
     Args:
-        contrast: light that an open aperture pixel passes over that of a closed one; infinite for a perfect one.
+        contrast_ratio: light that an open aperture pixel passes over that of a closed one; infinite for a perfect one.
         leakage: share of the light that a closed shutter pixel records.
         switching: time that the aperture needs from one pattern to the next, share of a slot; it changes linearly.
         dead_time: time at the beginning of every slot in which no shutter is open, share of a slot.
@@ -67,12 +70,14 @@ class Hardware:
         wavefront_error: root mean square of a drawn aberration (Zernike modes up to the fourth order), metres of path.
         hot_pixels: share of the sensor's pixels that are stuck at full scale.
         dead_pixels: share of the sensor's pixels that are stuck at zero.
+        motion: by which the scene moves from the beginning to the end of the exposure, pixels: both axes, or (rows,
+            columns).
 
     Raises:
         SettingError: a value that is not finite or outside its range.
     """
 
-    contrast: float = inf
+    contrast_ratio: float = inf
     leakage: float = 0.0
     switching: float = 0.0
     dead_time: float = 0.0
@@ -89,14 +94,17 @@ class Hardware:
     wavefront_error: float = 0.0
     hot_pixels: float = 0.0
     dead_pixels: float = 0.0
+    motion: float | Pair = 0.0
 
     def __post_init__(self) -> None:
         for name, limit in LIMITS.items():
             values = _numbers(name, getattr(self, name))
-            if not all(limit["low"] <= v <= limit["high"] and (isfinite(v) or name == "contrast") for v in values):
+            if not all(
+                limit["low"] <= v <= limit["high"] and (isfinite(v) or name == "contrast_ratio") for v in values
+            ):
                 raise SettingError(name, str(getattr(self, name)), limit["unit"])
-        if self.contrast == 1:
-            raise SettingError("contrast", "1", "above 1: open and closed pixels would be the same")
+        if self.contrast_ratio == 1:
+            raise SettingError("contrast_ratio", "1", "above 1: open and closed pixels would be the same")
         if self.hot_pixels + self.dead_pixels > 1:
             raise SettingError("hot_pixels, dead_pixels", f"{self.hot_pixels + self.dead_pixels:g}", "1 together")
 
@@ -115,13 +123,22 @@ class Hardware:
     @property
     def shift(self) -> Pair:
         """Rows and columns of the misregistration, pixels."""
-        both = self.misregistration
-        return (float(both[0]), float(both[1])) if isinstance(both, tuple) else (float(both), float(both))
+        return _pair(self.misregistration)
+
+    @property
+    def movement(self) -> Pair:
+        """Rows and columns of the scene's motion, pixels."""
+        return _pair(self.motion)
 
     def faults(self) -> dict[str, Any]:
         """Those that there are."""
         perfect = {field.name: field.default for field in fields(self)}
         return {name: value for name, value in asdict(self).items() if value != perfect[name]}
+
+    def said(self) -> str:
+        """Those that there are, in words."""
+        told = {n: " ".join(f"{v:g}" for v in _numbers(n, value)) for n, value in self.faults().items()}
+        return ", ".join(f"{name} = {value}" for name, value in told.items())
 
     def check(self, application: str) -> None:
         """Raises SettingError for a fault that a camera cannot have."""
@@ -131,9 +148,13 @@ class Hardware:
                 raise SettingError(name, str(getattr(self, name)), f"none in a {application} camera, which has {known}")
 
 
+def _pair(both: float | Pair) -> Pair:
+    return (float(both[0]), float(both[1])) if isinstance(both, tuple) else (float(both), float(both))
+
+
 def _numbers(name: str, value: Any) -> tuple[float, ...]:
     parts = value if isinstance(value, tuple | list) else (value,)
-    if len(parts) not in ((1, 2) if name == "misregistration" else (1,)):
+    if len(parts) not in ((1, 2) if name in PAIRS else (1,)):
         raise SettingError(name, str(value), LIMITS[name]["unit"])
     try:
         return tuple(float(part) for part in parts)

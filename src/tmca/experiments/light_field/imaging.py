@@ -13,7 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.cameras import LightFieldCamera, Snapshot
+from tmca.cameras import LightFieldCamera, Snapshot, moving_scene
+from tmca.cameras.hardware import Hardware, imperfect
 from tmca.decoders import Decoded, Weights, decode_light_field
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure
@@ -165,7 +166,7 @@ def as_batch(light_field: xr.DataArray) -> Tensor:
 
 
 def take_light_field_snapshot(
-    light_field: xr.DataArray, camera: LightFieldCamera, seed: int = 0
+    light_field: xr.DataArray, camera: LightFieldCamera, seed: int = 0, hardware: Hardware | None = None
 ) -> Snapshot[LightFieldCamera]:
     """Image a light field.
 
@@ -173,10 +174,19 @@ def take_light_field_snapshot(
         light_field: (view_v, view_u, y, x), or with colours first: one snapshot of each.
         camera: of its views and size.
         seed: of the sensor's noise, whose stream no code shares.
+        hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
+
+    Raises:
+        SettingError: faults that this camera cannot have.
     """
+    faults, views = hardware or Hardware(), as_batch(light_field)
+    notes: dict[str, Any] = {"scene": str(light_field.attrs.get("name", "")), "noise_seed": seed}
+    if any(faults.movement):
+        moved = [moving_scene(colour.flatten(0, 1), faults.movement, camera.slots) for colour in views]
+        views, notes["motion_pixels"] = torch.stack(moved).unflatten(2, camera.views), list(faults.movement)
     with torch.no_grad():
-        values = camera(as_batch(light_field), NOISE_STREAM + seed)
-    notes = {"scene": str(light_field.attrs.get("name", "")), "noise_seed": seed}
+        values = imperfect(camera, faults, seed)(views, NOISE_STREAM + seed)
+    notes |= {"hardware": faults.said()} if faults.faults() else {}
     noted = {READING: light_field.attrs[READING]} if READING in light_field.attrs else {}
     return Snapshot(values, camera, notes | noted)
 

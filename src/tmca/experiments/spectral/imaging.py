@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import Snapshot, SpectralCamera, moving_scene
+from tmca.cameras.hardware import Hardware, imperfect
 from tmca.decoders.decoding import Decoded, needs_prior
 from tmca.decoders.neural import Weights
 from tmca.decoders.shipped import find_weights
@@ -62,6 +63,7 @@ def take_snapshot(
     camera: SpectralCamera,
     seed: int = 0,
     motion: tuple[float, float] = (0.0, 0.0),
+    hardware: Hardware | None = None,
 ) -> Snapshot[SpectralCamera]:
     """Image a scene.
 
@@ -71,9 +73,10 @@ def take_snapshot(
         seed: of the sensor's noise, whose stream no code shares.
         motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
             cube is its place in the middle.
+        hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
 
     Raises:
-        SettingError: another number of cubes than slots.
+        SettingError: faults that this camera cannot have, or another number of cubes than slots.
     """
     cubes = list(cube) if isinstance(cube, Sequence) else [cube]
     scenes = [torch.from_numpy(np.ascontiguousarray(one.values, dtype=np.float32)) for one in cubes]
@@ -81,10 +84,14 @@ def take_snapshot(
         raise SettingError("scenes", f"{len(scenes)}", f"one, or one for each of {camera.slots} slots")
     scene = torch.stack(scenes) if len(scenes) > 1 else scenes[0]
     notes = {"scene": str(cubes[0].attrs.get("name", "")), "noise_seed": seed}
+    faults = hardware or Hardware()
+    motion = motion if any(motion) else faults.movement
     if any(motion):
         scene, notes["motion_pixels"] = moving_scene(scene, motion, camera.slots), list(motion)
     with torch.no_grad():
-        values = camera(scene[None], NOISE_STREAM + seed)
+        values = imperfect(camera, faults, seed)(scene[None], NOISE_STREAM + seed)
+    if faults.faults():
+        notes["hardware"] = faults.said()
     return Snapshot(values, camera, notes)
 
 

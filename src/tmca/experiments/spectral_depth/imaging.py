@@ -13,6 +13,7 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.cameras.checks import check_holds
+from tmca.cameras.hardware import Hardware, imperfect
 from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.depth_likelihood import DepthDecoded, PatchLikelihood, check_window, usual_window
 from tmca.decoders.depth_prior import find_depth_prior
@@ -76,6 +77,7 @@ def take_spectral_depth_snapshot(
     camera: SpectralDepthCamera,
     seed: int = 0,
     progress: Callable[..., None] | None = None,
+    hardware: Hardware | None = None,
 ) -> Snapshot[SpectralDepthCamera]:
     """Image a scene with depth.
 
@@ -84,22 +86,25 @@ def take_spectral_depth_snapshot(
         camera: that takes it.
         seed: of the sensor's noise, whose stream no code shares.
         progress: told the share that is done.
+        hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
 
     Raises:
-        SettingError: a frame narrower than the point spread functions.
+        SettingError: faults that this camera cannot have, or a frame narrower than the point spread functions.
 
     Warns:
         StrayLight: point spread functions that do not fit their window.
     """
+    faults = hardware or Hardware()
     check_holds(camera.size, camera.bench.window)
     stray_light(camera.spread)
     cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
     depth = depth_tensor(scene)
     with torch.no_grad():
-        values = camera(cube, depth, NOISE_STREAM + seed, progress)
+        values = imperfect(camera, faults, seed)(cube, depth, NOISE_STREAM + seed, progress)
     unknown = int((~camera.planes.known(depth)).sum())
     notes = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, "unknown_depth_pixels": unknown}
     notes |= {name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}
+    notes |= {"hardware": faults.said()} if faults.faults() else {}
     return Snapshot(values, camera, notes)
 
 
