@@ -12,6 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from tmca.cameras.hardware import LIMITS, PARTS, Hardware
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.figures import save_figure
@@ -38,6 +39,7 @@ class Swept:
         check: refuses settings (camera, sensor) that make no camera.
         decoders: names of decoders as tables show them.
         networks: those that are trained at every combination.
+        application: name of the camera, which says what faults its bench can have.
         measure, train: compute a cell; module-level functions.
     """
 
@@ -47,13 +49,19 @@ class Swept:
     check: Callable[[dict[str, Any], dict[str, Any]], Any]
     decoders: Mapping[str, str]
     networks: tuple[str, ...]
+    application: str
     measure: Callable[[Settings], Measured]
     train: Callable[[Settings], Measured]
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Everything that can be varied."""
-        return (*SENSOR, *self.camera, "decoder", "seed")
+        return (*SENSOR, *self.camera, "decoder", "seed", *self.faults)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Faults of the bench, of which decoders are not told."""
+        return tuple(name for name in LIMITS if name not in PARTS[self.application])
 
 
 def sweep(
@@ -206,6 +214,7 @@ def combinations(swept: Swept, vary: Values, fixed: Mapping[str, Any]) -> list[d
         if point["decoder"] not in swept.decoders:
             raise SettingError("decoder", repr(point["decoder"]), f"one of {', '.join(swept.decoders)}")
         swept.check(*parts(swept, point))
+        faults_of(swept, point)
     return points
 
 
@@ -215,12 +224,24 @@ def parts(swept: Swept, point: Mapping[str, Any]) -> tuple[dict[str, Any], dict[
     return camera, {SENSOR[name]: value for name, value in point.items() if name in SENSOR}
 
 
+def faults_of(swept: Swept, point: Mapping[str, Any]) -> dict[str, Any]:
+    """Faults of the bench in a combination.
+
+    Raises:
+        SettingError: impossible ones.
+    """
+    asked = {name: value for name, value in point.items() if name in swept.faults}
+    return Hardware.of(asked).faults()
+
+
 def _cell(swept: Swept, point: dict[str, Any], path: str, scene: str, data: dict[str, Any], work: Path) -> Settings:
     camera, sensor = parts(swept, point)
     shown = ", ".join(f"{name} = {value}" for name, value in point.items())
     cell: Settings = {"name": f"{scene}: {shown}", "path": path, "scene": scene, "checksum": identity_of(path)}
     common = {name: value for name, value in data.items() if name not in ("validation", "steps")}
     common |= {"camera": camera, "sensor": sensor, "decoder": point["decoder"]}
+    faults = faults_of(swept, point)
+    cell |= {"faults": faults} if faults else {}
     common["source"] = source_digest(__name__, swept.measure.__module__, swept.train.__module__)
     common["checksums"] = [identity_of(name) for name in (*data["train"], *data["validation"])]
     if point["decoder"] in swept.networks:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import LightFieldCamera
+from tmca.cameras.hardware import Hardware
 from tmca.design import KINDS, designable
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
@@ -27,7 +28,8 @@ def measure(cell: Settings) -> Measured:
     """One combination on one scene."""
     scene = read(cell["path"], cell["views"], Reading(**cell["reading"]), cell["size"])
     camera = _camera(cell, (scene.sizes["y"], scene.sizes["x"]))
-    snapshot = take_light_field_snapshot(scene, camera, seed=cell["camera"].get("seed", 0))
+    faults = Hardware.of(cell.get("faults", {}))
+    snapshot = take_light_field_snapshot(scene, camera, cell["camera"].get("seed", 0), faults)
     prior = cell["prior"].get(cell["decoder"])
     result = reconstruct_light_field(snapshot, cell["decoder"], prior=prior, truth=scene)
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
@@ -70,6 +72,7 @@ LIGHT_FIELD = Swept(
     check=_check,
     decoders=_DECODERS,
     networks=(),
+    application="light-field",
     measure=measure,
     train=measure,
 )

@@ -10,6 +10,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from tmca.cameras import SpectralCamera
+from tmca.cameras.hardware import Hardware
 from tmca.decoders.decoding import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.scenes import load_scene
@@ -98,7 +99,8 @@ def sweep_cell(cell: Settings) -> Measured:
         bands=scene["wavelength"].values.tolist(), size=(scene.sizes["y"], scene.sizes["x"]),
         sensor=Sensor(**cell["sensor"]), **cell["camera"],
     )  # fmt: skip
-    snapshot = take_snapshot(scene, camera, seed=cell["camera"].get("seed", 0))
+    faults = Hardware.of(cell.get("faults", {}))
+    snapshot = take_snapshot(scene, camera, seed=cell["camera"].get("seed", 0), hardware=faults)
     method, prior, weights = cell["decoder"], None, None
     if method in NETWORKS:
         method, weights = "network", _network_of(cell)

@@ -25,6 +25,7 @@ SPECTRAL = Swept(
     check=_check,
     decoders=DECODER_NAMES,
     networks=tuple(NETWORKS),
+    application="spectral",
     measure=sweep_cell,
     train=sweep_training,
 )

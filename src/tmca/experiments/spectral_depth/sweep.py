@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.hardware import Hardware
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import PROBE
 from tmca.decoders.depth_likelihood import check_window, usual_window
@@ -39,7 +40,8 @@ def measure(cell: Settings) -> Measured:
     scene = with_surroundings(scene, size, cell["path"], probe.tile_size)
     scene = of_contrast(scene, float(cell["camera"].get("contrast", 1.0)))
     camera = _camera(cell["preset"], cell["camera"], cell["sensor"], (scene.sizes["y"], scene.sizes["x"]))
-    snapshot = take_spectral_depth_snapshot(scene, camera, seed=int(cell["camera"].get("seed", 0)))
+    faults, seed = Hardware.of(cell.get("faults", {})), int(cell["camera"].get("seed", 0))
+    snapshot = take_spectral_depth_snapshot(scene, camera, seed, hardware=faults)
     whole = reconstruct_spectral_depth(snapshot, prior=cell["prior"], window=cell["window"])
     found = middle_of_reconstruction(whole, size, scene, camera.planes)
     return {"metrics": found.metrics, "seconds": found.seconds, "throughput": camera.throughput()}
@@ -99,6 +101,7 @@ def spectral_depth_swept(preset: str) -> Swept:
         check=check,
         decoders={"likelihood": "patch likelihood"},
         networks=(),
+        application="spectral-depth",
         measure=measure,
         train=measure,
     )  # fmt: skip
