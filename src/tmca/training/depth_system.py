@@ -15,11 +15,12 @@ from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 from tmca.training.depth_windows import DepthWindows
+from tmca.training.faults import DrawnFaults
 from tmca.training.imaging import torch_seed
 from tmca.training.losses import LOSSES, psnr_of
 from tmca.training.patches import Patch
 
-_NOISE, _CHECK = 2, 3
+_NOISE, _CHECK, _FAULTS = 2, 3, 4
 """Streams of random numbers: the sensor's noise in training, in validation."""
 SURPRISE = 0.1
 """What a nat counts beside the error of depth, as a share of the range."""
@@ -46,7 +47,8 @@ class DepthSystem(nn.Module):
         depth_weight: of the depth error.
         likelihood_weight: of that of the patch likelihood.
         likelihood_every: steps from one of these errors to the next, which counts as often.
-        seed: of the noise.
+        faults: of the bench, drawn in every step and for every validation scene; the decoder is not told.
+        seed: of noise and faults.
 
     Raises:
         SettingError: no prior for a network that wants a first stage, or for codes that learn from the likelihood.
@@ -65,6 +67,7 @@ class DepthSystem(nn.Module):
         depth_weight: float = 0.1,
         likelihood_weight: float = 0.0,
         likelihood_every: int = 1,
+        faults: DrawnFaults | None = None,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -75,7 +78,8 @@ class DepthSystem(nn.Module):
         self.sensors, self.prior, self.validation = tuple(sensors), prior, tuple(validation)
         self.loss, self.depth_weight, self.seed = LOSSES[loss], depth_weight, seed
         self.likelihood_weight, self.likelihood_every = likelihood_weight, likelihood_every
-        self.margin, self.frozen = margin, not camera.learnable
+        self.margin, self.frozen, self.faults = margin, not camera.learnable, faults or DrawnFaults()
+        self.faults.check(camera)
         self._likelihood: PatchLikelihood | None = None
         self._checked: dict[tuple[int, int], Tensor] = {}
 
@@ -129,7 +133,8 @@ class DepthSystem(nn.Module):
 
     def _check(self, place: int, index: int) -> dict[str, float]:
         scene, sensor = self.validation[index][None].to(self.camera.response.device), self.sensors[place]
-        snapshot = self._exposed(scene, sensor, [(self.seed, _CHECK, place, index)])
+        bench = self.faults.bench(self.camera, sensor, (self.seed, _CHECK, _FAULTS, place, index))
+        snapshot = self._exposed(scene, *bench, [(self.seed, _CHECK, place, index)])
         found = self._decode(snapshot, sensor, self._first_of((place, index), snapshot, sensor))
         planes, cube = self.camera.planes, found.cube.float().clamp_min(0)
         error = (found.decoded(planes).depth - self._metres(self._inner(scene[:, -1:]))).abs()
@@ -188,12 +193,15 @@ class DepthSystem(nn.Module):
         return found
 
     def _recorded(self, scenes: Tensor, step: int, indexes: Sequence[int]) -> Tensor:
-        return self._exposed(scenes, self._sensor(step), [(self.seed, _NOISE, step, index) for index in indexes])
+        bench = self.faults.bench(self.camera, self._sensor(step), (self.seed, _FAULTS, step))
+        return self._exposed(scenes, *bench, [(self.seed, _NOISE, step, index) for index in indexes])
 
-    def _exposed(self, scenes: Tensor, sensor: Sensor, seeds: Sequence[tuple[int, ...]]) -> Tensor:
+    def _exposed(
+        self, scenes: Tensor, bench: SpectralDepthCamera, sensor: Sensor, seeds: Sequence[tuple[int, ...]]
+    ) -> Tensor:
         """Snapshots whose noise depends on each patch's own seed, not on who else is in the batch."""
         with torch.autocast(scenes.device.type, enabled=False):
-            exact = self.camera.exact(scenes[:, :-1], self._metres(scenes[:, -1:]))
+            exact = bench.exact(scenes[:, :-1], self._metres(scenes[:, -1:]))
             white, exposures = self.camera.white, self.camera.exposures
             rows = [
                 sensor(exact[i : i + 1], white, torch_seed(seed, exact.device), exposures)

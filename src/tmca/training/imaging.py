@@ -16,12 +16,13 @@ from tmca.errors import SettingError
 from tmca.operators import LinearOperator, TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Noise, Sensor
+from tmca.training.faults import DrawnFaults
 from tmca.training.losses import LOSSES, psnr_of
 from tmca.training.patches import Patch
 from tmca.training.settings import CodeSettings
 
-_WINDOWS, _NOISE, _CHECK = 1, 2, 3
-"""Streams of random numbers: windows of the code, the sensor's noise in training, in validation."""
+_WINDOWS, _NOISE, _CHECK, _FAULTS = 1, 2, 3, 4
+"""Streams of random numbers: windows of the code, the sensor's noise in training, in validation, faults."""
 
 
 class ImagingSystem(nn.Module):
@@ -38,7 +39,8 @@ class ImagingSystem(nn.Module):
         loss: name in ``LOSSES``.
         codes: throughput and how it is held.
         through_start: let the codes' gradient pass through the first estimate as well as through the network.
-        seed: of windows and noise.
+        faults: of the bench, drawn in every step and for every validation scene; the decoder is not told.
+        seed: of windows, noise and faults.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class ImagingSystem(nn.Module):
         loss: str = "l2",
         codes: CodeSettings | None = None,
         through_start: bool = False,
+        faults: DrawnFaults | None = None,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -61,6 +64,8 @@ class ImagingSystem(nn.Module):
         self.camera, self.network = camera, network
         self.sensors, self.prior, self.validation = tuple(sensors), prior, tuple(validation)
         self.loss, self.codes, self.seed = LOSSES[loss], codes or CodeSettings(), seed
+        self.faults = faults or DrawnFaults()
+        self.faults.check(camera)
         self.through_start = through_start and camera.multiplexed.learnable
         if self.through_start and network.start == "mixture":
             raise SettingError(
@@ -105,9 +110,10 @@ class ImagingSystem(nn.Module):
         window = self._window(step, scenes.shape[-2:])
         sensor = self.sensors[step % len(self.sensors)]
         seeds = [(self.seed, _NOISE, step, index) for index in indexes]
+        bench, faulty = self.faults.bench(self.camera, sensor, (self.seed, _FAULTS, step))
         operator = self._windowed(window)
-        imaging = operator if scenes.ndim == 4 else self.camera.moving_window(*window)
-        return self._recorded(imaging, scenes, sensor, seeds), operator, self._noise(sensor)
+        imaging = bench.moving_window(*window) if scenes.ndim == 5 else self._seen_by(bench, operator, window)
+        return self._recorded(imaging, scenes, faulty, seeds), operator, self._noise(sensor)
 
     def groups(self) -> dict[str, list[nn.Parameter]]:
         """Parameters of the decoder and of the codes."""
@@ -141,8 +147,11 @@ class ImagingSystem(nn.Module):
         for place, sensor in enumerate(self.sensors):
             for index, truth in enumerate(self.validation):
                 scene = truth[None].to(self.camera.response.device)
-                operator = self._windowed((0, 0, *truth.shape[1:]))
-                snapshot = self._recorded(operator, scene, sensor, [(self.seed, _CHECK, place, index)])
+                window = (0, 0, int(truth.shape[1]), int(truth.shape[2]))
+                operator = self._windowed(window)
+                bench, faulty = self.faults.bench(self.camera, sensor, (self.seed, _CHECK, _FAULTS, place, index))
+                imaging = self._seen_by(bench, operator, window)
+                snapshot = self._recorded(imaging, scene, faulty, [(self.seed, _CHECK, place, index)])
                 first = self._first_of((place, index), snapshot, operator, self._noise(sensor))
                 estimate = self.decode(snapshot, operator, self._noise(sensor), first).float().clamp_min(0)
                 error = float((estimate - scene).square().mean())
@@ -166,10 +175,12 @@ class ImagingSystem(nn.Module):
         free = (self.camera.size[0] - height, self.camera.size[1] - width)
         return (int(rng.integers(free[0] + 1)), int(rng.integers(free[1] + 1)), height, width)
 
-    def _windowed(self, window: tuple[int, int, int, int]) -> TapOperator:
-        whole: LinearOperator = self.camera.operator()
-        assert isinstance(whole, TapOperator)
-        return TapOperator(whole.taps.window(*window))
+    def _windowed(self, window: tuple[int, int, int, int], camera: CodedCamera | None = None) -> TapOperator:
+        return TapOperator((camera or self.camera).taps().window(*window))
+
+    def _seen_by(self, bench: CodedCamera, known: TapOperator, window: tuple[int, int, int, int]) -> TapOperator:
+        """What images: the known operator, unless the bench has faults."""
+        return known if bench is self.camera else self._windowed(window, bench)
 
     def _recorded(
         self, operator: LinearOperator, scenes: Tensor, sensor: Sensor, seeds: Sequence[tuple[int, ...]]

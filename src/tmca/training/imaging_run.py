@@ -19,6 +19,7 @@ from tmca.decoders.start import NEED_PRIOR
 from tmca.errors import DataError, SettingError
 from tmca.priors import Prior, load_prior
 from tmca.sensor import Sensor
+from tmca.training.faults import DrawnFaults
 from tmca.training.imaging import ImagingSystem
 from tmca.training.patches import CubeStore, Load, Patch, PatchSource
 from tmca.training.run import Prepared, card_of, steps_of
@@ -72,7 +73,7 @@ def prepare_imaging(
     sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]
     system = ImagingSystem(
         camera, network, sensors, prior, validation, loss=settings.optimiser.loss, codes=settings.codes,
-        through_start=settings.codes.through_start, seed=settings.seed,
+        through_start=settings.codes.through_start, faults=DrawnFaults(settings.faults), seed=settings.seed,
     )  # fmt: skip
     store = CubeStore(lists.train, channels, make_folder(folder / "cubes"))
     patches = _patches(settings, store, application.views(camera))

@@ -147,7 +147,11 @@ class OptimiserSettings(Strict):
 
 
 class TrainSettings(Strict):
-    """A whole run."""
+    """A whole run.
+
+    ``faults`` gives the least and largest value of faults of the bench (``tmca.cameras.hardware``), which are drawn in
+    every step; a single number stands for both.
+    """
 
     camera: CameraSettings = CameraSettings()
     noise: tuple[NoiseSettings, ...] = (NoiseSettings(),)
@@ -159,6 +163,13 @@ class TrainSettings(Strict):
     validate_every: int = Field(default=100, ge=1)
     checkpoint_every: int = Field(default=50, ge=1)
     seed: int = 0
+    faults: dict[str, tuple[float, float]] = Field(default={})
+
+    @field_validator("faults", mode="before")
+    @classmethod
+    def _ranges(cls, value: Any) -> Any:
+        alone = isinstance(value, Mapping)
+        return {n: (v, v) if isinstance(v, int | float) else v for n, v in value.items()} if alone else value
 
     @field_validator("noise")
     @classmethod

@@ -25,6 +25,7 @@ from tmca.training.depth_patches import DepthPatchSource
 from tmca.training.depth_settings import SpectralDepthTrainSettings
 from tmca.training.depth_system import DepthSystem
 from tmca.training.depth_windows import SIDE
+from tmca.training.faults import DrawnFaults
 from tmca.training.patches import CubeStore, Load
 from tmca.training.run import Prepared, Trained, card_of, steps_of, train
 from tmca.training.scenes import RENDERED, SceneLists
@@ -79,7 +80,7 @@ def _prepare(
     validation = [crop for name in lists.validation for crop in _crops(name, channels(name), camera.size[0])]
     system = DepthSystem(
         camera, network, [Sensor(**noise.model_dump()) for noise in settings.noise], prior, validation,
-        margin=margin, seed=settings.seed,
+        margin=margin, faults=DrawnFaults(settings.faults), seed=settings.seed,
         **settings.optimiser.model_dump(include={"loss", "depth_weight", "likelihood_weight", "likelihood_every"}),
     )  # fmt: skip
     data, store = settings.data, CubeStore(lists.train, channels, make_folder(folder / "cubes"))

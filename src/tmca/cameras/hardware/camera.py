@@ -17,6 +17,7 @@ from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear
+from tmca.sensor import Sensor
 
 SomeCamera = TypeVar("SomeCamera", bound=Camera)
 
@@ -43,9 +44,21 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0) -> SomeCame
         _light_field(found, hardware, seed)
     elif isinstance(camera, SpectralDepthCamera):
         _spectral_depth(found, hardware, seed)
-    if hardware.hot_pixels or hardware.dead_pixels:
-        found.sensor = DefectiveSensor(hardware.hot_pixels, hardware.dead_pixels, seed, **camera.sensor.settings())
+    found.sensor = defective(camera.sensor, hardware, seed)
     return found
+
+
+def defective(sensor: Sensor, hardware: Hardware, seed: int = 0) -> Sensor:
+    """The sensor with its hot and dead pixels; itself without any.
+
+    Args:
+        sensor: as it is known.
+        hardware: shares of hot and dead pixels.
+        seed: of their places.
+    """
+    if not (hardware.hot_pixels or hardware.dead_pixels):
+        return sensor
+    return DefectiveSensor(hardware.hot_pixels, hardware.dead_pixels, seed, **sensor.settings())
 
 
 def _sharing(module: Any) -> Any:

@@ -1,0 +1,94 @@
+"""Runs behind benches with faults that their decoders are not told of."""
+
+import numpy as np
+import pytest
+import torch
+
+from tests.training import test_spectral_depth as masks
+from tests.training import tiny
+from tmca.cameras import SpectralCamera
+from tmca.decoders.neural import Weights
+from tmca.errors import SettingError
+from tmca.sensor import Sensor
+from tmca.training.faults import DrawnFaults
+
+pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")
+
+
+def losses(folder):
+    rows = [line.split(",") for line in (folder / "log.csv").read_text().splitlines()]
+    return [float(row[rows[0].index("loss")]) for row in rows[1:]]
+
+
+def test_a_step_has_its_own_faults_within_their_ranges():
+    faults = DrawnFaults({"misregistration": (-0.5, 0.25), "contrast_ratio": (20, 100), "jitter": (0.1, 0.1)})
+    drawn = [faults.drawn(np.random.default_rng(seed)) for seed in range(1000)]
+    shifts = np.array([one.shift for one in drawn])
+    assert -0.5 <= shifts.min() < -0.4
+    assert 0.15 < shifts.max() <= 0.25
+    assert abs(np.corrcoef(shifts.T)[0, 1]) < 0.2
+    leaks = [1 / one.contrast_ratio for one in drawn]
+    assert np.mean(leaks) == pytest.approx((1 / 20 + 1 / 100) / 2, rel=0.1)
+    assert {one.jitter for one in drawn} == {0.1}
+
+
+def test_the_same_seed_is_the_same_bench():
+    camera, faults = SpectralCamera(bands=3, size=(8, 9), slots=2), DrawnFaults({"delay": (-1, 1)})
+    scene = torch.rand(1, 3, 8, 9)
+    one, same, other = (faults.bench(camera, Sensor(), seed)[0](scene) for seed in ((1, 2), (1, 2), (1, 3)))
+    assert torch.equal(one, same)
+    assert not torch.equal(one, other)
+
+
+def test_without_faults_a_bench_is_the_camera_itself():
+    camera, sensor = SpectralCamera(bands=3, size=(8, 9), slots=2), Sensor()
+    bench = DrawnFaults().bench(camera, sensor, (0,))
+    assert bench[0] is camera
+    assert bench[1] is sensor
+
+
+@pytest.mark.parametrize("learn", ["none", "both"])
+def test_a_run_sees_snapshots_with_faults(tmp_path, learn):
+    common = {"optimiser.steps": 4, "camera.learn": learn}
+    tiny.train(tmp_path / "perfect", **common)
+    tiny.train(tmp_path / "none", **common, faults={})
+    found = tiny.train(tmp_path / "faulty", **common, faults={"misregistration": [-1, 1], "hot_pixels": 0.01})
+    assert losses(tmp_path / "none") == losses(tmp_path / "perfect")
+    assert losses(tmp_path / "faulty") != losses(tmp_path / "perfect")
+    assert Weights.load(found.weights).card["training"]["faults"] == {
+        "misregistration": [-1.0, 1.0],
+        "hot_pixels": [0.01, 0.01],
+    }
+
+
+def test_a_stopped_run_meets_the_same_faults_again(tmp_path):
+    faults = {"rolling": [0, 1], "leakage": [0, 0.1]}
+    tiny.train(tmp_path / "whole", **{"optimiser.steps": 6}, faults=faults)
+
+    def stop(done, steps, said):
+        if done == 3:
+            raise RuntimeError("stopped")
+
+    with pytest.raises(RuntimeError, match="stopped"):
+        tiny.train(tmp_path / "parts", progress=stop, **{"optimiser.steps": 6}, faults=faults)
+    tiny.train(tmp_path / "parts", **{"optimiser.steps": 6}, faults=faults)
+    assert losses(tmp_path / "parts") == losses(tmp_path / "whole")
+
+
+def test_masks_learn_behind_faults(tmp_path):
+    faults = {"height_error": [-0.1, 0.1], "delay": [-0.2, 0.2]}
+    found = masks.train(tmp_path, **{"optimiser.steps": 2, "camera.learn": ["mask"]}, faults=faults)
+    assert found.steps == 2
+
+
+@pytest.mark.parametrize(
+    ("faults", "words"),
+    [
+        ({"wobble": 1}, "wobble"), ({"delay": [1, 0]}, "least value first"), ({"leakage": [0, 2]}, "0 to 1"),
+        ({"motion": 1}, "contrast_ratio"), ({"height_error": 0.1}, "spectral run"), ({"delay": "late"}, "faults"),
+    ],
+)  # fmt: skip
+def test_impossible_faults_leave_no_run(tmp_path, faults, words):
+    with pytest.raises(SettingError, match=words):
+        tiny.train(tmp_path / "run", faults=faults)
+    assert not (tmp_path / "run" / "weights.safetensors").exists()
