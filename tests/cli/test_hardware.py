@@ -1,0 +1,87 @@
+"""`--hardware` of `tmca simulate`, and faults in sweeps."""
+
+import json
+
+import pytest
+import torch
+
+from tests.cli.refusals import refused
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cli import main
+
+SMALL = {
+    "spectral": ["coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures"],
+    "light-field": ["coffee", "--crop", "24x28", "--slots", "2", "--views", "3", "--no-figures"],
+    "spectral-depth": ["coffee", "--crop", "32x32", "--reduce", "4", "--no-figures"],
+}
+
+
+@pytest.fixture(autouse=True)
+def inside(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def taken(camera, name, *options):
+    main(["simulate", camera, *SMALL[camera], "--out", name, *options])
+    return Snapshot.load(name)
+
+
+@pytest.mark.parametrize("camera", SMALL)
+def test_the_file_keeps_the_camera_that_is_known(camera):
+    perfect, faulty = taken(camera, "a.nc"), taken(camera, "b.nc", "--hardware", "delay=0.3,leakage=0.05")
+    assert not torch.equal(perfect.values, faulty.values)
+    for known, same in zip(perfect.camera.codes(), faulty.camera.codes(), strict=True):
+        assert torch.equal(known, same)
+    assert faulty.notes["hardware"] == "leakage = 0.05, delay = 0.3"
+    assert "hardware" not in perfect.notes
+
+
+def test_faults_come_from_a_file_too(tmp_path):
+    (tmp_path / "bench.yaml").write_text("misregistration: [0.5, -1]\ncontrast_ratio: 40\n")
+    one = taken("spectral", "a.nc", "--hardware", "bench.yaml")
+    other = taken("spectral", "b.nc", "--hardware", "misregistration=0.5:-1,contrast_ratio=40")
+    assert torch.equal(one.values, other.values)
+
+
+def test_a_scene_that_moves_is_a_fault_as_well():
+    one, other = taken("spectral", "a.nc", "--hardware", "motion=2:1"), taken("spectral", "b.nc", "--motion", "2,1")
+    assert torch.equal(one.values, other.values)
+
+
+@pytest.mark.parametrize(
+    ("camera", "faults", "words"),
+    [
+        ("spectral", "wobble=1", "contrast_ratio"), ("spectral", "delay", "NAME=VALUE"),
+        ("spectral", "none.yaml", "none"),
+        ("spectral", "delay=1,delay=2", "NAME=VALUE"), ("light-field", "height_error=0.1", "light-field camera"),
+        ("spectral-depth", "misregistration=1", "spectral-depth camera"), ("spectral", "delay=late", "slots"),
+        ("spectral", "blur=1:2", "pixels"),
+    ],
+)  # fmt: skip
+def test_impossible_faults_are_one_line(capsys, tmp_path, camera, faults, words):
+    (tmp_path / "none.yaml").write_text("[]")
+    assert words in refused(capsys, "simulate", camera, *SMALL[camera], "--out", "x.nc", "--hardware", faults)
+    assert not (tmp_path / "x.nc").exists()
+
+
+def test_a_sweep_decodes_what_a_faulty_bench_took_with_the_camera_that_is_known(capsys):
+    main(["sweep", "spectral", "coffee", "--vary", "misregistration=0,1", "--set", "slots=2", "--crop", "32x32",
+          "--bands", "4", "--decoder", "admm-tv", "--out", "s", "--json"])  # fmt: skip
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["misregistration"] for row in rows] == [0.0, 1.0]
+    assert rows[0]["psnr"] > rows[1]["psnr"] + 0.5
+
+
+@pytest.mark.parametrize("words", ["height_error=0.1", "leakage=2"])
+def test_a_sweep_refuses_faults_that_cannot_be(capsys, words):
+    told = refused(capsys, "sweep", "spectral", "coffee", "--vary", words, "--out", "s")
+    assert words.partition("=")[0] in told
+
+
+def test_a_bench_with_faults_is_the_same_from_python():
+    snapshot = taken("spectral", "a.nc", "--hardware", "rolling=1")
+    camera = snapshot.camera
+    assert isinstance(camera, SpectralCamera)
+    scene = torch.rand(1, *camera.scene_shape)
+    assert imperfect(camera, Hardware(rolling=1))(scene).shape == snapshot.values.shape
