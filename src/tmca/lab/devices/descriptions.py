@@ -1,0 +1,119 @@
+"""Devices that show codes: what they are, from a preset of the package or a user's YAML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from tmca.errors import DataError, SettingError
+
+_PRESETS = Path(__file__).parent / "presets"
+PRESETS = tuple(sorted(file.stem for file in _PRESETS.glob("*.yaml")))
+"""Devices that come with the package."""
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+PLANES = {
+    "dmd": "aperture",
+    "lcos": "aperture",
+    "deformable-mirror": "heights",
+    "coded-exposure": "shutter",
+    "emulated-shutter": "shutter",
+}
+"""The plane of codes that a kind of device shows."""
+
+
+class DeviceDescription(BaseModel):
+    """A device.
+
+    Args:
+        name: what manifests say.
+        kind: of device.
+        size: (rows, columns) of its pixels; that of the codes for a sensor.
+        pitch_um: of its pixels, micrometres.
+        bits: of its frames.
+        lattice: ``diamond``: odd rows are displaced by half a pitch, rows are half a pitch apart.
+        mounting_angle_deg: by which it is turned on the table; patterns are turned back.
+        flip: axes along which it shows patterns mirrored.
+        macro_pixel: device pixels along the side of a code pixel.
+        gamma: of an 8-bit frame: light = (grey / 255)^gamma.
+        lut: CSV of grey and response (share of the light), which takes the place of the gamma.
+        pattern_rate_hz: most patterns in a second.
+        memory_patterns: most patterns it holds.
+        pupil_mm: diameter of a mirror's pupil.
+        noll: Noll indices of the terms that a mirror shows.
+        stroke_um: largest surface of one term over the pupil, micrometres either way.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    kind: Literal["dmd", "lcos", "deformable-mirror", "coded-exposure", "emulated-shutter"]
+    size: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] | None = None
+    pitch_um: Positive | None = None
+    bits: int = Field(default=1, ge=1, le=16)
+    lattice: Literal["square", "diamond"] = "square"
+    mounting_angle_deg: float = Field(default=0.0, allow_inf_nan=False)
+    flip: tuple[Literal["rows", "columns"], ...] = ()
+    macro_pixel: Positive = 1.0
+    gamma: Positive = 1.0
+    lut: str | None = None
+    pattern_rate_hz: Positive | None = None
+    memory_patterns: int | None = Field(default=None, ge=1)
+    pupil_mm: Positive | None = None
+    noll: tuple[Annotated[int, Field(ge=1)], ...] = ()
+    stroke_um: Positive | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> DeviceDescription:
+        if self.kind in ("dmd", "lcos") and self.size is None:
+            raise ValueError(f"size: a {self.kind} has one")
+        if self.kind == "deformable-mirror" and not (self.noll and self.stroke_um):
+            raise ValueError("noll, stroke_um: a deformable mirror has both")
+        if self.kind == "lcos" and self.bits != 8:
+            raise ValueError("bits: 8, frames of an LCoS are grey pictures")
+        return self
+
+    @property
+    def plane(self) -> str:
+        """The plane of codes that it shows: aperture, heights or shutter."""
+        return PLANES[self.kind]
+
+
+def device_named(name: str, **changes: Any) -> DeviceDescription:
+    """A device of the package, or of a YAML file.
+
+    Args:
+        name: one of ``PRESETS``, or a file.
+        changes: values that replace the description's; None leaves it.
+
+    Raises:
+        SettingError: an unknown name, or an impossible value.
+        DataError: a file that is none of a device.
+    """
+    file = _PRESETS / f"{name}.yaml" if name in PRESETS else Path(name)
+    if name not in PRESETS and file.suffix not in (".yaml", ".yml"):
+        raise SettingError("--device", repr(name), f"one of {', '.join(PRESETS)}, or a YAML file that describes one")
+    described = _described(file) | {key: value for key, value in changes.items() if value is not None}
+    if described.get("lut"):
+        described["lut"] = str(file.parent / described["lut"])
+    try:
+        return DeviceDescription.model_validate(described)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"])) or "device"
+        raise SettingError(f"{file}: {where}", str(first.get("input"))[:80], first["msg"]) from None
+
+
+def _described(file: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError:
+        raise DataError(file, "no such file", "a YAML file that describes a device", "see docs/devices.md") from None
+    except (yaml.YAMLError, UnicodeDecodeError):
+        raise DataError(file, "no YAML", "lines NAME: VALUE", "see docs/devices.md") from None
+    if not isinstance(found, dict):
+        raise DataError(file, "no names with values", "lines NAME: VALUE", "see docs/devices.md")
+    return {"name": file.stem, **found}

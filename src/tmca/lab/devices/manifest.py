@@ -1,0 +1,78 @@
+"""The manifest of an export: every file in its order, when it is shown, and what it was made from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tmca.errors import DataError, SettingError
+from tmca.lab.devices.descriptions import DeviceDescription
+
+NAME, FORMAT = "manifest.json", "tmca export 1"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the slots of one exposure are shown.
+
+    Args:
+        slots: K.
+        exposure: of all slots, seconds.
+    """
+
+    slots: int
+    exposure: float
+
+    def of_slots(self) -> list[dict[str, float]]:
+        """Beginning and duration of every slot, seconds from the trigger."""
+        each = self.exposure / self.slots
+        return [{"start_s": slot * each, "duration_s": each} for slot in range(self.slots)]
+
+    def check(self, device: DeviceDescription) -> None:
+        """Raises SettingError where a device is too slow, or holds too few patterns."""
+        if not self.exposure > 0:
+            raise SettingError("--exposure", f"{self.exposure:g} s", "above 0")
+        rate = self.slots / self.exposure
+        if device.pattern_rate_hz is not None and rate > device.pattern_rate_hz * (1 + 1e-9):
+            least = self.slots / device.pattern_rate_hz
+            found = f"{self.slots} slots in {self.exposure:g} s, {rate:g} patterns a second"
+            remedy = f"expose {least:g} s or longer, or take fewer slots"
+            raise SettingError("--exposure", found, f"{device.pattern_rate_hz:g} at most on {device.name}", remedy)
+        if device.memory_patterns is not None and self.slots > device.memory_patterns:
+            raise SettingError(device.name, f"{self.slots} patterns", f"{device.memory_patterns} at most in its memory")
+
+
+def checksum(file: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def shown_files(files: Sequence[Path], folder: Path, timing: Timing, trigger: dict[str, str]) -> list[dict[str, Any]]:
+    """What the manifest says of the files of one plane, in the order of the slots."""
+    names = [file.relative_to(folder).as_posix() for file in files]
+    return [
+        {"slot": slot, "file": name, **when, "trigger": trigger, "sha256": checksum(folder / name)}
+        for slot, (name, when) in enumerate(zip(names, timing.of_slots(), strict=True))
+    ]
+
+
+def read_manifest(folder: str | Path) -> dict[str, Any]:
+    """The manifest of an export.
+
+    Raises:
+        DataError: no export, or one of another version.
+    """
+    file = Path(folder) / NAME
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except OSError:
+        raise DataError(folder, f"no {NAME}", "the folder of an export", "make one with `tmca export`") from None
+    except (ValueError, UnicodeDecodeError):
+        raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
+    return found

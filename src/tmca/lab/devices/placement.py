@@ -1,0 +1,125 @@
+"""Which pixel of a device shows which pixel of a code: macro-pixels, lattices, mounted turned or mirrored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import DataError, SettingError
+from tmca.lab.devices.descriptions import DeviceDescription
+
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How a code of (H, W) pixels lies on a device of (R, C) pixels, middle on middle.
+
+    Args:
+        code: (H, W).
+        device: (R, C).
+        macro_pixel: device pixels along the side of a code pixel.
+        angle: by which the device is mounted turned, degrees.
+        lattice: ``"square"`` or ``"diamond"``.
+        flip: axes along which the device mirrors, of ``"rows"`` and ``"columns"``.
+        offset: (rows, columns) of device pixels by which the code is displaced from the middle.
+        affine: 2×3, from code pixel (row, column, 1) to device pixel, as a registration measures it; it takes the place
+            of all that is above.
+    """
+
+    code: tuple[int, int]
+    device: tuple[int, int]
+    macro_pixel: float = 1.0
+    angle: float = 0.0
+    lattice: str = "square"
+    flip: tuple[str, ...] = ()
+    offset: tuple[int, int] = (0, 0)
+    affine: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+    @classmethod
+    def of(cls, device: DeviceDescription, code: tuple[int, int], offset: tuple[int, int] = (0, 0)) -> Placement:
+        """Of a code on a device as it is described; a sensor without a size has that of the code."""
+        how = (device.macro_pixel, device.mounting_angle_deg, device.lattice, device.flip, offset)
+        return cls(code, device.size or code, *how)
+
+    def index(self) -> NDArray[np.int64]:
+        """(R, C) index ``W·row + column`` of the code pixel that each device pixel shows; -1 for none.
+
+        Raises:
+            SettingError: a code pixel that no device pixel shows.
+        """
+        margin = 2 * ceil(self.macro_pixel)
+        wide = self._index(margin)
+        found = wide[margin:-margin, margin:-margin]
+        every, own = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, found))
+        self._check(np.where(own < every, 0, own))  # a code pixel that is cut off is none
+        return found
+
+    def _index(self, margin: int) -> NDArray[np.int64]:
+        """The index with a margin of pixels around the device."""
+        rows, columns = self._places(margin)
+        inside = (rows >= 0) & (rows < self.code[0]) & (columns >= 0) & (columns < self.code[1])
+        return np.where(inside, rows * self.code[1] + columns, -1)
+
+    def shown(self, patterns: NDArray[np.generic], outside: float = 0) -> NDArray[np.generic]:
+        """(K, H, W) codes → (K, R, C) frames; pixels without a code show ``outside``."""
+        index = self.index()
+        flat = patterns.reshape(len(patterns), -1)
+        return np.where(index >= 0, flat[:, index.clip(0)], np.asarray(outside, patterns.dtype))
+
+    def read_back(self, frames: NDArray[np.generic], where: str) -> NDArray[np.generic]:
+        """(K, R, C) frames → (K, H, W) codes, each the value of the device pixels that show it.
+
+        Raises:
+            DataError: frames of another size, or device pixels of one code pixel that differ.
+        """
+        if frames.shape[1:] != self.device:
+            wanted = f"{self.device[0]}×{self.device[1]} pixels"
+            raise DataError(where, f"frames of {frames.shape[1]}×{frames.shape[2]} pixels", wanted, "export it again")
+        index = self.index()
+        _, first = np.unique(index[index >= 0], return_index=True)
+        found = frames[:, index >= 0][:, first].reshape(len(frames), *self.code)
+        if not np.array_equal(self.shown(found, 0)[:, index >= 0], frames[:, index >= 0]):
+            raise DataError(where, "device pixels of one code pixel that differ", "equal ones", "export it again")
+        return found
+
+    def _places(self, margin: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row and column of the code under each pixel of the device and its margin."""
+        sides = (np.arange(-margin, n + margin, dtype=np.float64) for n in self.device)
+        y, x = np.meshgrid(*sides, indexing="ij")
+        if self.affine is not None:
+            matrix = np.array(self.affine)
+            y, x = np.einsum("ij,j...->i...", np.linalg.inv(matrix[:, :2]), np.stack((y, x)) - matrix[:, 2, None, None])
+            return np.floor(y + 0.5 + _SLACK).astype(np.int64), np.floor(x + 0.5 + _SLACK).astype(np.int64)
+        if self.lattice == "diamond":
+            y, x = y / 2, x + 0.5 * (y % 2)
+        y, x = (part - self._corner(axis) for axis, part in enumerate((y, x)))
+        turn = radians(self.angle)
+        y, x = np.cos(turn) * y + np.sin(turn) * x, np.cos(turn) * x - np.sin(turn) * y
+        y = -y if "rows" in self.flip else y
+        x = -x if "columns" in self.flip else x
+        rows, columns = (part / self.macro_pixel + n / 2 for part, n in zip((y, x), self.code, strict=True))
+        return np.floor(rows + _SLACK).astype(np.int64), np.floor(columns + _SLACK).astype(np.int64)
+
+    def _corner(self, axis: int) -> float:
+        """Device pixel of the code's middle; whole macro-pixels lie on whole pixels where nothing is turned."""
+        length = self.device[axis] / (2 if self.lattice == "diamond" and axis == 0 else 1)
+        side = self.code[axis] * self.macro_pixel
+        margin = (length - side) / 2
+        straight = self.angle == 0 and self.lattice == "square"
+        return (np.floor(margin) if straight else margin) + side / 2 + self.offset[axis] - 0.5
+
+    def _check(self, owned: NDArray[np.int64]) -> None:
+        if owned.min() > 0:
+            return
+        row, column = divmod(int(np.argmin(owned)), self.code[1])
+        shown = f"{self.code[0]}×{self.code[1]} code pixels at {self.macro_pixel:g} device pixels each"
+        found = f"{shown}, of which ({row}, {column}) is not on the device"
+        turned = self.angle % 90 != 0 or self.lattice == "diamond"
+        least = "--macro-pixel 2 or more where patterns are turned, " if turned and self.macro_pixel < 2 else ""
+        fits = [ceil(n * self.macro_pixel) for n in self.code]
+        wanted = f"all on its {self.device[0]}×{self.device[1]} pixels"
+        raise SettingError("--macro-pixel", found, wanted, f"{least}a smaller code than {fits[0]}×{fits[1]} pixels")

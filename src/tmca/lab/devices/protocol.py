@@ -1,0 +1,81 @@
+"""A bench, as this package sees it: it loads an export, shows a slot, captures a frame; drivers are entry points."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import SettingError, TmcaError
+from tmca.lab.devices.export import Export
+
+GROUP = "tmca.devices"
+
+
+class DeviceError(TmcaError):
+    """A device that does not do what it is told."""
+
+
+@runtime_checkable
+class Device(Protocol):
+    """A bench: what shows codes, and the camera behind it.
+
+    A package plugs one in by the entry point ``NAME = "module:factory"`` of the group ``tmca.devices``; the factory
+    takes the settings of ``tmca capture`` as keyword arguments.
+    """
+
+    saturation: float
+    """Digital number from which on a pixel is saturated."""
+
+    def load(self, export: Export) -> None:
+        """Take the patterns of an export into the devices' memory.
+
+        Raises:
+            DeviceError: they do not fit.
+        """
+
+    def show(self, slot: int | None) -> None:
+        """Show the patterns of a slot until something else is shown; None shuts all, for dark frames.
+
+        Raises:
+            DeviceError: no answer.
+        """
+
+    def capture(self, whole: bool = False) -> NDArray[np.integer]:
+        """(H, W) digital numbers of a frame, (C, H, W) of a sensor with channels: of what is shown, or of a whole
+        exposure in which the shutter is coded.
+
+        Raises:
+            DeviceError: no answer.
+        """
+
+
+def device_drivers() -> dict[str, EntryPoint | None]:
+    """Benches that can be named: the simulated one, and those of packages that are installed."""
+    return {"simulated": None, **{point.name: point for point in entry_points(group=GROUP)}}
+
+
+def find_device(name: str, **settings: Any) -> Device:
+    """A bench by its name.
+
+    Args:
+        name: ``"simulated"``, or that of an entry point of the group ``tmca.devices``.
+        settings: of its factory.
+
+    Raises:
+        SettingError: an unknown name, or a factory that makes none.
+    """
+    known = device_drivers()
+    if name not in known:
+        raise SettingError("--device", repr(name), f"one of {', '.join(known)}", "install the package of its driver")
+    point = known[name]
+    if point is None:
+        from tmca.lab.devices.simulated import SimulatedBench
+
+        return SimulatedBench(**settings)
+    found = point.load()(**settings)
+    if not isinstance(found, Device):
+        raise SettingError("--device", f"{name}: {type(found).__name__}", "load, show, capture and saturation")
+    return found

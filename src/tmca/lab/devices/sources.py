@@ -1,0 +1,127 @@
+"""The codes that are exported, wherever they are kept: designs, runs, snapshots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import Camera, Snapshot, SpectralDepthCamera
+from tmca.cameras.phase_codes import read_phase_codes
+from tmca.codes import CodePlane, read_codes
+from tmca.decoders.depth_weights import DepthWeights
+from tmca.decoders.neural import Weights
+from tmca.decoders.weights_file import read_weights
+from tmca.errors import DataError, SettingError, ShapeError
+from tmca.optics import family_parameters
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Codes of one exposure.
+
+    Args:
+        source: file or folder they came from.
+        application: name of the camera; empty where the codes do not say.
+        planes: ``aperture`` (K, h, w) and ``shutter`` (K, h, w'), or ``heights`` (K, h, w) in metres and ``shutter``:
+            full frames, or one tile.
+        tiled: names of planes that are one tile.
+        modes: of Zernike masks ``coefficients`` (K, M) in metres rms and ``noll`` (M,).
+        settings: of the camera, as far as they are known.
+    """
+
+    source: str
+    application: str
+    planes: Mapping[str, Tensor]
+    tiled: tuple[str, ...] = ()
+    modes: Mapping[str, Tensor] | None = None
+    settings: Mapping[str, Any] | None = None
+
+    @property
+    def slots(self) -> int:
+        """K."""
+        return len(next(iter(self.planes.values())))
+
+    def full(self, name: str, size: Size | None = None) -> Tensor:
+        """(K, H, W) a plane over a whole device.
+
+        Args:
+            name: of the plane.
+            size: (H, W) over which a tile is repeated, or of the middle of a larger plane; as it is without.
+
+        Raises:
+            SettingError: no such plane.
+            ShapeError: a plane that is smaller and no tile.
+        """
+        if name not in self.planes:
+            raise SettingError(self.source, f"codes of {', '.join(self.planes)}", f"{name}, which this device shows")
+        plane = self.planes[name]
+        own = (int(plane.shape[1]), int(plane.shape[2]))
+        if size is None or size == own:
+            return plane
+        if name in self.tiled:
+            return CodePlane(plane, len(plane), size, period=own, name=name)()
+        if own[0] < size[0] or own[1] < size[1]:
+            raise ShapeError(self.source, f"{name} of {own[0]}×{own[1]} pixels", f"{size[0]}×{size[1]} or more")
+        top, left = (own[0] - size[0]) // 2, (own[1] - size[1]) // 2
+        return plane[:, top : top + size[0], left : left + size[1]]
+
+
+def read_planes(source: str | Path) -> Planes:
+    """Codes of a file of `tmca design`, a run or weights of `tmca train`, or a snapshot.
+
+    Raises:
+        DataError: none of these.
+    """
+    path = Path(source)
+    if path.is_dir() or path.suffix == ".safetensors":
+        return _of_weights(path)
+    if path.suffix not in (".nc", ".h5", ".zarr"):
+        raise DataError(path, f"the suffix {path.suffix!r}", "codes.nc, a run, weights, or a snapshot file")
+    return _of_file(path)
+
+
+def _of_weights(path: Path) -> Planes:
+    about = read_weights(path)[1]
+    if about.get("application") == SpectralDepthCamera.application:
+        return _of_camera(DepthWeights.load(path).camera, str(path))
+    weights = Weights.load(path)
+    planes = {"aperture": weights.aperture, "shutter": weights.shutter}
+    tiled = tuple(planes) if weights.camera.get("period") else ()
+    return Planes(str(path), weights.application, planes, tiled, None, dict(weights.camera))
+
+
+def _of_file(path: Path) -> Planes:
+    from tmca.data import read_dataset
+
+    stored = read_dataset(path)
+    if "snapshot" in stored:
+        return _of_camera(Snapshot.load(path).camera, str(path))
+    if "heights" in stored:
+        known = read_phase_codes(path)
+        planes = {"heights": known["mask"]().detach(), "shutter": known["shutter"]}
+        settings = {"material": known["bench"].material, "exposure": known["exposure"]}
+        modes = family_parameters(known["mask"])
+        return Planes(str(path), "spectral-depth", planes, ("shutter",), modes, settings)
+    if "aperture" in stored:
+        codes = read_codes(path)
+        planes = {"aperture": codes.aperture, "shutter": codes.shutter}
+        return Planes(str(path), str(stored.attrs.get("camera", "")), planes, tuple(planes) if codes.period else ())
+    raise DataError(path, f"variables {', '.join(map(str, stored))}", "codes, or a snapshot", "see docs/devices.md")
+
+
+@torch.no_grad()
+def _of_camera(camera: Camera, source: str) -> Planes:
+    if isinstance(camera, SpectralDepthCamera):
+        heights, shutter = camera.codes()
+        modes, settings = family_parameters(camera.spread.heights), {"material": camera.bench.material}
+        return Planes(source, camera.application, {"heights": heights, "shutter": shutter}, (), modes, settings)
+    aperture, shutter = camera.codes()  # type: ignore[operator]
+    planes = {"aperture": aperture, "shutter": shutter}
+    return Planes(source, camera.application, planes, (), None, {"size": camera.size, "exposure": camera.exposure})
