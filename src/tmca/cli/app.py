@@ -17,6 +17,8 @@ COMMANDS = {
     "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
     "sweep": ("sweep:app", "Every combination of some settings, over test scenes."),
     "design": ("design:app", "Find codes for a sensor, and say what they gain before anything is built."),
+    "export": ("export:app", "Codes as files that devices show: DMD, LCoS, deformable mirror, shutter."),
+    "capture": ("capture:app", "Show an export on a bench, simulated or real, and join its frames into a snapshot."),
     "scan": (
         "scan:app",
         "Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene.",

@@ -1,0 +1,119 @@
+"""``tmca export``: codes as files that devices show."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Group, Parameter
+
+from tmca.cli.options import size
+from tmca.errors import SettingError
+
+app = App(name="export", help="Codes as files that devices show, with a manifest.")
+_DEVICE = Group("Device", sort_key=1)
+
+
+@app.default
+def export(
+    source: Path,
+    /,
+    *,
+    device: list[str],
+    out: Path = Path("export"),
+    exposure: float = 0.1,
+    code_size: Annotated[str | None, Parameter(group=_DEVICE)] = None,
+    sensor_size: Annotated[str | None, Parameter(group=_DEVICE)] = None,
+    macro_pixel: Annotated[float | None, Parameter(group=_DEVICE)] = None,
+    mounting_angle: Annotated[float | None, Parameter(group=_DEVICE)] = None,
+    offset: Annotated[str | None, Parameter(group=_DEVICE)] = None,
+    lut: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write what devices show of SOURCE: a file of `tmca design`, a run or weights of `tmca train`, or a snapshot.
+
+    OUT holds PNG frames or a CSV of Zernike terms for every device, and manifest.json: order, times, trigger, units,
+    checksums. `tmca export check OUT` reads it back.
+
+    Args:
+        source: codes.nc, the folder of a run, weights, or a snapshot file.
+        device: dli4120, pluto-2.1, dmp40, coded-exposure, emulated-shutter, or a YAML file (docs/devices.md); one for
+            each plane of the codes that is shown.
+        out: folder.
+        exposure: of all slots together, seconds.
+        code_size: HEIGHTxWIDTH of the aperture's code; its own, or as many pixels of a tile as the device shows.
+        sensor_size: HEIGHTxWIDTH of the shutter, likewise.
+        macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
+        mounting_angle: of the aperture's device, degrees: 45 for mirrors that tilt about their diagonal.
+        offset: ROWSxCOLUMNS of device pixels by which the aperture is displaced from the device's middle.
+        lut: CSV of grey level and light of the aperture's device.
+    """
+    from tmca.lab.devices import export_codes, read_planes
+
+    own: dict[str, Any] = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
+    own |= {"lut": None if lut is None else str(lut.absolute())}
+    moved = size(offset, "--offset") or (0, 0)
+    found = export_codes(
+        read_planes(source), [_described(name, own) for name in device], out, exposure=exposure,
+        code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
+        overwrite=overwrite,
+    )  # fmt: skip
+    _say(found.manifest, out, json)
+
+
+def _described(name: str, changes: dict[str, Any]) -> Any:
+    """A device; what is said of the aperture's holds for that one only."""
+    from tmca.lab.devices import device_named
+
+    plain = device_named(name)
+    return device_named(name, **changes) if plain.plane == "aperture" else plain
+
+
+@app.command
+def check(folder: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+    """Read the export in FOLDER back: every file there, unchanged and in order, and the very codes in them.
+
+    Args:
+        folder: of the export.
+        json: print its manifest.
+    """
+    from tmca.lab.devices import check_export, read_export
+
+    read_export(folder)
+    _say(check_export(folder), folder, json)
+
+
+def _say(manifest: dict[str, Any], folder: Path, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(manifest, indent=1))
+        return
+    each = manifest["exposure_s"] / manifest["slots"]
+    print(f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms, from {manifest['source']}")
+    for plane in manifest["planes"]:
+        print(f"  {plane['plane']}: {_words(plane)}")
+
+
+def _words(plane: dict[str, Any]) -> str:
+    device = plane["device"]
+    if "residual_rms_nm" in plane:
+        worst = max(plane["residual_rms_nm"])
+        return f"{len(device['noll'])} Zernike terms for {device['name']}, which leave up to {worst:.3g} nm rms"
+    place = plane["placement"]
+    rows, columns = place["code"]
+    on = f"{place['device'][0]}×{place['device'][1]} pixels of {device['name']}"
+    return f"{len(plane['frames'])} frames of {rows}×{columns} code pixels on {on}"
+
+
+def named_export(folder: Path) -> dict[str, Any]:
+    """The manifest of an export.
+
+    Raises:
+        SettingError: a file in its place.
+    """
+    from tmca.lab.devices import check_export
+
+    if folder.is_file():
+        raise SettingError("EXPORT", f"the file {folder}", "the folder of an export", "make one with `tmca export`")
+    return check_export(folder)
