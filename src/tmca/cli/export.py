@@ -29,13 +29,14 @@ def export(
     mounting_angle: Annotated[float | None, Parameter(group=_DEVICE)] = None,
     offset: Annotated[str | None, Parameter(group=_DEVICE)] = None,
     lut: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
+    figures: bool = True,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
     """Write what devices show of SOURCE: a file of `tmca design`, a run or weights of `tmca train`, or a snapshot.
 
-    OUT holds PNG frames or a CSV of Zernike terms for every device, and manifest.json: order, times, trigger, units,
-    checksums. `tmca export check OUT` reads it back.
+    OUT holds PNG frames or a CSV of Zernike terms for every device, manifest.json (order, times, trigger, units,
+    checksums) and overview.png. `tmca export check OUT` reads it back.
 
     Args:
         source: codes.nc, the folder of a run, weights, or a snapshot file.
@@ -49,6 +50,7 @@ def export(
         mounting_angle: of the aperture's device, degrees: 45 for mirrors that tilt about their diagonal.
         offset: ROWSxCOLUMNS of device pixels by which the aperture is displaced from the device's middle.
         lut: CSV of grey level and light of the aperture's device.
+        figures: write overview.png.
     """
     from tmca.lab.devices import export_codes, read_planes
 
@@ -60,6 +62,11 @@ def export(
         code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
     )  # fmt: skip
+    if figures:
+        from tmca.experiments.figures import save_figure
+        from tmca.lab.devices.figures import export_figure
+
+        save_figure(export_figure(found.manifest, out), out / "overview.png", overwrite=True)
     _say(found.manifest, out, json)
 
 

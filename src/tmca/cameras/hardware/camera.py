@@ -83,7 +83,7 @@ def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int) -> None:
     if hardware.blur:
         known_blur = camera.relay_blur if isinstance(camera.relay_blur, list) else [camera.relay_blur] * camera.bands
         camera.relay_blur = [(one**2 + hardware.blur**2) ** 0.5 for one in known_blur]
-    _coded(camera, hardware, seed, tuple(camera.multiplexed.aperture.size), beside=beside)
+    _coded(camera, hardware, seed, tuple(camera.codes()[0].shape[1:]), beside=beside)
 
 
 def _stretched(known: Dispersion, error: float) -> Dispersion:

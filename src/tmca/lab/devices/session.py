@@ -141,7 +141,7 @@ def _keep(
 
     file = make_folder(folder) / f"{step.name}.tif"
     with atomic_path(file, overwrite=True) as temporary:
-        tifffile.imwrite(temporary, frame.astype(np.uint16))
+        tifffile.imwrite(temporary, frame.astype(np.uint16), photometric="minisblack")
     about = {"slot": step.slot, "sha256": checksum(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
     kept["frames"][step.name] = about
     kept |= {"gain": gain, "saturation": saturation}
@@ -182,8 +182,7 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     if names != [WHOLE]:
         shutter = read_export(export).full("shutter", camera.snapshot_shape[1:]).to(frames)
         frames = frames * shutter[:, None]
-    weight = camera.slots if camera.exposure == "per-slot" else 1
-    values = frames.mean(0) * weight
+    values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
     about = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {"gain_per_digital_number": kept["gain"], "capture": str(folder), "export": str(export)}
     return Snapshot(values[None].float(), camera, about)

@@ -17,6 +17,9 @@ from tmca.errors import SettingError
 from tmca.lab.devices.export import Export
 from tmca.lab.devices.protocol import DeviceError
 from tmca.lab.devices.reading import read_export
+from tmca.lab.devices.sources import Planes
+from tmca.optics import ZernikeHeights
+from tmca.optics.zernike import noll
 
 
 class SimulatedBench:
@@ -50,7 +53,8 @@ class SimulatedBench:
             raise SettingError(
                 "simulated bench", f"{bits} bits, black at {black}", "up to 16 bits, black below its top"
             )
-        self.camera = imperfect(camera, hardware or Hardware(), seed)
+        self.known, self.hardware = camera, hardware or Hardware()
+        self.camera = imperfect(camera, self.hardware, seed)
         self.scene, self.black, self.seed, self.left = tuple(scene), black, seed, stops_after
         self.saturation = float(2**bits - 1)
         self.loaded, self.taken = False, 0
@@ -59,13 +63,14 @@ class SimulatedBench:
     @property
     def gain(self) -> float:
         """Snapshot units of a digital number."""
-        return self.camera.white / (self.saturation - self.black)
+        return self.known.full_scale / (self.saturation - self.black)
 
     def load(self, export: Export) -> None:
-        """See ``Device``; the codes of the export have to be those of the camera."""
+        """See ``Device``; from then on it images what was exported, a mirror's own terms among it."""
         codes = read_export(export.folder)
-        if codes.slots != self.camera.slots:
-            raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.camera.slots}")
+        if codes.slots != self.known.slots:
+            raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.known.slots}")
+        self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed)
         self.loaded = True
 
     def show(self, slot: int | None) -> None:
@@ -95,22 +100,62 @@ class SimulatedBench:
         return self.camera.record(torch.zeros(1, *self.camera.snapshot_shape), self._noise())
 
 
+def showing(camera: Any, codes: Planes) -> Any:
+    """The camera with the codes of an export in the place of its own.
+
+    Raises:
+        DeviceError: codes of another size.
+    """
+    found = _sharing(camera)
+    if isinstance(camera, CodedCamera):
+        own = dict(zip(("aperture", "shutter"), camera.codes(), strict=True))
+        shown = {name: codes.planes.get(name, plane) for name, plane in own.items()}
+        for name, plane in shown.items():
+            if plane.shape != own[name].shape:
+                wanted = f"the camera's {tuple(own[name].shape)}"
+                raise DeviceError("simulated bench", f"{name} of {tuple(plane.shape)}", wanted, "export them for it")
+        found.multiplexed, found._fixed = _Shown(shown["aperture"], shown["shutter"]), None
+    elif codes.modes:
+        size, modes = camera.spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
+        found.spread, found._kept = _sharing(camera.spread), None
+        found.spread.heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
+    return found
+
+
+def _sharing(module: Any) -> Any:
+    """A module of the same parts; others can take their place without a change of the first."""
+    found = copy.copy(module)
+    found._modules, found._buffers = dict(module._modules), dict(module._buffers)
+    return found
+
+
 def of_one_slot(camera: Any, slot: int) -> Any:
     """The camera while one slot is shown, its shutter open, in the units of a whole exposure."""
-    found = copy.copy(camera)
-    found._modules, found._buffers, found.slots, found.exposure = (
-        dict(camera._modules),
-        dict(camera._buffers),
-        1,
-        "equal",
-    )
+    found = _sharing(camera)
+    found.slots, found.exposure = 1, "equal"
     if isinstance(camera, CodedCamera):
         found.multiplexed, found._fixed = _OneSlot(camera.multiplexed, slot), None
         return found
     found.shutter, found._kept = _Open(camera.shutter), None
-    found.spread = copy.copy(camera.spread)
-    found.spread._modules = {**camera.spread._modules, "heights": _OneMap(camera.spread.heights, slot)}
+    found.spread = _sharing(camera.spread)
+    found.spread.heights = _OneMap(camera.spread.heights, slot)
     return found
+
+
+class _Shown(nn.Module):
+    """Fixed patterns of both planes."""
+
+    learnable = False
+    aperture: Tensor
+    shutter: Tensor
+
+    def __init__(self, aperture: Tensor, shutter: Tensor) -> None:
+        super().__init__()
+        self.register_buffer("aperture", aperture)
+        self.register_buffer("shutter", shutter)
+
+    def forward(self) -> tuple[Tensor, Tensor]:
+        return self.aperture, self.shutter
 
 
 class _OneSlot(nn.Module):

@@ -1,0 +1,219 @@
+"""Exports come back as the very codes; what a device cannot show, and files that were touched, are refused."""
+
+import csv
+import json
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.codes import write_codes
+from tmca.errors import DataError, OutputError, SettingError, ShapeError
+from tmca.lab.devices import PRESETS, check_export, device_named, export_codes, read_export, read_planes
+from tmca.lab.devices.mirror import peak
+from tmca.lab.devices.response import grey_of, light_of
+from tmca.optics import ZernikeHeights
+from tmca.optics.zernike import noll, zernike_modes
+
+SIZES = [(12, 16), (13, 17)]
+
+
+def snapshot(folder, camera):
+    values = torch.zeros(1, 1, *camera.snapshot_shape[1:])
+    if isinstance(camera, SpectralDepthCamera):
+        values = torch.zeros(1, *camera.snapshot_shape)
+    return Snapshot(values, camera).save(folder / "taken.nc")
+
+
+def spectral(size=(12, 16), **settings):
+    return SpectralCamera(bands=3, size=size, slots=3, seed=2, **settings)
+
+
+def mirror(modes=range(4, 16), rms=20e-9, **settings):
+    drawn = rms * torch.randn(2, len(modes), generator=torch.Generator().manual_seed(1))
+    maps = ZernikeHeights(drawn, [noll(i) for i in modes], SpectralDepthCamera.from_preset("quick").bench.mask_size)
+    return SpectralDepthCamera.from_preset("quick", size=(16, 18), slots=2, mask=maps, **settings)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(
+    "device",
+    [
+        device_named("dli4120", macro_pixel=3), device_named("dli4120", macro_pixel=2.2, mounting_angle_deg=45.0),
+        device_named("dli4120", lattice="diamond", macro_pixel=2), device_named("pluto-2.1"),
+        device_named("dli4120", flip=("rows",)), device_named("pluto-2.1", flip=("columns",), gamma=1.7),
+    ],
+)  # fmt: skip
+def test_codes_come_back(tmp_path, size, device):
+    camera = spectral(size)
+    devices = [device, device_named("emulated-shutter")]
+    export_codes(read_planes(snapshot(tmp_path, camera)), devices, tmp_path / "out")
+    found = read_export(tmp_path / "out")
+    for name, plane in zip(("aperture", "shutter"), camera.codes(), strict=True):
+        assert torch.equal(found.planes[name], plane)
+
+
+def test_masks_of_a_light_field_camera_come_back(tmp_path):
+    camera = LightFieldCamera(views=3, size=(9, 11), slots=2)
+    export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dli4120")], tmp_path / "out")
+    assert torch.equal(read_export(tmp_path / "out").planes["aperture"], camera.codes()[0])
+
+
+def test_mirror_terms_are_the_modes_of_the_heights(tmp_path):
+    camera = mirror()
+    export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
+    found = read_export(tmp_path / "out")
+    wanted = camera.spread.heights.metres().detach()
+    torch.testing.assert_close(found.modes["coefficients"], wanted, atol=1e-12, rtol=1e-4)
+    assert max(export.manifest["planes"][0]["residual_rms_nm"]) < 0.05
+
+
+def test_what_a_mirror_cannot_show_is_told(tmp_path):
+    """Modes of equal strength, half of which the mirror has not: the other half is left."""
+    camera = mirror(modes=range(4, 28))
+    export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
+    rms = camera.spread.heights.metres().detach()[:, 12:].square().sum(1).sqrt() * 1e9
+    np.testing.assert_allclose(export.manifest["planes"][0]["residual_rms_nm"], rms, rtol=0.03)
+
+
+@pytest.mark.parametrize("index", [4, 5, 7, 11, 14])
+def test_peaks_are_those_of_the_modes(index):
+    assert float(zernike_modes([noll(index)], (401, 401)).abs().max()) == pytest.approx(peak(index), rel=0.02)
+
+
+def test_tiles_fill_the_device(tmp_path):
+    tiles = torch.randint(0, 2, (2, 4, 6)).float(), torch.randint(0, 2, (2, 4, 6)).float()
+    write_codes(tmp_path / "codes.nc", *tiles, (4, 6))
+    devices = [device_named("pluto-2.1"), device_named("coded-exposure")]
+    codes = read_planes(tmp_path / "codes.nc")
+    export_codes(codes, devices, tmp_path / "out", sensor_size=(9, 14))
+    found = read_export(tmp_path / "out").planes
+    assert found["aperture"].shape == (2, 270, 480)
+    assert torch.equal(found["aperture"][:, 4:8, 6:12], tiles[0])
+    assert torch.equal(found["shutter"][:, 8:9, :6], tiles[1][:, :1])
+
+
+def test_frames_are_of_the_kind_that_devices_take(tmp_path):
+    devices = [device_named("pluto-2.1"), device_named("coded-exposure")]
+    export_codes(read_planes(snapshot(tmp_path, spectral())), devices, tmp_path / "out")
+    with Image.open(tmp_path / "out" / "aperture" / "aperture_000.png") as frame:
+        assert (frame.mode, frame.size) == ("L", (1920, 1080))
+    with Image.open(tmp_path / "out" / "shutter" / "shutter_002.png") as frame:
+        assert (frame.mode, frame.size) == ("1", (18, 12))
+
+
+def test_the_manifest_says_when_and_in_what_order(tmp_path):
+    export = export_codes(read_planes(snapshot(tmp_path, spectral())), [device_named("dli4120")], tmp_path / "out",
+                          exposure=0.3)  # fmt: skip
+    frames = json.loads((tmp_path / "out" / "manifest.json").read_text())["planes"][0]["frames"]
+    assert [frame["slot"] for frame in frames] == [0, 1, 2]
+    assert [frame["start_s"] for frame in frames] == pytest.approx([0, 0.1, 0.2])
+    assert all(frame["duration_s"] == pytest.approx(0.1) for frame in frames)
+    assert export.manifest["exposure_s"] == 0.3
+
+
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+def test_grey_levels_give_the_light_that_is_asked_for(gamma):
+    device = device_named("pluto-2.1", gamma=gamma)
+    light = np.linspace(0, 1, 200, dtype=np.float32)
+    shown = light_of(grey_of(light, device), device)
+    assert np.abs(shown - light).max() <= 0.5 * np.diff((np.arange(256) / 255) ** gamma).max() + 1e-6
+
+
+def test_a_measured_response_takes_the_place_of_the_gamma(tmp_path):
+    (tmp_path / "lut.csv").write_text("grey,light\n" + "\n".join(f"{g},{3 + g**1.5}" for g in range(0, 256, 5)))
+    device = device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
+    np.testing.assert_allclose(light_of(np.array([0, 50, 255], np.uint8), device), [0, (50 / 255) ** 1.5, 1], atol=1e-6)
+
+
+@pytest.fixture
+def written(tmp_path):
+    devices = [device_named("dli4120"), device_named("emulated-shutter")]
+    return export_codes(read_planes(snapshot(tmp_path, spectral())), devices, tmp_path / "out").folder
+
+
+def test_a_missing_frame_is_named(written):
+    (written / "aperture" / "aperture_001.png").unlink()
+    with pytest.raises(DataError, match=r"aperture_001.png: found no such file.*slot 1"):
+        check_export(written)
+
+
+def test_frames_in_the_wrong_order_are_told_from_broken_ones(written):
+    one, other = (written / "shutter" / f"shutter_00{k}.png" for k in (0, 2))
+    shutil.copy(other, one)
+    with pytest.raises(DataError, match=r"shutter_002.png: frames in the wrong order"):
+        check_export(written)
+    one.write_bytes(b"nothing")
+    with pytest.raises(DataError, match="another content"):
+        check_export(written)
+
+
+def test_a_table_without_a_term_is_refused(tmp_path):
+    folder = export_codes(read_planes(snapshot(tmp_path, mirror())), [device_named("dmp40")], tmp_path / "out").folder
+    file = folder / "heights" / "zernike.csv"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join(lines[:-1]))
+    with pytest.raises(DataError, match="another content"):
+        check_export(folder)
+    assert len(list(csv.DictReader(lines))) == 24
+
+
+@pytest.mark.parametrize(
+    ("devices", "how", "words"),
+    [
+        (["dli4120", "pluto-2.1"], {}, "one device for each plane"), ([], {}, "one device"),
+        (["pluto-2.1"], {"exposure": 0.01}, "60 at most"), (["dli4120"], {"exposure": -1}, "above 0"),
+        (["dmp40"], {}, "heights, which this device shows"), (["dli4120"], {"code_size": (20, 20)}, "20×20 or more"),
+        (["dli4120"], {"offset": (380, 0)}, "on its 768×1024"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_shown_leaves_nothing(tmp_path, devices, how, words):
+    codes = read_planes(snapshot(tmp_path, spectral()))
+    with pytest.raises((SettingError, ShapeError), match=words):
+        export_codes(codes, [device_named(name) for name in devices], tmp_path / "out", **how)
+    assert [file.name for file in tmp_path.iterdir()] == ["taken.nc"]
+
+
+def test_masks_beyond_the_stroke_are_refused(tmp_path):
+    with pytest.raises(SettingError, match=r"0\.01 µm at most"):
+        export_codes(read_planes(snapshot(tmp_path, mirror())), [device_named("dmp40", stroke_um=0.01)], tmp_path / "o")
+
+
+def test_nothing_is_replaced_unasked(tmp_path, written):
+    codes = read_planes(tmp_path / "taken.nc")
+    with pytest.raises(OutputError, match="--overwrite"):
+        export_codes(codes, [device_named("dli4120")], written)
+    export_codes(codes, [device_named("dli4120")], written, overwrite=True)
+    assert not (written / "shutter").exists()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("")
+    with pytest.raises(OutputError, match="no export"):
+        export_codes(codes, [device_named("dli4120")], tmp_path / "mine", overwrite=True)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_is_a_device(name):
+    assert device_named(name).name == name
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("kind: dmd\n", "size"), ("kind: laser\n", "dmd"), ("kind: dmd\nsize: [4, 4]\nwobble: 1\n", "wobble"),
+        ("kind: lcos\nsize: [4, 4]\n", "bits"), ("- 1\n", "NAME"), ("kind: [\n", "YAML"),
+    ],
+)  # fmt: skip
+def test_descriptions_that_make_no_device_are_refused(tmp_path, text, words):
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises((SettingError, DataError), match=words):
+        device_named(str(tmp_path / "mine.yaml"))
+
+
+@pytest.mark.parametrize("lines", ["0,1\n255,0.5", "0,0\n200,1", "nothing", "0,0,0\n255,1,1"])
+def test_responses_that_do_not_rise_are_refused(tmp_path, lines):
+    (tmp_path / "lut.csv").write_text(lines)
+    with pytest.raises(DataError, match=r"lut.csv"):
+        light_of(np.zeros(2, np.uint8), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv")))
