@@ -102,7 +102,7 @@ def _bench(device: str, taken: Any, scene: str | None, settings: list[str], made
     given = {name: values[0] for name, values in named_values(settings, "--set").items()}
     if device != "simulated":
         bench = find_device(device, **given)
-        return bench, float(getattr(bench, "gain", taken.camera.white / bench.saturation))
+        return bench, float(getattr(bench, "gain", taken.camera.full_scale / bench.saturation))
     if given:
         raise SettingError("--set", settings[0], "none: the simulated bench has options of its own")
     if scene is None:

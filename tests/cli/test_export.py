@@ -1,0 +1,82 @@
+"""`tmca export` and `tmca capture` as a user meets them."""
+
+import json
+
+import pytest
+import torch
+
+from tests.cli.refusals import refused
+from tmca.cameras import Snapshot
+from tmca.cli import main
+
+SMALL = ["coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures", "--out", "sim.nc"]
+EXPORT = ["export", "sim.nc", "--device", "dli4120", "--device", "emulated-shutter", "--no-figures"]
+
+
+@pytest.fixture(autouse=True)
+def inside(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["simulate", "spectral", *SMALL])
+
+
+def test_codes_go_to_devices_and_a_capture_comes_back(tmp_path, capsys):
+    main([*EXPORT, "--macro-pixel", "2", "--mounting-angle", "45", "--out", "ex"])
+    main(["export", "check", "ex"])
+    main(["capture", "ex", "--scene", "coffee", "--out", "frames", "--json"])
+    said = json.loads(capsys.readouterr().out.split("emulated-shutter\n")[-1])
+    captured, simulated = Snapshot.load(said["snapshot"]), Snapshot.load("sim.nc")
+    step = 3 / (65535 - 256)
+    torch.testing.assert_close(captured.values, simulated.values, atol=1.01 * step, rtol=0)
+    assert captured.notes["device"] == "dli4120, emulated-shutter"
+
+
+def test_an_export_has_a_picture(tmp_path):
+    main([*EXPORT[:-1], "--out", "ex"])
+    assert (tmp_path / "ex" / "overview.png").stat().st_size > 1000
+
+
+def test_a_capture_that_was_stopped_goes_on(capsys, tmp_path):
+    main([*EXPORT, "--out", "ex"])
+    said = refused(capsys, "capture", "ex", "--scene", "coffee", "--out", "f", "--stops-after", "2", lines=None)
+    assert "no answer after 2 frames" in said
+    assert (tmp_path / "f" / "slot_000.tif").exists()
+    main(["capture", "ex", "--scene", "coffee", "--out", "f"])
+    assert (tmp_path / "f.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["export", "sim.nc", "--device", "laser"], "dli4120"),
+        (["export", "none.nc", "--device", "dli4120"], "none.nc"),
+        (["export", "sim.nc", "--device", "dli4120", "--macro-pixel", "99"], "macro-pixel"),
+        (["export", "sim.nc", "--device", "pluto-2.1", "--lut", "none.csv"], "none.csv"),
+        (["export", "check", "nowhere"], "manifest"), (["capture", "nowhere", "--scene", "coffee"], "manifest"),
+        (["capture", "sim.nc", "--scene", "coffee"], "folder of an export"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_one_line(capsys, arguments, words):
+    assert words in refused(capsys, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "--scene"), (["--scene", "coffee", "--set", "a=1"], "simulated bench"),
+        (["--device", "laser"], "simulated"),
+        (["--scene", "coffee", "--snapshot", "sim.nc"], "--overwrite"), (["--scene", "coffee", "--bits", "40"], "bits"),
+    ],
+)  # fmt: skip
+def test_benches_that_cannot_be_are_one_line(capsys, tmp_path, options, words):
+    main([*EXPORT, "--out", "ex"])
+    capsys.readouterr()
+    assert words in refused(capsys, "capture", "ex", *options)
+    assert not (tmp_path / "captures").exists()
+
+
+def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
+    from tmca.codes import write_codes
+
+    write_codes("codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
+    main(["export", "codes.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
+    assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")
