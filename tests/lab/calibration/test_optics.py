@@ -51,7 +51,9 @@ def test_the_dispersion_of_glass_is_found_again_to_a_tenth_of_a_pixel(curve):
 
 def test_response_is_light_over_the_power_of_the_source():
     response, power = np.array([0.6, 1.1, 1.4, 1.2, 0.7]), np.array([2.0, 3.0, 5.0, 4.0, 1.0])
-    found = measure_dispersion(displaced(glass(NM), 300 * response * power), NM * 1e-9, PATTERN, REGISTERED, power=power)
+    found = measure_dispersion(
+        displaced(glass(NM), 300 * response * power), NM * 1e-9, PATTERN, REGISTERED, power=power
+    )
     assert np.abs(found.response / (response / response.mean()) - 1).max() < 0.01
     assert found.response_at([475e-9])[0] == pytest.approx((0.6 + 1.1) / 2 / response.mean(), rel=0.01)
 
@@ -60,8 +62,11 @@ def test_dispersion_refuses_what_cannot_be():
     frames = displaced(glass(NM))
     with pytest.raises(DataError, match="smooth curve leaves"):
         measure_dispersion(frames[[0, 4, 2, 3, 1]], NM * 1e-9, PATTERN, REGISTERED, order=1)
+    dark = frames * (NM != 500)[:, None, None]
+    with pytest.raises(DataError, match=r"dispersion \(500 nm\): found a frame without light"):
+        measure_dispersion(dark, NM * 1e-9, PATTERN, REGISTERED)
     with pytest.raises(DataError, match=r"dispersion \(500 nm\): found a pattern that is not seen"):
-        measure_dispersion(frames * (NM != 500)[:, None, None], NM * 1e-9, PATTERN, REGISTERED)
+        measure_dispersion(noisy(dark + 1, 20), NM * 1e-9, PATTERN, REGISTERED)
     with pytest.raises(SettingError, match="a number above 0 for each"):
         measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED, power=[1, 1, 0, 1, 1])
     with pytest.raises(SettingError, match="metres"):
@@ -114,8 +119,7 @@ def points(coefficients, bench=BENCH, size=(34, 37), snr=40.0, seed=0, depths=DE
     heights = np.tensordot(coefficients, zernike_modes(MODES, (fine, fine)).numpy(), 1)
     moves = np.random.default_rng(seed).uniform(-1.5, 1.5, (len(depths), 2))
     frames = [
-        [point_of(bench, heights, z, wave, size, move) for wave in WAVES]
-        for z, move in zip(depths, moves, strict=True)
+        [point_of(bench, heights, z, wave, size, move) for wave in WAVES] for z, move in zip(depths, moves, strict=True)
     ]
     values = np.array(frames)
     return noisy(values / values.sum(axis=(2, 3), keepdims=True), snr, seed)

@@ -51,9 +51,14 @@ def displacement_of(
         DataError: the pattern is not seen, or the fit leaves more than a fifth of the light.
     """
     values, shown = np.asarray(frame, dtype=np.float64), np.asarray(pattern, dtype=np.float64)
-    for name, shape, size in (("pattern", shown.shape, registration.codes), ("frame", values.shape, registration.sensor)):
+    for name, shape, size in (
+        ("pattern", shown.shape, registration.codes),
+        ("frame", values.shape, registration.sensor),
+    ):
         if shape != tuple(size):
             raise ShapeError(f"{source}", f"a {name} of shape {shape}", f"{tuple(size)} as registered")
+    if not np.ptp(values) > 0:
+        raise DataError(source, "a frame without light", "a pattern", "capture it again")
     shift, found = _coarse(values, shown, registration), None
     for level in _LEVELS:
         shift, found = _fitted(values, shown, registration, shift, level)

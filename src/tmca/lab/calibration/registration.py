@@ -87,9 +87,7 @@ def register(
     """
     shares, lit = normalised(frames, patterns, source)
     shown = _coded(np.asarray(patterns, dtype=np.float64))
-    found = (
-        find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)
-    )
+    found = find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)
     values: Any = None
     for level in _LEVELS:
         found, values = _fitted(shares, shown, lit, found, level)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from tmca.lab.calibration.arrays import Array
 
 LARGEST_RESIDUAL = 0.1
 """Share of a whole slot's light that the fit may leave, root mean square."""
+_STARTS = 4
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,9 @@ def measure_timing(levels: ArrayLike, *, source: object = "timing") -> Timing:
     def residuals(values: Array) -> Array:
         return np.asarray((values[2] * slot_overlap(slots, values[0], values[1]) - seen / top)[known])
 
-    tries = [_started(residuals, delay) for delay in np.arange(-slots + 0.5, slots, 0.5)]
-    found = least_squares(residuals, min(tries, key=lambda one: one[0])[1], xtol=1e-10, ftol=1e-12)
+    tries = sorted(_starts(residuals, slots), key=lambda one: one[0])[:_STARTS]
+    fits = [least_squares(residuals, start, xtol=1e-10, ftol=1e-12) for _, start in tries]
+    found = min(fits, key=lambda fit: fit.cost)
     light = float(found.x[2] * top)
     residual = float(np.sqrt((found.fun**2).mean()) / max(found.x[2], 1e-12))
     if residual > LARGEST_RESIDUAL or not 0.2 < found.x[1] < 5:
@@ -85,7 +88,8 @@ def measure_timing(levels: ArrayLike, *, source: object = "timing") -> Timing:
     return Timing(float(found.x[0]), float(found.x[1]), std, light, residual, slots)
 
 
-def _started(residuals: Callable[[Array], Array], delay: float) -> tuple[float, Array]:
-    """How good a delay is at equal slots, and where the fit would begin."""
-    start = np.array([delay, 1.0, 1.0])
-    return float((residuals(start) ** 2).sum()), start
+def _starts(residuals: Callable[[Array], Array], slots: int) -> list[tuple[float, Array]]:
+    """Misfit and place of a grid of delays and ratios: the levels have kinks, over which a fit does not climb."""
+    grid = product(np.arange(-slots + 0.5, slots, 0.25), np.arange(0.6, 1.5, 0.1))
+    places = [np.array([delay, ratio, 1 / max(1.0, ratio)]) for delay, ratio in grid]
+    return [(float((residuals(place) ** 2).sum()), place) for place in places]

@@ -95,9 +95,7 @@ def fit_zernike_psf(
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
     count, spread = len(modes), _std(best)
     values = best.x * _MICRO
-    return ZernikeFit(
-        tuple(modes), values[:count], spread[:count], values[count:].reshape(-1, 2), residual, tried
-    )
+    return ZernikeFit(tuple(modes), values[:count], spread[:count], values[count:].reshape(-1, 2), residual, tried)
 
 
 def wavefront_rms(coefficients: ArrayLike, bench: PhaseMaskBench, wavelength: float) -> float:
