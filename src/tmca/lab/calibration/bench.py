@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +57,8 @@ def write_bench(
         camera: which one.
         size: (H, W) of the scene, pixels.
         slots: K.
-        snr_db: of captures of patterns and points, and of the snapshot: root mean square over noise.
+        snr_db: of captures of patterns and points, root mean square over noise; other frames and the snapshot have
+            the read and shot noise of the sensor.
         seed: of truth, codes and noise.
         overwrite: replace the folder.
 
@@ -118,13 +119,16 @@ def spectral_truth(camera: SpectralCamera, seed: int) -> BenchTruth:
 
 def _spectral(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tuple[Frames, Any, Any, BenchTruth]:
     from tmca.data import nearest_bands, rendered_scene
+
     camera = nominal_spectral(size, slots, seed)
     truth, rng = spectral_truth(camera, seed), np.random.default_rng(seed + 1)
     patterns = calibration_patterns(size, seed=seed)
     frames = _sensor_frames(truth, rng) | _pattern_frames(truth, patterns, truth.matrix, slots, rng, snr_db)
     light = white_power(WAVES) * truth.response(WAVES)
     seen = [
-        _SHARE * share * seen_by_rays(patterns[3:4], moved(truth.matrix, shift), _sensor_size(truth), blur=truth.blur)[0]
+        _SHARE
+        * share
+        * seen_by_rays(patterns[3:4], moved(truth.matrix, shift), _sensor_size(truth), blur=truth.blur)[0]
         for share, shift in zip(light / light.max(), truth.shifts(WAVES), strict=True)
     ]
     names = [f"band_{w * 1e9:.0f}nm" for w in WAVES]
@@ -134,7 +138,7 @@ def _spectral(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tu
     whole = rendered_scene("coffee", size=(max(size), max(size)))["reflectance"]
     scene = nearest_bands(whole, camera.wavelengths)[:, : size[0], : size[1]]
     shares = spectral_light(camera, truth, scene.values.astype(np.float64))
-    return frames, _raw(camera, truth, shares[None], rng, snr_db), scene, truth
+    return frames, _raw(camera, truth, shares[None], rng), scene, truth
 
 
 def _light_field(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tuple[Frames, Any, Any, BenchTruth]:
@@ -154,7 +158,7 @@ def _light_field(size: tuple[int, int], slots: int, snr_db: float, seed: int) ->
         frames["shear"][f"view_{v}_{u}"] = truth.sensor.recorded(_SHARE * share * seen, rng, snr_db)
     field = rendered_light_field("coffee", size=size, views=5)
     shares = light_field_light(camera, truth, field["light_field"].values.astype(np.float64))
-    return frames, _raw(camera, truth, shares[None], rng, snr_db), None, truth
+    return frames, _raw(camera, truth, shares[None], rng), None, truth
 
 
 def _spectral_depth(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tuple[Frames, Any, Any, BenchTruth]:
@@ -178,7 +182,7 @@ def _spectral_depth(size: tuple[int, int], slots: int, snr_db: float, seed: int)
     depth = torch.full((1, 1, *size), 0.75)
     with torch.no_grad():
         shares = true.A(_blocks(camera.bands, size, seed), depth)[0].double().numpy() / camera.full_scale
-    return frames, _raw(camera, truth, shares, rng, snr_db), None, truth
+    return frames, _raw(camera, truth, shares, rng), None, truth
 
 
 def _blocks(bands: int, size: tuple[int, int], seed: int) -> torch.Tensor:
@@ -211,9 +215,7 @@ def _sensor_frames(truth: BenchTruth, rng: Any) -> Frames:
     }
 
 
-def _pattern_frames(
-    truth: BenchTruth, patterns: Array, matrix: Array, slots: int, rng: Any, snr_db: float
-) -> Frames:
+def _pattern_frames(truth: BenchTruth, patterns: Array, matrix: Array, slots: int, rng: Any, snr_db: float) -> Frames:
     """Patterns, what is seen of them, and pairs of slots."""
     size, sensor = _sensor_size(truth), truth.sensor
     seen = _SHARE * seen_by_rays(patterns, matrix, size, blur=truth.blur)
@@ -229,15 +231,15 @@ def _pattern_frames(
     }
 
 
-def _raw(camera: Camera, truth: BenchTruth, shares: Array, rng: Any, snr_db: float) -> Snapshot[Any]:
-    """A snapshot in digital numbers, with the nominal camera."""
+def _raw(camera: Camera, truth: BenchTruth, shares: Array, rng: Any) -> Snapshot[Any]:
+    """A snapshot in digital numbers with the sensor's own noise, and the nominal camera."""
     notes = {
         "values": "digital numbers",
         "camera_name": NAME,
-        "codes_date": datetime.now(timezone.utc).replace(microsecond=0).isoformat(),
+        "codes_date": datetime.now(UTC).replace(microsecond=0).isoformat(),
         "scene": "coffee",
     }
-    recorded = truth.sensor.recorded(shares, rng, snr_db).astype(np.float32)
+    recorded = truth.sensor.recorded(shares, rng).astype(np.float32)
     return Snapshot(torch.from_numpy(recorded)[None], camera, notes)
 
 
@@ -252,4 +254,3 @@ def _pictures(folder: Path, frames: Mapping[str, np.ndarray]) -> None:
 def _power_table() -> str:
     rows = [f"{w * 1e9:g},{p:.6g}" for w, p in zip(WAVES, white_power(WAVES), strict=True)]
     return "\n".join(["wavelength_nm,power", *rows]) + "\n"
-

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from tmca.data import atomic_path
 from tmca.errors import SettingError
 from tmca.lab.calibration.arrays import Array
 
@@ -29,3 +32,23 @@ def calibration_patterns(size: tuple[int, int], count: int = 2, seed: int = 0) -
         blocks = rng.integers(2, size=tuple(-(-n // side) for n in size)).astype(np.float64)
         planes.append(np.kron(blocks, np.ones((side, side)))[: size[0], : size[1]])
     return np.stack(planes)
+
+
+def write_patterns(
+    folder: str | Path, size: tuple[int, int], count: int = 2, seed: int = 0, *, overwrite: bool = False
+) -> list[str]:
+    """Write ``pattern_0.png`` … into a folder, white where the mask is open, and give back their names.
+
+    Raises:
+        SettingError: see ``calibration_patterns``.
+        OutputError: see `tmca.data.atomic_path`.
+    """
+    from PIL import Image
+
+    planes = calibration_patterns(size, count, seed)
+    names = [f"pattern_{index}.png" for index in range(len(planes))]
+    with atomic_path(folder, overwrite=overwrite) as place:
+        place.mkdir()
+        for name, plane in zip(names, planes, strict=True):
+            Image.fromarray((255 * plane).astype(np.uint8)).save(place / name)
+    return names

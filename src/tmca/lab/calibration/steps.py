@@ -157,9 +157,7 @@ def dispersion_step(
     }
     sources = [path, patterns, *([] if power is None else [power])]
     settings = {"pattern": pattern, "curve": curve, "order": order}
-    return calibration.with_part(
-        "dispersion", found, residuals, sources, sensor=registration.sensor, settings=settings
-    )
+    return calibration.with_part("dispersion", found, residuals, sources, sensor=registration.sensor, settings=settings)
 
 
 def _power(path: str | Path, waves: Array) -> Array:
