@@ -123,10 +123,9 @@ def said_all(calibration: Calibration, json: bool) -> None:
     if json:
         print(json_module.dumps({"calibration": str(calibration.path), **about}, indent=1))
         return
-    sizes = [
-        f"{what} {'×'.join(map(str, about['camera'][what]))}" for what in ("sensor", "codes") if about["camera"][what]
-    ]
-    print(f"{calibration.path}: camera {about['camera']['name']}, {', '.join(sizes)}, written {about['created']}")
+    camera = about["camera"]
+    sizes = [f"{what} {'×'.join(map(str, camera[what]))}" for what in ("sensor", "codes") if camera[what]]
+    print(f"{calibration.path}: camera {camera['name']}, {', '.join(sizes)}, written {about['created']}")
     for name, step in about["steps"].items():
         print(f"{name} (measured {step['measured']} from {', '.join(one['path'] for one in step['sources'])})")
         _said(step["residuals"])

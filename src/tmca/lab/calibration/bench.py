@@ -136,7 +136,7 @@ def _spectral(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tu
         name: truth.sensor.recorded(one, rng, snr_db) for name, one in zip(names, seen, strict=True)
     }
     whole = rendered_scene("coffee", size=(max(size), max(size)))["reflectance"]
-    scene = nearest_bands(whole, camera.wavelengths)[:, : size[0], : size[1]]
+    scene = nearest_bands(whole, camera.wavelengths)[:, : camera.size[0], : camera.size[1]]
     shares = spectral_light(camera, truth, scene.values.astype(np.float64))
     return frames, _raw(camera, truth, shares[None], rng), scene, truth
 

@@ -1,4 +1,4 @@
-"""Plain physics of a rendered bench: rays through masks, finely cut time, sums of waves. Estimators share none of it."""
+"""Plain physics of a rendered bench: rays through masks, finely cut time, sums of waves; estimators share none."""
 
 from __future__ import annotations
 

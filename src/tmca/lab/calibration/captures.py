@@ -1,4 +1,4 @@
-"""Captures for calibration: all there, known by name, neither saturated nor of another size; corrected for the sensor."""
+"""Captures for calibration: all there, known by name, not saturated, of one size; corrected for the sensor."""
 
 from __future__ import annotations
 

@@ -46,7 +46,8 @@ class FlatField:
     Args:
         gain: (H, W) light of every pixel over the mean: response and evenness of the light together.
         level: mean above the dark, digital numbers.
-        nonuniformity: standard deviation of the pixels' own response (PRNU), relative; noise and smooth light taken off.
+        nonuniformity: standard deviation of the pixels' own response (PRNU), relative, without noise and
+            smooth light.
         std: of ``gain``, from the frames' noise, root mean square.
         defects: (H, W) ``DEAD`` where the response is below half or above one and a half of its surroundings'.
         frames: that were averaged.

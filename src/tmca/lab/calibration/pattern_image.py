@@ -19,7 +19,7 @@ def seen_patterns(
     """Share of the area of every sensor pixel that patterns leave open.
 
     Code pixel (i, j) falls on sensor pixel ``matrix @ (i, j, 1)``; both count from the middle of their first pixel. A
-    sensor pixel is cut into ``samples``² parts, and each part is integrated over a box along the axes of the mask: exact
+    sensor pixel is cut into ``samples``² parts, each integrated over a box along the axes of the mask: exact
     where the axes agree, in second order of the angle between them otherwise.
 
     Args:

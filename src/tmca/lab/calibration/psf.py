@@ -90,7 +90,7 @@ def _middle(stack: Array, where: str) -> tuple[int, int]:
         weight = np.where(above > _BRIGHT * above.max(), above, 0.0)
         rows, columns = np.indices(frame.shape)
         found += np.array([(weight * rows).sum(), (weight * columns).sum()]) / weight.sum() / len(stack)
-    return int(round(found[0])), int(round(found[1]))
+    return round(float(found[0])), round(float(found[1]))
 
 
 def _cut(frame: Array, place: tuple[int, int], window: tuple[int, int], where: str) -> tuple[Array, float]:

@@ -1,4 +1,4 @@
-"""Where every mask pixel falls on the sensor: an affine map, to a small part of a pixel, from patterns that were shown."""
+"""Where every mask pixel falls on the sensor: an affine map, from patterns that were shown."""
 
 from __future__ import annotations
 

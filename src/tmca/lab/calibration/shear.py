@@ -1,4 +1,4 @@
-"""View shear of a coded mask: how far its shadow moves from view to view, from captures with one view open at a time."""
+"""View shear of a coded mask: how far its shadow moves from view to view, with one view open at a time."""
 
 from __future__ import annotations
 
