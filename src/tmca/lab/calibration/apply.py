@@ -21,8 +21,12 @@ from tmca.lab.calibration.sensor_scale import from_digital_numbers, measured_sen
 from tmca.optics import FreeForm, ViewShear
 from tmca.optics.zernike import zernike_modes
 
-_OTHERS = {"spectral": ("shear", "wavefront"), "light-field": ("dispersion", "wavefront")}
-_OTHERS["spectral-depth"] = ("shear", "dispersion", "registration", "timing")
+_OTHERS = {
+    "spectral": ("shear", "wavefront"),
+    "light-field": ("dispersion", "wavefront"),
+    "spectral-depth": ("shear", "dispersion", "registration", "timing"),
+}
+"""Parts that a kind of camera does not have."""
 
 
 def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] | None = None) -> None:
@@ -218,7 +222,8 @@ def _light_field(camera: LightFieldCamera, calibration: Calibration, sensor: Any
         vignetting = own * vignetting.sum() / own.sum()
     if registration is not None or shear is not None:
         # the mask is laid on the sensor's own grid, on which a step is one of sensor pixels
-        step = tuple(s / scale for s in step) if shear is None else tuple(shear.step)
+        own_step = (step[0] / scale, step[1] / scale) if shear is None else shear.step
+        step = (float(own_step[0]), float(own_step[1]))
         reach = ViewShear(camera.views, step, 1.0)
         nominal = nominal_matrix(camera.mask_size, camera.size, 1 / scale)
         matrix = nominal if registration is None else registration.matrix

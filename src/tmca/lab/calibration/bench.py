@@ -16,7 +16,7 @@ from tmca.data import atomic_path, write_dataset, write_json
 from tmca.errors import SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.bench_light import light_field_light, spectral_light, white_power
-from tmca.lab.calibration.bench_physics import overlap_in_time, point_of, seen_by_rays
+from tmca.lab.calibration.bench_physics import glass_shift, overlap_in_time, point_of, seen_by_rays
 from tmca.lab.calibration.bench_truth import REFERENCE, BenchTruth
 from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.patterns import calibration_patterns
@@ -27,7 +27,7 @@ from tmca.optics.zernike import zernike_modes
 
 CAMERAS = ("spectral", "light-field", "spectral-depth")
 NAME = "rendered"
-WAVES = np.arange(400, 701, 25) * 1e-9
+WAVES: Array = np.arange(400.0, 701.0, 25.0) * 1e-9
 EXPOSURES_MS = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 35.0)
 POINTS, POINT_WAVES = (0.5, 0.6, 0.75, 0.9), (470e-9, 550e-9, 640e-9)
 _SHARE = 0.8
@@ -100,8 +100,9 @@ def stated(truth: BenchTruth) -> dict[str, Any]:
 
 
 def nominal_spectral(size: tuple[int, int], slots: int, seed: int) -> SpectralCamera:
-    """The camera as it was designed: 12 bands, a pixel apart."""
-    return SpectralCamera(12, size, slots, seed=seed)
+    """The camera as it was designed: 12 bands behind a prism of glass that spreads them over 11 pixels."""
+    waves = np.linspace(400e-9, 700e-9, 12).tolist()
+    return SpectralCamera(waves, size, slots, dispersion=glass_shift(waves, waves[0], 11.0).tolist(), seed=seed)
 
 
 def place_of_codes(camera: SpectralCamera) -> Array:
@@ -125,10 +126,9 @@ def _spectral(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tu
     patterns = calibration_patterns(size, seed=seed)
     frames = _sensor_frames(truth, rng) | _pattern_frames(truth, patterns, truth.matrix, slots, rng, snr_db)
     light = white_power(WAVES) * truth.response(WAVES)
+    size_there = _sensor_size(truth)
     seen = [
-        _SHARE
-        * share
-        * seen_by_rays(patterns[3:4], moved(truth.matrix, shift), _sensor_size(truth), blur=truth.blur)[0]
+        _SHARE * share * seen_by_rays(patterns[3:4], moved(truth.matrix, shift), size_there, blur=truth.blur)[0]
         for share, shift in zip(light / light.max(), truth.shifts(WAVES), strict=True)
     ]
     names = [f"band_{w * 1e9:.0f}nm" for w in WAVES]

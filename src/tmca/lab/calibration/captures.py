@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
@@ -85,7 +86,7 @@ def in_order(frames: Frames, count: int, what: str) -> Array:
     return frames.values.astype(np.float64)
 
 
-def corrected(values: Array, calibration: Calibration) -> Array:
+def corrected(values: ArrayLike, calibration: Calibration) -> Array:
     """Frames (…, H, W) without dark, over the flat field, defects replaced by the median of their neighbours; steps
     that were not measured are left out."""
     dark, flat = calibration.part("dark"), calibration.part("flat")

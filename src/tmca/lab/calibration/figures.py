@@ -27,7 +27,7 @@ def part_figure(part: Any, title: str, stack: PsfStack | None = None) -> Figure:
     """The picture of a measured part; of a wavefront beside the point spread functions it was fitted to."""
     from matplotlib.figure import Figure
 
-    draw = {
+    draw: dict[type, Any] = {
         DarkField: _dark, FlatField: _flat, Linearity: _linearity, Registration: _registration,
         MeasuredDispersion: _dispersion, MeasuredShear: _shear, Timing: _timing, PsfStack: _psf,
     }  # fmt: skip
@@ -60,10 +60,10 @@ def _linearity(axes: Any, part: Linearity) -> None:
     axes[0].plot(part.exposures * 1e3, part.levels, "o", color="0.6")
     axes[0].plot(part.exposures[used] * 1e3, part.levels[used], "o", color=_BLUE)
     axes[0].plot(part.exposures * 1e3, part.offset + part.slope * part.exposures, color=_RED, linewidth=1)
-    _named(axes[0], f"off a line by {part.largest_deviation:.2%} at most", "exposure (ms)", "digital numbers")
-    axes[1].loglog(part.levels[used], part.variances[used], "o", color=_BLUE)
+    _named(axes[0], f"off a line by {part.largest_deviation:.2g} of it at most", "exposure (ms)", "digital numbers")
+    axes[1].plot(part.levels[used], part.variances[used], "o", color=_BLUE)
     line = (part.read_noise / part.gain) ** 2 + part.levels[used] / part.gain
-    axes[1].loglog(part.levels[used], line, color=_RED, linewidth=1)
+    axes[1].plot(part.levels[used], line, color=_RED, linewidth=1)
     text = f"{part.gain:.3g} ± {part.gain_std:.1g} electrons per digital number"
     _named(axes[1], text, "level (digital numbers)", "variance")
 
@@ -83,7 +83,7 @@ def _registration(axes: Any, part: Registration) -> None:
     moved = [own - other for own, other in zip(there, plain, strict=True)]
     moved = [one - one.mean() for one in moved]
     arrows = axes[1].quiver(grid[1], grid[0], moved[1], moved[0], angles="xy", color=_RED)
-    axes[1].quiverkey(arrows, 0.85, 1.03, 0.5, "0.5 px", fontproperties={"size": _SMALL})
+    axes[1].quiverkey(arrows, 0.5, -0.22, 0.5, "0.5 px", fontproperties={"size": _SMALL})
     axes[1].set_aspect("equal")
     axes[1].invert_yaxis()
     title = f"turn and skew; fit leaves {part.residual:.1%} of the contrast"
@@ -128,6 +128,7 @@ def _timing(axes: Any, part: Timing) -> None:
     title = f"delay {part.delay:+.4f} slots, ratio {part.ratio:.4f}"
     _named(axes[0], title, "slots of the aperture", "")
     shown = axes[1].imshow(part.overlap(), cmap="viridis", vmin=0)
+    axes[1].set(xticks=range(part.slots), yticks=range(part.slots))
     axes[1].figure.colorbar(shown, ax=axes[1])
     _named(axes[1], "time in which both are on (slots)", "slot of the shutter", "slot of the aperture")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
@@ -83,9 +83,11 @@ def measure_linearity(
     if values.ndim != 4 or values.shape[1] < 2 or len(set(times.tolist())) < len(times):
         raise DataError(source, f"frames of shape {values.shape}", "two or more at each of several exposures")
     order = np.argsort(times)
-    full = np.zeros(values.shape, bool) if saturated is None else np.asarray(saturated, bool)
+    full: NDArray[np.bool_] = np.zeros(values.shape, bool)
+    if saturated is not None:
+        full = np.asarray(saturated, bool)
     times, values, full = times[order], values[order], full[order]
-    good = dark.defects == 0
+    good = np.asarray(dark.defects == 0)
     levels = (values.mean(axis=1) - dark.mean)[:, good].mean(axis=1)
     variances = values.var(axis=1, ddof=1)[:, good].mean(axis=1)
     share = full.any(axis=1)[:, good].mean(axis=1)

@@ -26,7 +26,8 @@ def calibration_patterns(size: tuple[int, int], count: int = 2, seed: int = 0) -
     """
     if min(size) < 16 or count < 1:
         raise SettingError("patterns", f"{count} of {size[0]}×{size[1]} pixels", "1 or more of 16×16 pixels or more")
-    rng, planes = np.random.default_rng(seed), [np.ones(size), np.zeros(size)]
+    rng = np.random.default_rng(seed)
+    planes: list[Array] = [np.ones(size), np.zeros(size)]
     for index in range(count):
         side = 4 if index % 2 == 0 else 2
         blocks = rng.integers(2, size=tuple(-(-n // side) for n in size)).astype(np.float64)

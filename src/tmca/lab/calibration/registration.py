@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -168,7 +167,7 @@ def _left(seen: Array, target: Array) -> Array:
     return np.asarray(wanted - gain * centred).ravel()
 
 
-def _changed(start: Array, values: Sequence[float], codes: tuple[int, ...]) -> Array:
+def _changed(start: Array, values: Any, codes: tuple[int, ...]) -> Array:
     """The map after a shift (2) and four changes of its linear part, each in sensor pixels at the mask's edge."""
     middle = np.array([(n - 1) / 2 for n in codes])
     linear = start[:, :2] + np.reshape(values[2:6], (2, 2)) / middle

@@ -35,8 +35,8 @@ def from_digital_numbers(values: Tensor, calibration: Calibration, full_scale: f
     if tuple(values.shape[-2:]) != size:
         found, known = ("×".join(map(str, n)) for n in (values.shape[-2:], size))
         raise DataError(calibration.where, f"a dark of {known} pixels", f"{found}, those of the snapshot")
-    found = corrected(values.double().numpy(), calibration) * full_scale / level
-    return torch.from_numpy(found).to(values)
+    shares = corrected(values.double().numpy(), calibration) / level
+    return torch.from_numpy(shares * full_scale).to(values)
 
 
 def measured_sensor(camera: Camera, calibration: Calibration) -> Sensor:
