@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.data import atomic_path, write_dataset, write_json
+from tmca.data import atomic_path, label, write_dataset, write_json
 from tmca.errors import SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.bench_light import light_field_light, spectral_light, white_power
@@ -30,6 +30,8 @@ NAME = "rendered"
 WAVES: Array = np.arange(400.0, 701.0, 25.0) * 1e-9
 EXPOSURES_MS = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 35.0)
 POINTS, POINT_WAVES = (0.5, 0.6, 0.75, 0.9), (470e-9, 550e-9, 640e-9)
+DEPTH = 0.75
+"""Metres to the scene of the spectral-depth camera."""
 _SHARE = 0.8
 _FULL_MS = 20.0
 """Exposure at which even light reaches the level of white."""
@@ -83,8 +85,7 @@ def write_bench(
         if camera == "spectral":
             (place / "source.csv").write_text(_power_table(), encoding="utf-8")
         snapshot.save(place / "snapshot.nc")
-        if scene is not None:
-            write_dataset(scene, place / "scene.nc")
+        write_dataset(scene, place / "scene.nc")
         write_json(about, place / "truth.json")
     return about
 
@@ -95,6 +96,8 @@ def stated(truth: BenchTruth) -> dict[str, Any]:
     sensor = truth.sensor
     values["wavelengths"], values["shifts"] = WAVES, truth.shifts(WAVES)
     values["response"] = truth.response(WAVES)
+    fine: Array = np.arange(400.0, 701.0) * 1e-9
+    values |= {"fine_wavelengths": fine, "fine_shifts": truth.shifts(fine), "fine_response": truth.response(fine)}
     values["defects"] = np.argwhere(sensor.hot | sensor.dead).tolist()
     return {**values, "gain": sensor.gain, "read_noise": sensor.read_noise, "white_level": sensor.bright}
 
@@ -158,7 +161,7 @@ def _light_field(size: tuple[int, int], slots: int, snr_db: float, seed: int) ->
         frames["shear"][f"view_{v}_{u}"] = truth.sensor.recorded(_SHARE * share * seen, rng, snr_db)
     field = rendered_light_field("coffee", size=size, views=5)
     shares = light_field_light(camera, truth, field["light_field"].values.astype(np.float64))
-    return frames, _raw(camera, truth, shares[None], rng), None, truth
+    return frames, _raw(camera, truth, shares[None], rng), field["light_field"], truth
 
 
 def _spectral_depth(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tuple[Frames, Any, Any, BenchTruth]:
@@ -179,10 +182,11 @@ def _spectral_depth(size: tuple[int, int], slots: int, snr_db: float, seed: int)
         frames[f"psf{slot}"] = _points(light, truth, rng, snr_db)
     turned = torch.from_numpy(np.tensordot(truth.coefficients, zernike_modes(MODES, camera.bench.mask_size).numpy(), 1))
     true = SpectralDepthCamera(8, size, slots, bench=camera.bench, mask=torch.from_numpy(asked) + turned, seed=seed)
-    depth = torch.full((1, 1, *size), 0.75)
+    scene, depth = _blocks(camera.bands, size, seed), torch.full((1, 1, *size), DEPTH)
     with torch.no_grad():
-        shares = true.A(_blocks(camera.bands, size, seed), depth)[0].double().numpy() / camera.full_scale
-    return frames, _raw(camera, truth, shares, rng), None, truth
+        shares = true.A(scene, depth)[0].double().numpy() / camera.full_scale
+    blocks = label(scene[0].numpy(), np.array(camera.wavelengths))
+    return frames, _raw(camera, truth, shares, rng), blocks, truth
 
 
 def _blocks(bands: int, size: tuple[int, int], seed: int) -> torch.Tensor:

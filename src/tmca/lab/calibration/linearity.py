@@ -90,7 +90,7 @@ def measure_linearity(
     good = np.asarray(dark.defects == 0)
     levels = (values.mean(axis=1) - dark.mean)[:, good].mean(axis=1)
     variances = values.var(axis=1, ddof=1)[:, good].mean(axis=1)
-    share = full.any(axis=1)[:, good].mean(axis=1)
+    share = np.asarray(full.any(axis=1))[:, good].mean(axis=1)
     saturation = float(levels[share > 0.5].min()) if (share > 0.5).any() else float("nan")
     used = _used(times, levels, share, saturation, source)
     slope, offset = _line(times[used], levels[used], 1 / levels[used])

@@ -31,7 +31,8 @@ def calibration_patterns(size: tuple[int, int], count: int = 2, seed: int = 0) -
     for index in range(count):
         side = 4 if index % 2 == 0 else 2
         blocks = rng.integers(2, size=tuple(-(-n // side) for n in size)).astype(np.float64)
-        planes.append(np.kron(blocks, np.ones((side, side)))[: size[0], : size[1]])
+        shown = np.kron(blocks, np.ones((side, side)))[: size[0], : size[1]]
+        planes.append(np.asarray(shown, dtype=np.float64))
     return np.stack(planes)
 
 
