@@ -13,7 +13,6 @@ import torch
 from numpy.typing import ArrayLike
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
-from tmca.decoders import decode
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.bench import CAMERAS, DEPTH, NAME, WAVES, write_bench
@@ -28,6 +27,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SENSOR = ("dark", "flat", "linearity")
+_OPTICS: dict[str, tuple[str, ...]] = {
+    "spectral": ("registration", "dispersion", "timing"),
+    "light-field": ("registration", "shear", "timing"),
+    "spectral-depth": (),
+}
 BOUNDS: dict[str, tuple[str, float | None]] = {
     "registration": ("px rms", 0.05),
     "dispersion": ("px, worst", 0.1),
@@ -216,6 +220,7 @@ def _reconstruct(
         "nominal": calibration.only(*_SENSOR),
         "calibrated": calibration,
         "true": true_calibration(calibration, truth),
+        **{f"without {name}": calibration.without(name) for name in _OPTICS[camera]},
     }
     for name, own in operators.items():
         taken = calibrated_snapshot(raw, own)
@@ -223,7 +228,7 @@ def _reconstruct(
         psnr = None if estimate is None else -10 * np.log10(float(((estimate - scene) ** 2).mean()))
         row = {"camera": camera, "seed": seed, "operator": name, "psnr": psnr, "explained": _explained(taken, scene)}
         proof.rows.append(row)
-        if camera == "spectral" and seed == 0 and estimate is not None:
+        if camera == "spectral" and seed == 0 and estimate is not None and not name.startswith("without"):
             proof.cubes[name], proof.scene, proof.wavelengths = estimate, scene, taken.camera.wavelengths
 
 
@@ -236,12 +241,12 @@ def _scene(folder: Path) -> Array:
 
 def _estimate(taken: Snapshot[Any]) -> np.ndarray:
     """Linear least mean squares under the rendered scenes' prior, which has not seen the scene."""
-    from tmca.experiments.light_field.priors import find_prior as views_prior
-    from tmca.experiments.spectral.imaging import find_prior
+    from tmca.experiments.light_field.imaging import reconstruct_light_field
+    from tmca.experiments.spectral.imaging import reconstruct_snapshot
 
-    find = find_prior if taken.camera.application == "spectral" else views_prior
-    found = decode(taken, "lmmse", prior=find(None, "lmmse", taken.camera))
-    return np.asarray(found.estimate[0].numpy(), dtype=np.float64)
+    if taken.camera.application == "spectral":
+        return np.asarray(reconstruct_snapshot(taken).cube.values, dtype=np.float64)
+    return np.asarray(reconstruct_light_field(taken).light_field.values, dtype=np.float64)
 
 
 def _explained(taken: Snapshot[Any], scene: Array) -> float:

@@ -13,7 +13,7 @@ from torch import Tensor
 from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.calibration_file import Calibration
+from tmca.lab.calibration.calibration_file import Calibration, load_calibration
 from tmca.lab.calibration.captures import defects
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.calibration.registration import nominal_matrix
@@ -21,6 +21,8 @@ from tmca.lab.calibration.sensor_scale import from_digital_numbers, measured_sen
 from tmca.optics import FreeForm, ViewShear
 from tmca.optics.zernike import zernike_modes
 
+RAW = "digital numbers"
+"""Attribute ``values`` of a snapshot that is not yet relative irradiance."""
 _OTHERS = {
     "spectral": ("shear", "wavefront"),
     "light-field": ("dispersion", "wavefront"),
@@ -113,7 +115,7 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     """
     camera = calibrated(snapshot.camera, calibration, snapshot.notes)
     values = snapshot.values
-    if snapshot.notes.get("values") == "digital numbers":
+    if snapshot.notes.get("values") == RAW:
         values = from_digital_numbers(values, calibration, camera.full_scale)
     if isinstance(camera, SpectralCamera):
         place = _columns(snapshot.camera, camera)
@@ -122,6 +124,21 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
         values = values * (camera.codes()[1].amax(0) > 0)
     notes = {k: v for k, v in snapshot.notes.items() if k != "values"}
     return Snapshot(values, camera, {**notes, "calibration": calibration.where})
+
+
+def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:
+    """A snapshot file, with its calibration if one is named.
+
+    Raises:
+        DataError: digital numbers and no calibration, or see ``calibrated_snapshot``.
+    """
+    taken = Snapshot.load(path)
+    if calibration is not None:
+        return calibrated_snapshot(taken, load_calibration(calibration))
+    if taken.notes.get("values") == RAW:
+        remedy = "name the calibration of its camera (--calibration)"
+        raise DataError(path, "a snapshot in digital numbers", "relative irradiance", remedy)
+    return taken
 
 
 def _mixed(codes: Tensor, calibration: Calibration) -> tuple[Array, float]:

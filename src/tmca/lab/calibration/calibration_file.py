@@ -102,6 +102,10 @@ class Calibration:
         """With these parts alone."""
         return Calibration({k: v for k, v in self.parts.items() if k in names}, self.about, self.path)
 
+    def without(self, *names: str) -> Calibration:
+        """With all other parts."""
+        return Calibration({k: v for k, v in self.parts.items() if k not in names}, self.about, self.path)
+
     def save(self, prefix: str | Path) -> Calibration:
         """Write ``PREFIX_YYYY-MM-DDThhmmss.nc`` (UTC) and ``.json``; a name that is taken gets a number.
 
