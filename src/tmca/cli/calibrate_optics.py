@@ -32,7 +32,7 @@ def registration(
     """
     from tmca.cli.options import size
     from tmca.data import nm_to_metres
-    from tmca.lab.calibration.steps import registration_step
+    from tmca.lab.calibration.optics_steps import registration_step
 
     metres = None if wavelength is None else float(nm_to_metres(wavelength))
     found = registration_step(
@@ -63,7 +63,7 @@ def dispersion(
         curve: powers of 1/λ² (cauchy) or of λ (polynomial).
         order: highest power.
     """
-    from tmca.lab.calibration.steps import dispersion_step
+    from tmca.lab.calibration.optics_steps import dispersion_step
 
     found = dispersion_step(
         started(how), captures, patterns, pattern=pattern, power=power, curve=curve, order=order,
@@ -80,7 +80,7 @@ def shear(captures: Path, /, *, patterns: Path, pattern: Whole = 3, how: Calibra
         patterns: that were shown.
         pattern: which of them was shown, counted from 0.
     """
-    from tmca.lab.calibration.steps import shear_step
+    from tmca.lab.calibration.optics_steps import shear_step
 
     found = shear_step(started(how), captures, patterns, pattern=pattern, saturation=how.saturation)
     finished(found, "shear", how)
@@ -92,7 +92,7 @@ def timing(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
     Args:
         captures: folder of frames named by their slots, such as aperture_0_shutter_1.
     """
-    from tmca.lab.calibration.steps import timing_step
+    from tmca.lab.calibration.optics_steps import timing_step
 
     finished(timing_step(started(how), captures, saturation=how.saturation), "timing", how)
 
@@ -107,7 +107,7 @@ def psf(captures: Path, /, *, snapshot: Path, slot: Whole = 0, how: CalibrationO
     """
     from tmca.cameras import Snapshot, SpectralDepthCamera
     from tmca.errors import DataError
-    from tmca.lab.calibration.steps import psf_step
+    from tmca.lab.calibration.psf_step import psf_step
 
     camera = Snapshot.load(snapshot).camera
     if not isinstance(camera, SpectralDepthCamera) or not 0 <= slot < camera.slots:

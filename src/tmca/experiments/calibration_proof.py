@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.bench import CAMERAS, DEPTH, NAME, WAVES, write_bench
+from tmca.lab.calibration.bench import write_bench
+from tmca.lab.calibration.bench_cameras import DEPTH, NAME, WAVES
 from tmca.lab.calibration.bench_truth import REFERENCE
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.optics_steps import dispersion_step, registration_step, shear_step, timing_step
+from tmca.lab.calibration.psf_step import psf_step
 from tmca.lab.calibration.sensor_steps import dark_step, flat_step, linearity_step
-from tmca.lab.calibration.steps import dispersion_step, psf_step, registration_step, shear_step, timing_step
+from tmca.lab.calibration.true_calibration import true_calibration
 from tmca.lab.calibration.zernike_fit import wavefront_rms
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def prove(
     """
     proof = Proof(seeds, snr_db)
     for seed in range(seeds):
-        for camera in CAMERAS:
+        for camera in _OPTICS:
             if told is not None:
                 told(f"{camera} bench, seed {seed}")
             with tempfile.TemporaryDirectory() as place:
@@ -170,45 +171,6 @@ def _bench_of(calibration: Calibration) -> Any:
 
     window = calibration.part("psf0").values.shape[2:]
     return PhaseMaskBench(window=(int(window[0]), int(window[1])))
-
-
-@dataclass(frozen=True)
-class TrueDispersion(MeasuredDispersion):
-    """The bench's own curve instead of a fitted one, at its wavelengths and between them by a fine interpolation."""
-
-    fine: tuple[Array, Array, Array] | None = None
-
-    def at(self, wavelengths: ArrayLike) -> Array:
-        """(n, 2) true displacement."""
-        waves, shifts, _ = self.fine or (self.wavelengths, self.shifts, self.response)
-        return np.stack([np.interp(wavelengths, waves, shifts[:, axis]) for axis in (0, 1)], axis=1)
-
-    def response_at(self, wavelengths: ArrayLike) -> Array:
-        """(n,) true κ."""
-        waves, _, response = self.fine or (self.wavelengths, self.shifts, self.response)
-        return np.interp(wavelengths, waves, response)
-
-
-def true_calibration(calibration: Calibration, truth: dict[str, Any]) -> Calibration:
-    """A calibration with the bench's true numbers; the sensor's stays as it was measured."""
-    parts = dict(calibration.parts)
-    if "registration" in parts:
-        parts["registration"] = replace(
-            parts["registration"], matrix=np.asarray(truth["matrix"]), blur=float(truth["blur"])
-        )
-        parts["timing"] = replace(parts["timing"], delay=truth["delay"], ratio=truth["ratio"])
-    if "dispersion" in parts:
-        fine = tuple(np.asarray(truth[f"fine_{name}"]) for name in ("wavelengths", "shifts", "response"))
-        known = {f: getattr(parts["dispersion"], f) for f in MeasuredDispersion.__dataclass_fields__}
-        parts["dispersion"] = TrueDispersion(**known, fine=(fine[0], fine[1], fine[2]))
-    if "shear" in parts:
-        places = parts["shear"].places
-        light = 1 - truth["fall_off"] * (places**2).sum(axis=1)
-        parts["shear"] = replace(parts["shear"], step=np.asarray(truth["step"]), light=light)
-    for name in [name for name in parts if name.startswith("wavefront")]:
-        own = truth["coefficients"][int(name.removeprefix("wavefront"))]
-        parts[name] = replace(parts[name], coefficients=np.asarray(own))
-    return Calibration(parts, calibration.about, calibration.path)
 
 
 def _reconstruct(
