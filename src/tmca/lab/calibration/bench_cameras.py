@@ -32,6 +32,8 @@ _SHARE = 0.8
 _FULL_MS = 20.0
 """Exposure at which even light reaches the level of white."""
 Frames = dict[str, dict[str, np.ndarray]]
+Made = tuple[Frames, Snapshot[Any], Any, BenchTruth]
+"""Folders of frames, a raw snapshot, its scene, and the truth."""
 
 
 def nominal_spectral(size: tuple[int, int], slots: int, seed: int) -> SpectralCamera:
@@ -53,7 +55,7 @@ def spectral_truth(camera: SpectralCamera, seed: int) -> BenchTruth:
     return BenchTruth.drawn(camera.size, sensor, place_of_codes(camera), span, camera.slots, seed)
 
 
-def spectral_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> tuple[Frames, Any, Any, BenchTruth]:
+def spectral_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
     from tmca.data import nearest_bands, rendered_scene
 
     camera = nominal_spectral(size, slots, seed)
@@ -76,9 +78,7 @@ def spectral_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) 
     return frames, _raw(camera, truth, shares[None], rng), scene, truth
 
 
-def light_field_bench(
-    size: tuple[int, int], slots: int, snr_db: float, seed: int
-) -> tuple[Frames, Any, Any, BenchTruth]:
+def light_field_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
     from tmca.data import rendered_light_field
 
     camera = LightFieldCamera(5, size, slots, seed=seed)
@@ -98,9 +98,7 @@ def light_field_bench(
     return frames, _raw(camera, truth, shares[None], rng), field["light_field"], truth
 
 
-def spectral_depth_bench(
-    size: tuple[int, int], slots: int, snr_db: float, seed: int
-) -> tuple[Frames, Any, Any, BenchTruth]:
+def spectral_depth_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
     camera = SpectralDepthCamera(8, size, slots, bench=PhaseMaskBench(), seed=seed)
     truth = BenchTruth.drawn(size, size, nominal_matrix(size, size), 0.0, slots, seed)
     rng = np.random.default_rng(seed + 1)

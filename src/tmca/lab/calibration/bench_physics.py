@@ -91,8 +91,9 @@ def point_of(
         samples: per side of a pixel.
     """
     place = ((np.arange(len(heights)) + 0.5) / len(heights) - 0.5) * bench.diameter
-    square, focus = place[:, None] ** 2 + place**2, bench.focus or np.inf
-    path = np.sqrt(square + depth**2) - depth - (np.sqrt(square + focus**2) - focus)
+    square, focus = place[:, None] ** 2 + place**2, np.inf if bench.focus is None else bench.focus
+    near, sharp = (square / (np.sqrt(square + z**2) + z) for z in (depth, focus))
+    path = near - sharp
     wave = (square <= (bench.diameter / 2) ** 2) * np.exp(2j * np.pi / wavelength * (path + 2 * heights))
     turned = []
     for extent, away in zip(size, shift, strict=True):

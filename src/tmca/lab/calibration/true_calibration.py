@@ -22,12 +22,13 @@ class TrueDispersion(MeasuredDispersion):
     def at(self, wavelengths: ArrayLike) -> Array:
         """(n, 2) true displacement."""
         waves, shifts, _ = self.fine or (self.wavelengths, self.shifts, self.response)
-        return np.stack([np.interp(wavelengths, waves, shifts[:, axis]) for axis in (0, 1)], axis=1)
+        asked = np.asarray(wavelengths, dtype=np.float64)
+        return np.stack([np.interp(asked, waves, shifts[:, axis]) for axis in (0, 1)], axis=1)
 
     def response_at(self, wavelengths: ArrayLike) -> Array:
         """(n,) true κ."""
         waves, _, response = self.fine or (self.wavelengths, self.shifts, self.response)
-        return np.interp(wavelengths, waves, response)
+        return np.interp(np.asarray(wavelengths, dtype=np.float64), waves, response)
 
 
 def true_calibration(calibration: Calibration, truth: dict[str, Any]) -> Calibration:
