@@ -46,9 +46,8 @@ def test_from_captures_to_a_reconstruction(capsys, bench):
     step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
     flat = step(capsys, "flat", "bench/flat", "--white", "bench/white", *ON)
     assert flat["white_level_dn"] == pytest.approx(truth["white_level"], rel=2e-3)
-    assert step(capsys, "linearity", "bench/linearity", *ON)["electrons_per_dn"] == pytest.approx(
-        truth["gain"], rel=0.05
-    )
+    sensor = step(capsys, "linearity", "bench/linearity", *ON)
+    assert sensor["electrons_per_dn"] == pytest.approx(truth["gain"], rel=0.05)
     found = step(capsys, "registration", "bench/registration", *SHOWN, "--wavelength", "550", "--device", "40x45", *ON)
     assert found["corner_std_pixels"] < 0.02
     power = ("--power", "bench/source.csv")
