@@ -23,6 +23,7 @@ COMMANDS = {
         "scan:app",
         "Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene.",
     ),
+    "calibrate": ("calibrate:app", "From captures to a dated calibration of a coded camera, step by step."),
     "dbd": ("dbd:app", "Radar targets and radio paths from one overlaid signal."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }

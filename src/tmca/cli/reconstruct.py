@@ -31,6 +31,7 @@ def reconstruct(
     tv_weight: float | None = None,
     uncertainty: bool = True,
     window: MaybeWhole = None,
+    calibration: Path | None = None,
     reading: TruthOptions = _SCENE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -52,10 +53,12 @@ def reconstruct(
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
+        calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Snapshots
+            in digital numbers need one.
     """
-    from tmca.cameras import Snapshot
+    from tmca.lab.calibration.apply import load_snapshot
 
-    taken = Snapshot.load(snapshot)
+    taken = load_snapshot(snapshot, calibration)
     usual = "likelihood" if taken.camera.application == "spectral-depth" else "lmmse"
     decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual)
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")

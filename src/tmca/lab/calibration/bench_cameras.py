@@ -1,0 +1,181 @@
+"""What the cameras of rendered benches see: frames for every step, and a raw snapshot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import torch
+
+from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.data import label
+from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.bench_light import light_field_light, spectral_light, white_power
+from tmca.lab.calibration.bench_physics import glass_shift, overlap_in_time, point_of, seen_by_rays
+from tmca.lab.calibration.bench_truth import REFERENCE, BenchTruth
+from tmca.lab.calibration.pattern_image import moved
+from tmca.lab.calibration.patterns import calibration_patterns
+from tmca.lab.calibration.registration import nominal_matrix
+from tmca.lab.calibration.zernike_fit import MODES
+from tmca.optics import PhaseMaskBench
+from tmca.optics.zernike import zernike_modes
+
+NAME = "rendered"
+WAVES: Array = np.arange(400.0, 701.0, 25.0) * 1e-9
+EXPOSURES_MS = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 35.0)
+POINTS, POINT_WAVES = (0.5, 0.6, 0.75, 0.9), (470e-9, 550e-9, 640e-9)
+DEPTH = 0.75
+"""Metres to the scene of the spectral-depth camera."""
+_SHARE = 0.8
+_FULL_MS = 20.0
+"""Exposure at which even light reaches the level of white."""
+Frames = dict[str, dict[str, np.ndarray]]
+Made = tuple[Frames, Snapshot[Any], Any, BenchTruth]
+"""Folders of frames, a raw snapshot, its scene, and the truth."""
+
+
+def nominal_spectral(size: tuple[int, int], slots: int, seed: int) -> SpectralCamera:
+    """The camera as it was designed: 12 bands behind a prism of glass that spreads them over 11 pixels."""
+    waves = np.linspace(400e-9, 700e-9, 12).tolist()
+    return SpectralCamera(waves, size, slots, dispersion=glass_shift(waves, waves[0], 11.0).tolist(), seed=seed)
+
+
+def place_of_codes(camera: SpectralCamera) -> Array:
+    """(2, 3) code pixels to sensor pixels of the nominal camera at ``REFERENCE``."""
+    start = np.interp(REFERENCE, camera.wavelengths, camera.dispersion.displacement)
+    return np.array([[1.0, 0, 0], [0, 1.0, start - camera.dispersion.origin]])
+
+
+def spectral_truth(camera: SpectralCamera, seed: int) -> BenchTruth:
+    """Its hidden numbers."""
+    sensor = (camera.snapshot_shape[1], camera.snapshot_shape[2])
+    span = camera.dispersion.displacement[-1] - camera.dispersion.displacement[0]
+    return BenchTruth.drawn(camera.size, sensor, place_of_codes(camera), span, camera.slots, seed)
+
+
+def spectral_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
+    from tmca.data import nearest_bands, rendered_scene
+
+    camera = nominal_spectral(size, slots, seed)
+    truth, rng = spectral_truth(camera, seed), np.random.default_rng(seed + 1)
+    patterns = calibration_patterns(size, seed=seed)
+    frames = _sensor_frames(truth, rng) | _pattern_frames(truth, patterns, truth.matrix, slots, rng, snr_db)
+    light = white_power(WAVES) * truth.response(WAVES)
+    size_there = _sensor_size(truth)
+    seen = [
+        _SHARE * share * seen_by_rays(patterns[3:4], moved(truth.matrix, shift), size_there, blur=truth.blur)[0]
+        for share, shift in zip(light / light.max(), truth.shifts(WAVES), strict=True)
+    ]
+    names = [f"band_{w * 1e9:.0f}nm" for w in WAVES]
+    frames["dispersion"] = {
+        name: truth.sensor.recorded(one, rng, snr_db) for name, one in zip(names, seen, strict=True)
+    }
+    whole = rendered_scene("coffee", size=(max(size), max(size)))["reflectance"]
+    scene = nearest_bands(whole, camera.wavelengths)[:, : camera.size[0], : camera.size[1]]
+    shares = spectral_light(camera, truth, scene.values.astype(np.float64))
+    return frames, _raw(camera, truth, shares[None], rng), scene, truth
+
+
+def light_field_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
+    from tmca.data import rendered_light_field
+
+    camera = LightFieldCamera(5, size, slots, seed=seed)
+    place = nominal_matrix(camera.mask_size, size)
+    truth = BenchTruth.drawn(camera.mask_size, size, place, 0.0, slots, seed)
+    rng = np.random.default_rng(seed + 1)
+    patterns = calibration_patterns(camera.mask_size, seed=seed)
+    frames = _sensor_frames(truth, rng) | _pattern_frames(truth, patterns, truth.matrix, slots, rng, snr_db)
+    views = [(v, u) for v in (-2, 0, 2) for u in (-2, 0, 2)]
+    frames["shear"] = {}
+    for (v, u), share in zip(views, truth.view_light(np.array(views)), strict=True):
+        shift = -truth.step * (v, u)
+        seen = seen_by_rays(patterns[3:4], moved(truth.matrix, shift), size, blur=truth.blur)[0]
+        frames["shear"][f"view_{v}_{u}"] = truth.sensor.recorded(_SHARE * share * seen, rng, snr_db)
+    field = rendered_light_field("coffee", size=size, views=5)
+    shares = light_field_light(camera, truth, field["light_field"].values.astype(np.float64))
+    return frames, _raw(camera, truth, shares[None], rng), field["light_field"], truth
+
+
+def spectral_depth_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
+    camera = SpectralDepthCamera(8, size, slots, bench=PhaseMaskBench(), seed=seed)
+    truth = BenchTruth.drawn(size, size, nominal_matrix(size, size), 0.0, slots, seed)
+    rng = np.random.default_rng(seed + 1)
+    frames, fine = _sensor_frames(truth, rng), 2 * camera.bench.mask_pixels
+    asked = camera.codes()[0].double().numpy()
+    modes = zernike_modes(MODES, (fine, fine)).numpy()
+    for slot, own in enumerate(truth.coefficients):
+        heights = np.kron(asked[slot], np.ones((2, 2))) + np.tensordot(own, modes, 1)
+        moves = rng.uniform(-1.5, 1.5, (len(POINTS), 2))
+        light = {
+            f"point_{z:g}m_{wave * 1e9:.0f}nm": point_of(camera.bench, heights, z, wave, size, move)
+            for z, move in zip(POINTS, moves, strict=True)
+            for wave in POINT_WAVES
+        }
+        frames[f"psf{slot}"] = _points(light, truth, rng, snr_db)
+    turned = torch.from_numpy(np.tensordot(truth.coefficients, zernike_modes(MODES, camera.bench.mask_size).numpy(), 1))
+    true = SpectralDepthCamera(8, size, slots, bench=camera.bench, mask=torch.from_numpy(asked) + turned, seed=seed)
+    scene, depth = _blocks(camera.bands, size, seed), torch.full((1, 1, *size), DEPTH)
+    with torch.no_grad():
+        shares = true.A(scene, depth)[0].double().numpy() / camera.full_scale
+    blocks = label(scene[0].numpy(), np.array(camera.wavelengths))
+    return frames, _raw(camera, truth, shares, rng), blocks, truth
+
+
+def _blocks(bands: int, size: tuple[int, int], seed: int) -> torch.Tensor:
+    """(1, L, H, W) patches of 8 pixels, each of one spectrum."""
+    rng = np.random.default_rng(seed)
+    patches = rng.uniform(0.1, 0.9, (bands, -(-size[0] // 8), -(-size[1] // 8)))
+    return torch.from_numpy(np.kron(patches, np.ones((8, 8)))[None, :, : size[0], : size[1]]).float()
+
+
+def _points(light: Mapping[str, Array], truth: BenchTruth, rng: Any, snr_db: float) -> dict[str, np.ndarray]:
+    """Every frame exposed for a peak of 0.8, as one does between wavelengths and depths."""
+    return {name: truth.sensor.recorded(_SHARE * one / one.max(), rng, snr_db) for name, one in light.items()}
+
+
+def _sensor_size(truth: BenchTruth) -> tuple[int, int]:
+    return (int(truth.sensor.offset.shape[0]), int(truth.sensor.offset.shape[1]))
+
+
+def _sensor_frames(truth: BenchTruth, rng: Any) -> Frames:
+    """Dark, flat, white and an exposure series, with the sensor's own noise."""
+    size, sensor = _sensor_size(truth), truth.sensor
+    even = np.ones(size)
+    return {
+        "dark": {f"dark_{i:02d}": sensor.recorded(0 * even, rng) for i in range(16)},
+        "flat": {f"flat_{i:02d}": sensor.recorded(_SHARE * even, rng) for i in range(16)},
+        "white": {f"white_{i}": sensor.recorded(even, rng) for i in range(4)},
+        "linearity": {
+            f"even_{ms:g}ms_{i}": sensor.recorded(ms / _FULL_MS * even, rng) for ms in EXPOSURES_MS for i in range(2)
+        },
+    }
+
+
+def _pattern_frames(truth: BenchTruth, patterns: Array, matrix: Array, slots: int, rng: Any, snr_db: float) -> Frames:
+    """Patterns, what is seen of them, and pairs of slots."""
+    size, sensor = _sensor_size(truth), truth.sensor
+    seen = _SHARE * seen_by_rays(patterns, matrix, size, blur=truth.blur)
+    overlap = overlap_in_time(slots, truth.delay, truth.ratio)
+    return {
+        "patterns": {f"pattern_{i}": (255 * one).astype(np.uint8) for i, one in enumerate(patterns)},
+        "registration": {f"pattern_{i}": one for i, one in enumerate(sensor.recorded(seen, rng, snr_db))},
+        "timing": {
+            f"aperture_{i}_shutter_{j}": sensor.recorded(_SHARE * overlap[i, j] * seen[0], rng, None)
+            for i in range(slots)
+            for j in range(slots)
+        },
+    }
+
+
+def _raw(camera: Camera, truth: BenchTruth, shares: Array, rng: Any) -> Snapshot[Any]:
+    """A snapshot in digital numbers with the sensor's own noise, and the nominal camera."""
+    notes = {
+        "values": "digital numbers",
+        "camera_name": NAME,
+        "codes_date": datetime.now(UTC).replace(microsecond=0).isoformat(),
+        "scene": "coffee",
+    }
+    recorded = truth.sensor.recorded(shares, rng).astype(np.float32)
+    return Snapshot(torch.from_numpy(recorded)[None], camera, notes)

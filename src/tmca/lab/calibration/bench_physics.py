@@ -1,0 +1,151 @@
+"""Plain physics of a rendered bench: rays through masks, finely cut time, sums of waves; estimators share none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.lab.calibration.arrays import Array
+from tmca.optics import PhaseMaskBench
+
+_INSTANTS = 4000
+
+
+def rays_of(size: tuple[int, int], rays: int) -> Array:
+    """(2, H·r, W·r) rows and columns of rays over sensor pixels."""
+    y, x = ((np.arange(n * rays) + 0.5) / rays - 0.5 for n in size)
+    return np.stack(np.broadcast_arrays(y[:, None], x))
+
+
+def looked_up(planes: Array, places: Array) -> Array:
+    """(P, …) value of the pixel of (P, h, w) that every place (2, …) lies in, 0 outside."""
+    row, column = np.floor(places + 0.5).astype(int)
+    inside = (row >= 0) & (column >= 0) & (row < planes.shape[1]) & (column < planes.shape[2])
+    return np.where(inside, planes[:, row * inside, column * inside], 0.0)
+
+
+def through(matrix: Array, places: Array) -> Array:
+    """Code pixels that rays to sensor places (2, …) come through."""
+    linear, shift = np.linalg.inv(matrix[:, :2]), matrix[:, 2]
+    return np.tensordot(linear, places - shift[:, None, None], 1)
+
+
+def on_pixels(fine: Array, rays: int, blur: float) -> Array:
+    """(P, H, W) mean of the rays of every pixel of (P, H·r, W·r), blurred by ``blur`` pixels."""
+    from scipy.ndimage import gaussian_filter
+
+    seen = gaussian_filter(fine, (0, blur * rays, blur * rays), mode="nearest") if blur else fine
+    height, width = seen.shape[1] // rays, seen.shape[2] // rays
+    return np.asarray(seen.reshape(len(seen), height, rays, width, rays).mean(axis=(2, 4)))
+
+
+def seen_by_rays(patterns: Array, matrix: Array, size: tuple[int, int], rays: int = 8, blur: float = 0.0) -> Array:
+    """(P, H, W) patterns (P, h, w) on a sensor, code pixels on sensor pixels by ``matrix`` (2, 3)."""
+    return on_pixels(looked_up(patterns, through(matrix, rays_of(size, rays))), rays, blur)
+
+
+def overlap_in_time(slots: int, delay: float, ratio: float) -> Array:
+    """(K, K) share of an aperture slot in which it and a slot of the shutter are on, counted instant by instant."""
+    time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
+    aperture, shutter = np.floor(time), np.floor((time - delay) / ratio)
+    found = [[((aperture == i) & (shutter == j)).mean() * slots for j in range(slots)] for i in range(slots)]
+    return np.array(found)
+
+
+def glass_shift(wavelengths: Sequence[float], reference: float, span: float) -> Array:
+    """(n,) displacement by a prism of BK7-like glass: pixels, 0 at the reference, ``span`` from 400 to 700 nm.
+
+    Source of the index: Sellmeier terms of N-BK7 (Schott).
+    """
+
+    def index(metres: Array) -> Array:
+        square = (np.asarray(metres) * 1e6) ** 2
+        terms = [(1.03961212, 0.00600069867), (0.231792344, 0.0200179144), (1.01046945, 103.560653)]
+        return np.asarray(np.sqrt(1 + sum(b * square / (square - c) for b, c in terms)))
+
+    ends = index(np.array([400e-9, 700e-9]))
+    return np.asarray(span * (index(np.array([reference])) - index(np.array(wavelengths))) / (ends[0] - ends[1]))
+
+
+def point_of(
+    bench: PhaseMaskBench,
+    heights: Array,
+    depth: float,
+    wavelength: float,
+    size: tuple[int, int],
+    shift: Sequence[float] = (0.0, 0.0),
+    samples: int = 5,
+) -> Array:
+    """(H, W) light of a point through a mirror in a lens' pupil, by a plain Fourier sum.
+
+    Args:
+        bench: of the camera; a mirror, with a focus.
+        heights: (n, n) metres over the aperture, of any sampling.
+        depth: of the point, metres.
+        wavelength: metres.
+        size: (H, W) of the frame.
+        shift: of the point, pixels.
+        samples: per side of a pixel.
+    """
+    place = ((np.arange(len(heights)) + 0.5) / len(heights) - 0.5) * bench.diameter
+    square, focus = place[:, None] ** 2 + place**2, np.inf if bench.focus is None else bench.focus
+    near, sharp = (square / (np.sqrt(square + z**2) + z) for z in (depth, focus))
+    path = near - sharp
+    wave = (square <= (bench.diameter / 2) ** 2) * np.exp(2j * np.pi / wavelength * (path + 2 * heights))
+    turned = []
+    for extent, away in zip(size, shift, strict=True):
+        seen = ((np.arange(extent * samples) + 0.5) / samples - 0.5 - (extent - 1) / 2 - away) * bench.pitch
+        turned.append(np.exp(-2j * np.pi * seen[:, None] * place / (wavelength * bench.distance)))
+    light = np.abs(turned[0] @ wave @ turned[1].T) ** 2
+    return np.asarray(light.reshape(size[0], samples, size[1], samples).mean(axis=(1, 3)))
+
+
+@dataclass(frozen=True)
+class BenchSensor:
+    """A 16-bit sensor with faults.
+
+    Args:
+        offset: (H, W) digital numbers.
+        response: (H, W) of pixels, near 1.
+        hot, dead: (H, W) pixels.
+        gain: electrons per digital number.
+        read_noise: digital numbers.
+        bright: digital numbers of a white scene above the dark.
+    """
+
+    offset: Array
+    response: Array
+    hot: NDArray[np.bool_]
+    dead: NDArray[np.bool_]
+    gain: float = 4.0
+    read_noise: float = 12.0
+    bright: float = 40000.0
+
+    @classmethod
+    def drawn(cls, size: tuple[int, int], rng: np.random.Generator) -> BenchSensor:
+        """Offsets and responses of pixels, three hot and two dead ones."""
+        offset = 1000 + 20 * rng.standard_normal(size)
+        faults = np.zeros((2, *size), bool)
+        for plane, count in zip(faults, (3, 2), strict=True):
+            plane.flat[rng.choice(size[0] * size[1], count, replace=False)] = True
+        return cls(offset, 1 + 0.01 * rng.standard_normal(size), faults[0], faults[1] & ~faults[0])
+
+    def light(self, shares: Array) -> Array:
+        """Digital numbers above the dark of light (…, H, W) in shares of white, without noise."""
+        return np.asarray(np.where(self.dead, 0.05, self.response) * self.bright * shares)
+
+    def recorded(self, shares: Array, rng: np.random.Generator, snr_db: float | None = None) -> NDArray[np.uint16]:
+        """Frames (…, H, W) with noise of this signal-to-noise ratio (root mean square over noise), or with its own read
+        and shot noise."""
+        light = self.light(shares)
+        if snr_db is None:
+            noisy = rng.poisson(np.maximum(light, 0) * self.gain) / self.gain
+            noisy = noisy + self.read_noise * rng.standard_normal(light.shape)
+        else:
+            spread = np.sqrt((light**2).mean()) / 10 ** (snr_db / 20)
+            noisy = light + spread * rng.standard_normal(light.shape)
+        whole = np.round(self.offset + np.where(self.hot, 8000.0, 0.0) + noisy)
+        return np.asarray(np.clip(whole, 0, 65535).astype(np.uint16))

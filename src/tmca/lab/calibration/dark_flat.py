@@ -1,0 +1,129 @@
+"""Dark and flat fields of a sensor: offset, read noise, hot and dead pixels, and each pixel's response."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tmca.errors import DataError
+from tmca.lab.calibration.arrays import Array
+
+HOT, DEAD = 1, 2
+"""Values of ``defects``: hot or noisy in the dark, and of a response far from the others'."""
+_OUTLIER = 8.0
+_DEAD = (0.5, 1.5)
+_ORDER = 4
+
+
+@dataclass(frozen=True)
+class DarkField:
+    """Digital numbers.
+
+    Args:
+        mean: (H, W) offset.
+        read_noise: (H, W) standard deviation of a frame.
+        defects: (H, W) ``HOT`` where the offset or the noise is far from that of the others.
+        frames: that were averaged.
+    """
+
+    mean: Array
+    read_noise: Array
+    defects: NDArray[np.uint8]
+    frames: int
+
+    @property
+    def noise(self) -> float:
+        """Root mean square of the read noise of good pixels."""
+        return float(np.sqrt((self.read_noise[self.defects == 0] ** 2).mean()))
+
+
+@dataclass(frozen=True)
+class FlatField:
+    """Response to even light.
+
+    Args:
+        gain: (H, W) light of every pixel over the mean: response and evenness of the light together.
+        level: mean above the dark, digital numbers.
+        nonuniformity: standard deviation of the pixels' own response (PRNU), relative, without noise and
+            smooth light.
+        std: of ``gain``, from the frames' noise, root mean square.
+        defects: (H, W) ``DEAD`` where the response is below half or above one and a half of its surroundings'.
+        frames: that were averaged.
+    """
+
+    gain: Array
+    level: float
+    nonuniformity: float
+    std: float
+    defects: NDArray[np.uint8]
+    frames: int
+
+
+def measure_dark(frames: ArrayLike, *, source: object = "dark") -> DarkField:
+    """Mean and standard deviation of every pixel of frames without light.
+
+    Args:
+        frames: (N, H, W), N ≥ 2, digital numbers.
+        source: named in errors.
+
+    Raises:
+        DataError: fewer than two frames, or more than a tenth of the pixels hot: light came in.
+    """
+    values = np.asarray(frames, dtype=np.float64)
+    if values.ndim != 3 or len(values) < 2:
+        found = f"{len(values) if values.ndim == 3 else 1} dark frame"
+        raise DataError(source, found, "two or more, for the read noise", "capture more")
+    mean, noise = values.mean(axis=0), values.std(axis=0, ddof=1)
+    hot = _far(mean, values.shape[0]) | (_far(noise, values.shape[0]) & (noise > np.median(noise)))
+    if hot.mean() > 0.1:
+        raise DataError(source, f"{hot.mean():.0%} hot pixels", "10% at most", "cover the lens; even light is no dark")
+    return DarkField(mean, noise, np.where(hot, HOT, 0).astype(np.uint8), len(values))
+
+
+def _far(values: Array, frames: int) -> NDArray[np.bool_]:
+    """Values many robust deviations from the median; of sample deviations, whose own spread has long tails, of more."""
+    middle = np.median(values)
+    spread = 1.4826 * np.median(np.abs(values - middle)) + 0.5 / np.sqrt(12 * frames)
+    return np.asarray(np.abs(values - middle) > _OUTLIER * spread * (1 + 4 / frames))
+
+
+def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat") -> FlatField:
+    """Every pixel's light under even light, over the mean.
+
+    Args:
+        frames: (N, H, W), N ≥ 2, digital numbers, below saturation.
+        dark: of the same sensor.
+        source: named in errors.
+
+    Raises:
+        DataError: one frame only, another size, or light no brighter than the noise.
+    """
+    values = np.asarray(frames, dtype=np.float64)
+    if values.ndim != 3 or len(values) < 2:
+        raise DataError(source, "one flat frame", "two or more, to tell noise from response", "capture more")
+    if values.shape[1:] != dark.mean.shape:
+        found, known = ("×".join(map(str, shape)) for shape in (values.shape[1:], dark.mean.shape))
+        raise DataError(source, f"frames of {found} pixels", f"{known} as the dark", "use one sensor")
+    above, noise = values.mean(axis=0) - dark.mean, values.std(axis=0, ddof=1)
+    good = dark.defects == 0
+    level = float(above[good].mean())
+    if level < 10 * max(dark.noise, 0.3):
+        raise DataError(source, f"light of {level:.3g} above the dark", "ten times its noise", "give more light")
+    gain, surroundings = above / level, _smooth(above / level, good)
+    dead = good & ((gain < _DEAD[0] * surroundings) | (gain > _DEAD[1] * surroundings))
+    good &= ~dead
+    std = float(np.sqrt((noise[good] ** 2).mean() / len(values))) / level
+    varies = float(np.var((gain / surroundings)[good])) - std**2
+    return FlatField(
+        gain, level, float(np.sqrt(max(varies, 0.0))), std, np.where(dead, DEAD, 0).astype(np.uint8), len(values)
+    )
+
+
+def _smooth(values: Array, good: NDArray[np.bool_]) -> Array:
+    """Least-squares polynomial of fourth order over good pixels: light falls off smoothly, response does not."""
+    y, x = (np.linspace(-1, 1, n) for n in values.shape)
+    terms = np.stack([np.outer(y**i, x**j) for i in range(_ORDER + 1) for j in range(_ORDER + 1 - i)])
+    found = np.linalg.lstsq(terms[:, good].T, values[good], rcond=None)[0]
+    return np.asarray(np.tensordot(found, terms, 1))

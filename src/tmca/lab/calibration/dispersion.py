@@ -1,0 +1,155 @@
+"""Dispersion curve and sensor response from captures of a known pattern under monochromatic light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.displacement import displacement_of
+from tmca.lab.calibration.registration import Registration
+from tmca.optics import Dispersion
+
+Curve = Literal["cauchy", "polynomial"]
+LARGEST_RESIDUAL = 0.25
+"""Sensor pixels that a smooth curve may leave, root mean square along x."""
+
+
+@dataclass(frozen=True)
+class MeasuredDispersion:
+    """Displacement of light along y and x against the registration, and κ.
+
+    Args:
+        wavelengths: (L,) of the captures, metres, ascending.
+        shifts: (L, 2) measured, rows and columns, sensor pixels.
+        std: (L, 2) of each.
+        curve: ``"cauchy"``: powers of 1/λ²; ``"polynomial"``: powers of λ.
+        coefficients: (order + 1, 2) of the curve in ``variable``.
+        residual: (2,) rms of what the curve leaves along y and x, sensor pixels.
+        response: (L,) light over the source's power, mean 1.
+        misfit: (L,) what each capture's own fit leaves, as a share of its light.
+    """
+
+    wavelengths: Array
+    shifts: Array
+    std: Array
+    curve: Curve
+    coefficients: Array
+    residual: Array
+    response: Array
+    misfit: Array
+
+    def at(self, wavelengths: ArrayLike) -> Array:
+        """(n, 2) displacement along y and x of the curve, sensor pixels.
+
+        Raises:
+            SettingError: wavelengths (metres) more than a twentieth of the range beyond those measured.
+        """
+        asked = np.asarray(wavelengths, dtype=np.float64)
+        self._check(asked)
+        return _terms(asked, self.wavelengths, self.curve, len(self.coefficients) - 1) @ self.coefficients
+
+    def response_at(self, wavelengths: ArrayLike) -> Array:
+        """(n,) κ, linear between the wavelengths that were measured.
+
+        Raises:
+            SettingError: see ``at``.
+        """
+        asked = np.asarray(wavelengths, dtype=np.float64)
+        self._check(asked)
+        return np.interp(asked, self.wavelengths, self.response)
+
+    def dispersion(self, wavelengths: Sequence[float], start: float = 0.0) -> Dispersion:
+        """The ``Dispersion`` along x of bands, where the registration's light is displaced by ``start`` pixels."""
+        return Dispersion(tuple(start + self.at(wavelengths)[:, 1]))
+
+    def _check(self, asked: Array) -> None:
+        low, high = self.wavelengths[0], self.wavelengths[-1]
+        slack = 0.05 * (high - low) + 1e-12
+        if asked.size and (asked.min() < low - slack or asked.max() > high + slack):
+            found = f"bands from {asked.min() * 1e9:g} to {asked.max() * 1e9:g} nm"
+            known = f"those measured, {low * 1e9:g} to {high * 1e9:g} nm"
+            raise SettingError("dispersion", found, known, "measure the dispersion over all bands")
+
+
+def measure_dispersion(
+    frames: ArrayLike,
+    wavelengths: ArrayLike,
+    pattern: ArrayLike,
+    registration: Registration,
+    *,
+    power: ArrayLike | None = None,
+    curve: Curve = "cauchy",
+    order: int = 2,
+    names: Sequence[str] | None = None,
+    source: object = "dispersion",
+) -> MeasuredDispersion:
+    """Displacement of every wavelength, and a smooth curve through them by weighted least squares.
+
+    Cauchy: ``d = Σ c_n λ^(-2n)``, as the index of glass goes; polynomial: ``d = Σ c_n λ^n``.
+
+    Args:
+        frames: (L, H, W) linear digital numbers, dark taken off, exposed alike.
+        wavelengths: (L,) metres.
+        pattern: (h, w) shown in all of them.
+        registration: of the mask.
+        power: (L,) of the source, any unit; equal without it.
+        curve: which one.
+        order: of its highest power; one less than the captures at most.
+        names: of the frames, for errors.
+        source: named in errors.
+
+    Raises:
+        SettingError: wavelengths, power or order that cannot be.
+        DataError: a capture in which the pattern is not seen, or displacements that no smooth curve follows.
+    """
+    values, metres = np.asarray(frames, dtype=np.float64), np.asarray(wavelengths, dtype=np.float64)
+    stated = np.ones(len(metres)) if power is None else np.asarray(power, dtype=np.float64)
+    _check_given(values, metres, stated, order)
+    by_wave = np.argsort(metres)
+    said = [names[i] if names is not None else f"{metres[i] * 1e9:g} nm" for i in by_wave]
+    each = [
+        displacement_of(values[i], pattern, registration, source=f"{source} ({name})")
+        for i, name in zip(by_wave, said, strict=True)
+    ]
+    metres, shifts, std = metres[by_wave], np.stack([one.shift for one in each]), np.stack([one.std for one in each])
+    coefficients, residual = _curve(metres, shifts, std, curve, order)
+    if residual[1] > LARGEST_RESIDUAL:
+        what = f"displacements of which a smooth curve leaves {residual[1]:.2f} pixels"
+        raise DataError(source, what, f"{LARGEST_RESIDUAL:g} at most", "check the wavelengths of the captures")
+    light = np.array([one.light for one in each]) / stated[by_wave]
+    misfit = np.array([one.residual for one in each])
+    return MeasuredDispersion(metres, shifts, std, curve, coefficients, residual, light / light.mean(), misfit)
+
+
+def _check_given(values: Array, metres: Array, power: Array, order: int) -> None:
+    if values.ndim != 3 or metres.shape != (len(values),) or len(set(metres.tolist())) < len(metres):
+        raise SettingError("wavelengths", f"{metres.size} for {len(values)} captures", "a different one for each")
+    if not ((metres > 100e-9) & (metres < 100e-6)).all():
+        raise SettingError("wavelengths", f"{metres.min():g} to {metres.max():g}", "metres")
+    if power.shape != metres.shape or not (np.isfinite(power) & (power > 0)).all():
+        raise SettingError("source power", f"{power.tolist()}", "a number above 0 for each wavelength")
+    if not 0 <= order < len(metres):
+        raise SettingError("order", str(order), f"0 to {len(metres) - 1}, one less than the captures")
+
+
+def _terms(asked: Array, measured: Array, curve: Curve, order: int) -> Array:
+    """(n, order + 1) powers of λ or 1/λ², brought to ±1 over the measured range."""
+    variable, ends = (w if curve == "polynomial" else w**-2 for w in (asked, measured[[0, -1]]))
+    middle, half = (ends[0] + ends[1]) / 2, max(abs(ends[1] - ends[0]) / 2, 1e-30)
+    return np.vander((variable - middle) / half, order + 1, increasing=True)
+
+
+def _curve(metres: Array, shifts: Array, std: Array, curve: Curve, order: int) -> tuple[Array, Array]:
+    """(order + 1, 2) coefficients and (2,) rms of what they leave."""
+    terms = _terms(metres, metres, curve, order)
+    found = np.empty((order + 1, 2))
+    for axis in (0, 1):
+        weight = 1 / np.hypot(std[:, axis], 1e-3)
+        found[:, axis] = np.linalg.lstsq(terms * weight[:, None], shifts[:, axis] * weight, rcond=None)[0]
+    return found, np.sqrt(((shifts - terms @ found) ** 2).mean(axis=0))

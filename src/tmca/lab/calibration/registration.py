@@ -1,0 +1,184 @@
+"""Where every mask pixel falls on the sensor: an affine map, from patterns that were shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tmca.errors import DataError
+from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.coarse import find_coarse
+from tmca.lab.calibration.pattern_image import SAMPLES, mapped, seen_patterns
+
+LARGEST_RESIDUAL = 0.2
+_LEVELS = (3.0, 1.5, 0.0)
+"""Blur under which the fit begins, sensor pixels: a rotation moves corners by more than a mask pixel."""
+_LIT = 0.3
+"""Share of the light's 95th percentile below which a pixel does not count."""
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Code pixel (i, j) falls on sensor pixel ``matrix @ (i, j, 1)``.
+
+    Args:
+        matrix: (2, 3), rows first.
+        std: (2, 3) standard deviations of the shift of the middle (last column) and of the linear part, from the fit.
+        blur: standard deviation of the relay's blur, sensor pixels.
+        residual: rms of what the fit leaves, as a share of the patterns' contrast.
+        codes, sensor: (rows, columns) of mask and sensor.
+        wavelength: of the light, metres; None if it was not said.
+    """
+
+    matrix: Array
+    std: Array
+    blur: float
+    residual: float
+    codes: tuple[int, int]
+    sensor: tuple[int, int]
+    wavelength: float | None = None
+
+    @property
+    def edge_std(self) -> float:
+        """Standard deviation of the place of the mask's corners, sensor pixels, the worse axis."""
+        arm = np.array([(self.codes[0] - 1) / 2, (self.codes[1] - 1) / 2, 1.0])
+        return float(np.sqrt(((self.std * arm) ** 2).sum(axis=1)).max())
+
+    def offset(self, other: ArrayLike) -> float:
+        """Root mean square distance from another map over all mask pixels, sensor pixels."""
+        rows, columns = (np.arange(n) for n in self.codes)
+        own = mapped(self.matrix, rows[:, None], columns)
+        theirs = mapped(np.asarray(other), rows[:, None], columns)
+        return float(np.sqrt(sum(((a - b) ** 2).mean() for a, b in zip(own, theirs, strict=True))))
+
+
+def nominal_matrix(codes: tuple[int, int], sensor: tuple[int, int], scale: float = 1.0) -> Array:
+    """The (2, 3) map that lays the middle of the mask on the middle of the sensor, unturned."""
+    middles = [((s - 1) / 2, (c - 1) / 2) for s, c in zip(sensor, codes, strict=True)]
+    return np.hstack([scale * np.eye(2), [[s - scale * c] for s, c in middles]])
+
+
+def register(
+    frames: ArrayLike,
+    patterns: ArrayLike,
+    *,
+    scale: float = 1.0,
+    start: ArrayLike | None = None,
+    wavelength: float | None = None,
+    source: object = "registration",
+) -> Registration:
+    """Fit the map by least squares of seen patterns, from coarse to fine.
+
+    Args:
+        frames: (P, H, W) what the sensor recorded of each pattern, digital numbers, linear.
+        patterns: (P, h, w) of zeros and ones; one all open and one all dark among them.
+        scale: sensor pixels per mask pixel, to 6 %.
+        start: (2, 3) map to begin at; searched over shifts, flips and quarter turns without it.
+        wavelength: of the light, metres.
+        source: named in errors.
+
+    Raises:
+        DataError: no open or dark pattern, patterns that are not seen, or a fit that leaves more than a fifth of
+            their contrast.
+    """
+    shares, lit = normalised(frames, patterns, source)
+    shown = _coded(np.asarray(patterns, dtype=np.float64))
+    found = find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)
+    values: Any = None
+    for level in _LEVELS:
+        found, values = _fitted(shares, shown, lit, found, level)
+    std, residual = _spread(values, shown.shape[1:]), float(np.sqrt(np.mean(values.fun**2)))
+    contrast = float(np.std(shares[:, lit]))
+    if residual > LARGEST_RESIDUAL * 2 * contrast:
+        what = f"a fit of the patterns that leaves {residual / (2 * contrast):.0%} of their contrast"
+        remedy = "are the frames in the order of the patterns, and the patterns those that were shown?"
+        raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
+    size = (int(shares.shape[1]), int(shares.shape[2]))
+    codes = (int(shown.shape[1]), int(shown.shape[2]))
+    return Registration(found, std, abs(float(values.x[6])), residual / (2 * contrast), codes, size, wavelength)
+
+
+def _coded(patterns: Array) -> Array:
+    """The patterns that are neither open nor dark."""
+    mean = patterns.mean(axis=(1, 2))
+    return np.asarray(patterns[(mean > 0) & (mean < 1)])
+
+
+def normalised(frames: ArrayLike, patterns: ArrayLike, source: object) -> tuple[Array, np.ndarray]:
+    """(P', H, W) share of the open frame's light in the frames of coded patterns, and the lit pixels (H, W).
+
+    Raises:
+        DataError: see ``register``.
+    """
+    values, shown = np.asarray(frames, dtype=np.float64), np.asarray(patterns, dtype=np.float64)
+    if len(values) != len(shown):
+        raise DataError(source, f"{len(values)} frames", f"{len(shown)}, one for each pattern", "capture them again")
+    mean = shown.mean(axis=(1, 2))
+    for name, kind in (("all open", mean == 1), ("all dark", mean == 0), ("coded", (mean > 0) & (mean < 1))):
+        if not kind.any():
+            raise DataError(source, f"no pattern that is {name}", "one", "show tmca calibrate patterns")
+    dark, light = values[mean == 0].mean(axis=0), values[mean == 1].mean(axis=0)
+    above = light - dark
+    lit = above > _LIT * np.percentile(above, 95)
+    noise = float(np.median(np.abs(np.diff(dark, axis=-1)))) + 1e-12
+    if np.percentile(above, 95) < 5 * noise or lit.mean() < 0.02:
+        raise DataError(source, "an open pattern that is no brighter than the dark one", "light", "give more light")
+    from scipy.ndimage import binary_erosion
+
+    lit = binary_erosion(lit, iterations=2)
+    shares = (values[(mean > 0) & (mean < 1)] - dark) / np.where(lit, above, 1.0)
+    return np.where(lit, shares, 0.0), lit
+
+
+def _fitted(shares: Array, shown: Array, lit: np.ndarray, start: Array, level: float) -> tuple[Array, Any]:
+    """Least squares over six numbers of the map, in pixels at the mask's edge, and the blur."""
+    from scipy.optimize import least_squares
+
+    size = (int(shares.shape[1]), int(shares.shape[2]))
+    target = _blurred(shares, level)[:, lit]
+    own, samples = ([0.3], SAMPLES) if level == 0 else ([], 1)
+
+    def residuals(values: Array) -> Array:
+        blur = float(np.hypot(level, values[6])) if own else level
+        matrix = _changed(start, values, shown.shape[1:])
+        return _left(seen_patterns(shown, matrix, size, blur, samples)[:, lit], target)
+
+    fine = 1e-7 if level == 0 else 1e-4
+    found = least_squares(residuals, [0.0] * 6 + own, xtol=fine, ftol=fine, max_nfev=30)
+    return _changed(start, found.x, shown.shape[1:]), found
+
+
+def _blurred(images: Array, level: float) -> Array:
+    if level == 0:
+        return images
+    from scipy.ndimage import gaussian_filter
+
+    return np.asarray(gaussian_filter(images, (0, level, level), mode="nearest"))
+
+
+def _left(seen: Array, target: Array) -> Array:
+    """What is left of the target after the best gain and offset of every pattern."""
+    low, high = seen.mean(axis=1, keepdims=True), target.mean(axis=1, keepdims=True)
+    centred, wanted = seen - low, target - high
+    gain = (centred * wanted).sum(axis=1, keepdims=True) / np.maximum((centred**2).sum(axis=1, keepdims=True), 1e-12)
+    return np.asarray(wanted - gain * centred).ravel()
+
+
+def _changed(start: Array, values: Any, codes: tuple[int, ...]) -> Array:
+    """The map after a shift (2) and four changes of its linear part, each in sensor pixels at the mask's edge."""
+    middle = np.array([(n - 1) / 2 for n in codes])
+    linear = start[:, :2] + np.reshape(values[2:6], (2, 2)) / middle
+    place = start[:, :2] @ middle + start[:, 2] + np.asarray(values[:2])
+    return np.hstack([linear, (place - linear @ middle)[:, None]])
+
+
+def _spread(found: Any, codes: tuple[int, ...]) -> Array:
+    """(2, 3) standard deviations from the fit's Jacobian: linear part, and shift of the middle."""
+    freedom = max(1, found.fun.size - found.x.size)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float((found.fun**2).sum()) / freedom
+    std = np.sqrt(np.diag(covariance))
+    middle = np.array([(n - 1) / 2 for n in codes])
+    return np.hstack([np.reshape(std[2:6], (2, 2)) / middle, std[:2, None]])

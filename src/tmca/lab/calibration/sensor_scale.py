@@ -1,0 +1,55 @@
+"""A measured sensor in a camera's units: digital numbers to relative irradiance, and its noise."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import Camera
+from tmca.errors import DataError
+from tmca.lab.calibration.calibration_file import Calibration
+from tmca.lab.calibration.captures import corrected
+from tmca.sensor import Sensor
+
+
+def white_level(calibration: Calibration) -> float:
+    """Digital numbers above the dark of a white scene with everything open.
+
+    Raises:
+        DataError: dark or flat were not measured.
+    """
+    if calibration.part("dark") is None or calibration.part("flat") is None:
+        remedy = "measure both with tmca calibrate dark and flat"
+        raise DataError(calibration.where, "no dark and flat", "both, for a snapshot in digital numbers", remedy)
+    stated = calibration.about["steps"].get("flat", {}).get("settings", {}).get("white_level")
+    return float(stated or calibration.part("flat").level)
+
+
+def from_digital_numbers(values: Tensor, calibration: Calibration, full_scale: float) -> Tensor:
+    """Relative irradiance of raw values (…, H, W): ``(raw - dark) / flat · full_scale / white level``.
+
+    Raises:
+        DataError: see ``white_level``, or values of another size than the dark.
+    """
+    level, size = white_level(calibration), calibration.part("dark").mean.shape
+    if tuple(values.shape[-2:]) != size:
+        found, known = ("×".join(map(str, n)) for n in (values.shape[-2:], size))
+        raise DataError(calibration.where, f"a dark of {known} pixels", f"{found}, those of the snapshot")
+    shares = corrected(values.double().numpy(), calibration) / level
+    return torch.from_numpy(shares * full_scale).to(values)
+
+
+def measured_sensor(camera: Camera, calibration: Calibration) -> Sensor:
+    """The camera's sensor with read noise and full well as they were measured.
+
+    Read noise needs dark and flat, the full well linearity too; else the nominal sensor stays.
+    """
+    dark, flat, linearity = (calibration.part(name) for name in ("dark", "flat", "linearity"))
+    if dark is None or flat is None:
+        return camera.sensor
+    level = white_level(calibration)
+    read = dark.noise * camera.full_scale / level
+    if linearity is None:
+        return Sensor(**{**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0})
+    # electrons of a white scene: there the sensor counts its full well
+    return Sensor(read_noise=read, full_well=linearity.gain * level / camera.exposures, saturates=False)

@@ -1,0 +1,175 @@
+"""``tmca calibrate`` from captures to a reconstruction with the camera as it was measured, and what it refuses."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.cli.refusals import refused
+from tmca.cli import main
+
+SHOWN = ("--patterns", "bench/patterns")
+AGAINST = ("--truth", "bench/scene.nc", "--no-figures", "--json")
+ON = ("--onto", "rendered", "--no-figures")
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """A bench's captures, and the calibration of all its steps."""
+    folder = tmp_path_factory.mktemp("bench")
+    main(["calibrate", "render", str(folder / "bench"), "--size", "40x45", "--slots", "2", "--seed", "3"])
+    return folder
+
+
+@pytest.fixture
+def bench(rendered, tmp_path, monkeypatch):
+    """The files of a bench in a folder of the test's own."""
+    shutil.copytree(rendered, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "bench"
+
+
+def said(capsys, *arguments):
+    capsys.readouterr()
+    main([str(a) for a in arguments])
+    return capsys.readouterr().out
+
+
+def step(capsys, name, *more):
+    return json.loads(said(capsys, "calibrate", name, *more, "--json"))
+
+
+def test_from_captures_to_a_reconstruction(capsys, bench):
+    truth = json.loads((bench / "truth.json").read_text())
+    step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
+    flat = step(capsys, "flat", "bench/flat", "--white", "bench/white", *ON)
+    assert flat["white_level_dn"] == pytest.approx(truth["white_level"], rel=2e-3)
+    sensor = step(capsys, "linearity", "bench/linearity", *ON)
+    assert sensor["electrons_per_dn"] == pytest.approx(truth["gain"], rel=0.05)
+    found = step(capsys, "registration", "bench/registration", *SHOWN, "--wavelength", "550", "--device", "40x45", *ON)
+    assert found["corner_std_pixels"] < 0.02
+    power = ("--power", "bench/source.csv")
+    assert step(capsys, "dispersion", "bench/dispersion", *SHOWN, *power, *ON)["x_residual_pixels"] < 0.05
+    timing = step(capsys, "timing", "bench/timing", "--onto", "rendered")
+    assert timing["delay_slots"] == pytest.approx(truth["delay"], abs=0.002)
+    picture = Image.open(timing["calibration"].replace(".nc", ".png"))
+    assert picture.width > 600
+    assert len(list(bench.parent.glob("rendered_*.nc"))) == 6
+    assert "registration (measured" in said(capsys, "calibrate", "show", "rendered")
+    steps = json.loads(said(capsys, "calibrate", "show", "rendered", "--json"))["steps"]
+    assert list(steps) == ["dark", "flat", "linearity", "registration", "dispersion", "timing"]
+    how = ("reconstruct", "bench/snapshot.nc", "-d", "dagger", *AGAINST)
+    whole = json.loads(said(capsys, *how, "--calibration", "rendered", "--out", "whole.nc"))
+    nominal = json.loads(said(capsys, *how, "--calibration", sensor["calibration"], "--out", "nominal.nc"))
+    assert whole["metrics"]["psnr"] > nominal["metrics"]["psnr"] + 1
+    refusal = refused(capsys, "reconstruct", "bench/snapshot.nc", "--out", "without.nc")
+    assert "found a snapshot in digital numbers" in refusal
+    assert "--calibration" in refusal
+
+
+def test_the_guide_names_every_step(capsys):
+    text = said(capsys, "calibrate")
+    steps = [
+        "patterns",
+        "dark",
+        "flat",
+        "linearity",
+        "registration",
+        "timing",
+        "dispersion",
+        "shear",
+        "psf",
+        "show",
+        "render",
+    ]
+    assert all(f"tmca calibrate {name}" in text for name in steps)
+    assert "--calibration NAME" in text
+
+
+def test_patterns_are_pictures_to_show(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "pattern_3.png" in said(capsys, "calibrate", "patterns", "shown", "--device", "33x50")
+    shown = np.stack([np.array(Image.open(f"shown/pattern_{i}.png")) for i in range(4)])
+    assert shown.shape == (4, 33, 50)
+    assert (shown[0] == 255).all()
+    assert not shown[1].any()
+    assert 0.4 < (shown[2:] == 255).mean() < 0.6
+    assert "16×16 pixels or more" in refused(capsys, "calibrate", "patterns", "more", "--device", "8x8")
+    assert "an existing output" in refused(capsys, "calibrate", "patterns", "shown")
+
+
+def test_bad_captures_are_refused_in_one_line_and_nothing_is_written(capsys, bench):
+    step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
+
+    def register(*more, shown="bench/patterns"):
+        return refused(capsys, "calibrate", "registration", "bench/registration", "--patterns", shown, *more, *ON)
+
+    assert "patterns of 40×45 pixels, expected 64×80, those of the device" in register("--device", "64x80")
+    assert "saturated in pattern_0" in register("--saturation", "20000")
+    said(capsys, "calibrate", "patterns", "other", "--device", "40x45", "--seed", "9")
+    assert "were shown" in register(shown="other") or "not seen" in register(shown="other")
+    (bench / "registration" / "pattern_2.png").unlink()
+    assert "found 3 frames, expected 4, one for each pattern" in register()
+    grey = bench / "patterns" / "pattern_2.png"
+    Image.fromarray(np.array(Image.open(grey)) // 2).save(grey)
+    assert "grey patterns" in register()
+    assert "no registration, expected one" in refused(
+        capsys, "calibrate", "dispersion", "bench/dispersion", *SHOWN, *ON
+    )
+    assert "no dark, expected one" in refused(capsys, "calibrate", "flat", "bench/flat", "--out", "x")
+    assert "two or more" in refused(capsys, "calibrate", "dark", "bench/dark/dark_00.png", *ON)
+    flat = ("calibrate", "flat", "bench/dark", *ON)
+    assert "ten times its noise" in refused(capsys, *flat)
+    (bench / "linearity" / "even_5ms_1.png").unlink()
+    assert "at every exposure" in refused(capsys, "calibrate", "linearity", "bench/linearity", *ON)
+    (bench / "timing" / "aperture_1_shutter_1.png").unlink()
+    assert "no aperture_1_shutter_1" in refused(capsys, "calibrate", "timing", "bench/timing", *ON)
+    assert "no such folder" in refused(capsys, "calibrate", "dark", "bench/dark", "--out", "gone/cam")
+    assert len(list(bench.parent.glob("*.nc"))) == 1
+
+
+def test_calibrations_of_other_cameras_or_before_the_codes_are_refused(capsys, bench):
+    import xarray as xr
+
+    step(capsys, "dark", "bench/dark", "--out", "other", "--no-figures")
+    how = ("reconstruct", "bench/snapshot.nc", "--calibration")
+    assert "found a calibration of camera other, expected one of rendered" in refused(capsys, *how, "other")
+    assert "camera other, expected one of mine" in refused(
+        capsys, "calibrate", "flat", "bench/flat", "--onto", "other", "--camera", "mine"
+    )
+    step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
+    with xr.open_dataset("bench/snapshot.nc", engine="h5netcdf") as stored:
+        newer = stored.load().assign_attrs(codes_date="2999-01-01T00:00:00+00:00")
+    newer.to_netcdf("newer.nc", engine="h5netcdf")
+    assert "one after the codes" in refused(capsys, "reconstruct", "newer.nc", "--calibration", "rendered")
+    assert "no such calibration" in refused(capsys, *how, "nothing")
+
+
+def test_views_and_points_are_measured_too(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for camera, size in (("light-field", "32x36"), ("spectral-depth", "40x41")):
+        said(capsys, "calibrate", "render", camera, "--camera", camera, "--size", size, "--slots", "2")
+        step(capsys, "dark", f"{camera}/dark", "--out", camera, "--no-figures")
+    on = ("--onto", "light-field", "--no-figures")
+    shown = ("--patterns", "light-field/patterns")
+    step(capsys, "registration", "light-field/registration", *shown, *on)
+    truth = json.loads((tmp_path / "light-field" / "truth.json").read_text())
+    shear = step(capsys, "shear", "light-field/shear", *shown, *on)
+    assert [shear["y_pixels_per_view"], shear["x_pixels_per_view"]] == pytest.approx(truth["step"], abs=0.02)
+    how = ("--snapshot", "spectral-depth/snapshot.nc", "--onto", "spectral-depth")
+    found = step(capsys, "psf", "spectral-depth/psf1", "--slot", "1", *how)
+    assert found["rms_waves"] == pytest.approx(40e-9 * 2 / 550e-9, abs=0.02)
+    assert Image.open(found["calibration"].replace(".nc", ".png")).width > 600
+    assert "slots 0 to 1 of a spectral-depth camera" in refused(
+        capsys, "calibrate", "psf", "spectral-depth/psf1", "--slot", "2", *how
+    )
+    (tmp_path / "spectral-depth" / "psf0" / "point_0.6m_550nm.png").unlink()
+    assert "no capture at 0.6 m and 550 nm" in refused(capsys, "calibrate", "psf", "spectral-depth/psf0", *how)
+
+
+def test_impossible_benches_are_refused(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "24 pixels or more" in refused(capsys, "calibrate", "render", "b", "--size", "20x40")
+    assert not list(tmp_path.iterdir())

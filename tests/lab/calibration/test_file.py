@@ -1,0 +1,165 @@
+"""A calibration on disk: dated, never overwritten, never mixed up; captures that it refuses."""
+
+import json
+import os
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tmca.errors import DataError, OutputError
+from tmca.lab.calibration.calibration_file import Calibration, find_calibration, load_calibration
+from tmca.lab.calibration.captures import WAVE as BY_WAVE
+from tmca.lab.calibration.captures import averaged, corrected, named, read_captures
+from tmca.lab.calibration.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.linearity import Linearity
+from tmca.lab.calibration.psf import PsfStack
+from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.shear import MeasuredShear
+from tmca.lab.calibration.timing import Timing
+from tmca.lab.calibration.zernike_fit import ZernikeFit
+
+RNG = np.random.default_rng(0)
+SIZE = (5, 7)
+NONE = np.zeros(SIZE, np.uint8)
+
+
+def array(*shape):
+    return RNG.standard_normal(shape)
+
+
+PARTS = {
+    "dark": DarkField(array(*SIZE), array(*SIZE) ** 2, NONE, 8),
+    "flat": FlatField(1 + 0.1 * array(*SIZE), 900.0, 0.01, 1e-4, NONE, 8),
+    "linearity": Linearity(array(4), array(4), array(4), 3.0, 1.0, array(4), float("nan"), 2.5, 0.1, 9.0),
+    "registration": Registration(array(2, 3), array(2, 3), 0.3, 0.02, (5, 6), SIZE, 550e-9),
+    "dispersion": MeasuredDispersion(
+        np.arange(3) * 1e-9, array(3, 2), array(3, 2), "cauchy", array(2, 2), array(2), array(3), array(3)
+    ),
+    "shear": MeasuredShear(array(4, 2), array(4, 2), array(2), array(2), array(2), 0.1, array(4)),
+    "timing": Timing(0.1, 0.98, array(2), 100.0, 0.01, 4),
+    "psf0": PsfStack(array(2, 3, 5, 5), array(2), array(3), array(2, 2), array(2, 3)),
+    "psf1": PsfStack(array(3, 2, 7, 7), array(3), array(2), array(3, 2), array(3, 2)),
+    "wavefront0": ZernikeFit(((2, 0), (2, 2)), array(2), array(2), array(2, 2), 0.02, 1),
+}
+
+
+def whole():
+    found = Calibration.empty("bench")
+    for name, part in PARTS.items():
+        found = found.with_part(name, part, {"residual": 0.5})
+    return found
+
+
+def test_every_part_comes_back_as_it_was(tmp_path):
+    whole().save(tmp_path / "cam")
+    found = load_calibration(tmp_path / "cam")
+    for name, part in PARTS.items():
+        for field in fields(part):
+            own, back = getattr(part, field.name), getattr(found.parts[name], field.name)
+            assert type(back) is type(own), (name, field.name)
+            assert np.array_equal(np.asarray(own), np.asarray(back), equal_nan=not isinstance(own, str)), field.name
+
+
+def test_a_calibration_is_dated_and_never_overwritten(tmp_path):
+    first = whole().save(tmp_path / "cam")
+    before = first.path.read_bytes()
+    second = load_calibration(first.path).with_part("timing", PARTS["timing"], {}).save(first.path)
+    third = second.save(tmp_path / "cam")
+    assert len({first.path, second.path, third.path}) == 3
+    assert first.path.read_bytes() == before
+    assert second.about["builds_on"] == first.path.name
+    assert find_calibration(tmp_path / "cam") == third.path == find_calibration(third.path.with_suffix(".json"))
+    assert first.created.isoformat()[:10] in first.path.name
+    with pytest.raises(OutputError, match="no such folder"):
+        whole().save(tmp_path / "gone" / "cam")
+
+
+def test_a_calibration_tells_what_it_is_from(tmp_path):
+    import hashlib
+
+    (tmp_path / "source.csv").write_text("1,2\n")
+    saved = Calibration.empty("bench").with_part(
+        "timing", PARTS["timing"], {"residual": 0.01}, [tmp_path / "source.csv"]
+    )
+    about = json.loads(saved.save(tmp_path / "cam").path.with_suffix(".json").read_text())
+    (source,) = about["steps"]["timing"]["sources"]
+    assert source["sha256"] == hashlib.sha256(b"1,2\n").hexdigest()
+    assert about["camera"]["name"] == "bench"
+    assert about["steps"]["timing"]["residuals"] == {"residual": 0.01}
+    assert about["tmca_version"]
+
+
+def test_changed_or_halved_calibrations_are_refused(tmp_path):
+    path = whole().save(tmp_path / "cam").path
+    with pytest.raises(DataError, match="no such calibration"):
+        load_calibration(tmp_path / "other")
+    side = path.with_suffix(".json")
+    text = side.read_text()
+    side.unlink()
+    with pytest.raises(DataError, match="both files"):
+        load_calibration(path)
+    side.write_text("{")
+    with pytest.raises(DataError, match="no JSON"):
+        load_calibration(path)
+    side.write_text(text.replace("tmca calibration 1", "tmca calibration 9"))
+    with pytest.raises(DataError, match="format 'tmca calibration 9'"):
+        load_calibration(path)
+    side.write_text(text)
+    with open(path, "ab") as file:
+        file.write(b"x")
+    with pytest.raises(DataError, match="changed after it was written"):
+        load_calibration(path)
+
+
+def test_steps_of_two_sensors_do_not_mix():
+    found = Calibration.empty("bench").with_part("dark", PARTS["dark"], {}, sensor=SIZE)
+    with pytest.raises(DataError, match="sensor of 6×7 pixels in timing, expected 5×7 as before"):
+        found.with_part("timing", PARTS["timing"], {}, sensor=(6, 7))
+
+
+def pictures(folder, frames):
+    folder.mkdir(exist_ok=True)
+    for name, frame in frames.items():
+        Image.fromarray(np.asarray(frame, np.uint16)).save(folder / f"{name}.png")
+    return folder
+
+
+def test_captures_are_known_by_name_and_averaged(tmp_path):
+    frames = {f"b_{nm}nm_{i}": np.full(SIZE, nm + i) for nm in (450, 550) for i in (0, 2)}
+    seen = read_captures(pictures(tmp_path / "c", frames))
+    values, keys = averaged(seen.values, named(seen, BY_WAVE, "b_450nm"))
+    assert keys == [(450.0,), (550.0,)]
+    assert (values == np.array([451, 551])[:, None, None]).all()
+    pictures(tmp_path / "c", {"stray": np.zeros(SIZE)})
+    with pytest.raises(DataError, match="a frame named stray"):
+        named(read_captures(tmp_path / "c"), BY_WAVE, "b_450nm")
+
+
+def test_saturated_captures_and_other_sensors_are_refused(tmp_path):
+    frame = np.full(SIZE, 100)
+    frame[:2] = 65535
+    folder = pictures(tmp_path / "c", {"a_0": frame})
+    with pytest.raises(DataError, match=r"40% of the pixels saturated in a_0, expected 1% at most"):
+        read_captures(folder)
+    assert read_captures(folder, may_saturate=True).saturated.sum() == 14
+    with pytest.raises(DataError, match="frames of 5×7 pixels, expected 5×9"):
+        read_captures(folder, may_saturate=True, sensor=(5, 9))
+    assert os.listdir(folder) == ["a_0.png"]
+
+
+def test_frames_are_corrected_pixel_by_pixel_and_defects_filled():
+    faults = NONE.copy()
+    faults[2, 3] = 1
+    gain = 1 + 0.1 * RNG.uniform(-1, 1, SIZE)
+    dark = DarkField(np.full(SIZE, 50.0), np.ones(SIZE), faults, 4)
+    known = Calibration.empty().with_part("dark", dark, {})
+    known = known.with_part("flat", FlatField(gain, 900.0, 0.0, 0.0, NONE, 4), {})
+    light = np.tile(np.arange(7.0), (5, 1)) * 10
+    raw = light * gain + 50
+    raw[2, 3] = 9999
+    assert np.allclose(corrected(raw, known), light)
+    assert np.allclose(corrected(np.stack([raw, raw]), known)[1], light)
+    assert np.allclose(corrected(raw, Calibration.empty()), raw)

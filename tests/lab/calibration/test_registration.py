@@ -1,0 +1,126 @@
+"""Mask to sensor: what is seen of patterns, and the map found again from it."""
+
+import numpy as np
+import pytest
+
+from tests.lab.calibration.rays import affine, noisy
+from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.bench_physics import seen_by_rays
+from tmca.lab.calibration.displacement import displacement_of
+from tmca.lab.calibration.pattern_image import inverse, mapped, moved, seen_patterns
+from tmca.lab.calibration.patterns import calibration_patterns
+from tmca.lab.calibration.registration import Registration, nominal_matrix, register
+
+ODD, EVEN = ((33, 41), (35, 52)), ((40, 48), (40, 56))
+
+
+@pytest.mark.parametrize(("codes", "sensor"), [ODD, EVEN])
+def test_a_mask_that_lies_on_the_sensor_is_seen_as_it_is(codes, sensor):
+    patterns = calibration_patterns(codes)
+    down = sensor[0] - codes[0]
+    seen = seen_patterns(patterns, np.array([[1.0, 0, down], [0, 1.0, 4]]), sensor)
+    assert np.abs(seen[:, down:, 4 : codes[1] + 4] - patterns).max() < 1e-12
+
+
+@pytest.mark.parametrize(("codes", "sensor"), [ODD, EVEN])
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.3])
+def test_what_is_seen_is_what_many_rays_see(codes, sensor, scale):
+    patterns = calibration_patterns(codes)
+    matrix = affine(codes, sensor, turn=1.0, scale=scale, shear=0.01, shift=(0.3, -0.7))
+    seen, rays = seen_patterns(patterns, matrix, sensor), seen_by_rays(patterns, matrix, sensor, rays=16)
+    assert np.abs(seen - rays).max() < 0.08
+    assert np.sqrt(((seen - rays) ** 2).mean()) < 0.01
+
+
+def test_light_is_kept_and_blur_keeps_it():
+    pattern = np.zeros((1, 20, 21))
+    pattern[0, 8:12, 9:13] = 1
+    matrix = affine((20, 21), (40, 43), turn=3.0, scale=1.1)
+    for blur in (0.0, 0.7):
+        light = seen_patterns(pattern, matrix, (40, 43), blur).sum()
+        assert light == pytest.approx(16 * np.linalg.det(matrix[:, :2]), rel=2e-3)
+
+
+def test_maps_go_there_and_back():
+    matrix = affine((10, 12), (11, 13), turn=30, scale=1.3, shear=0.1, shift=(2, -1))
+    there = mapped(moved(matrix, (1.0, 2.0)), 3.0, 4.0)
+    assert np.allclose(mapped(inverse(moved(matrix, (1.0, 2.0))), *there), (3, 4))
+    with pytest.raises(SettingError, match="invertible"):
+        inverse(np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize(("codes", "sensor"), [ODD, EVEN])
+@pytest.mark.parametrize("turn", [0.8, 89.2, 181.0])
+def test_the_map_is_found_again_to_a_twentieth_of_a_pixel(codes, sensor, turn):
+    sensor = (max(sensor), max(sensor))
+    patterns = calibration_patterns(codes)
+    truth = affine(codes, sensor, turn=turn, scale=1.02, shear=0.008, shift=(1.3, -0.6))
+    frames = noisy(900 * seen_by_rays(patterns, truth, sensor, blur=0.4) + 40)
+    found = register(frames, patterns)
+    assert found.offset(truth) < 0.05
+    assert found.blur == pytest.approx(0.4, abs=0.05)
+    assert found.offset(truth) < 6 * found.edge_std
+    assert found.residual < 0.05
+
+
+def test_a_mirror_image_is_told_from_a_turn():
+    codes, sensor = ODD[0], (45, 52)
+    patterns = calibration_patterns(codes)
+    truth = affine(codes, sensor, turn=-0.5, shift=(0.4, 0.2))
+    truth[:, 2] += truth[:, 1] * (codes[1] - 1)
+    truth[:, 1] *= -1
+    found = register(noisy(seen_by_rays(patterns, truth, sensor)), patterns)
+    assert np.linalg.det(found.matrix[:, :2]) < 0
+    assert found.offset(truth) < 0.05
+
+
+def test_uneven_light_does_not_move_the_mask():
+    codes, sensor = EVEN
+    patterns = calibration_patterns(codes)
+    truth = affine(codes, sensor, turn=0.5, shift=(0.3, -0.4))
+    light = 1 - 0.5 * np.linspace(0, 1, sensor[1]) + 0.2 * np.linspace(-1, 1, sensor[0])[:, None]
+    found = register(noisy(light * seen_by_rays(patterns, truth, sensor)), patterns)
+    assert found.offset(truth) < 0.05
+
+
+def test_the_standard_deviation_is_that_of_many_captures():
+    codes, sensor = (24, 25), (26, 27)
+    patterns, truth = calibration_patterns(codes), affine((24, 25), (26, 27), turn=0.3, shift=(0.2, 0.1))
+    clean = seen_patterns(patterns, truth, sensor, 0.3)
+    found = [register(noisy(clean, 30, seed), patterns, start=truth) for seed in range(6)]
+    middle = np.array([11.5, 12, 1])
+    spread = np.std([one.matrix @ middle for one in found], axis=0, ddof=1)
+    # the dark and open frames' noise is not in the fit's own count of it
+    assert (spread / found[0].std[:, 2]).mean() == pytest.approx(1.3, abs=0.6)
+
+
+def test_patterns_that_were_not_shown_are_refused():
+    codes, sensor = (24, 28), (24, 32)
+    patterns = calibration_patterns(codes)
+    frames = noisy(seen_by_rays(patterns, affine(codes, sensor), sensor))
+    other = calibration_patterns(codes, seed=5)
+    with pytest.raises(DataError, match=r"not seen|in the order"):
+        register(frames, other)
+    with pytest.raises(DataError, match="in the order"):
+        register(frames, other, start=nominal_matrix(codes, sensor))
+    with pytest.raises(DataError, match="no brighter than the dark"):
+        register(noisy(np.ones((4, 24, 32))), patterns)
+    with pytest.raises(DataError, match="no pattern that is all open"):
+        register(frames[1:], patterns[1:])
+    with pytest.raises(DataError, match="found 3 frames, expected 4"):
+        register(frames[:3], patterns)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.35, 11.62), (-2.2, -7.15)])
+def test_a_displaced_pattern_is_found_under_light_that_falls_off(shift):
+    codes, sensor = (33, 40), (37, 67)
+    pattern, matrix = calibration_patterns(codes)[3], affine(codes, sensor, turn=0.6, scale=1.01)
+    light = 500 * (1 - 0.3 * np.linspace(-1, 1, sensor[1]) ** 2)
+    frame = light * seen_by_rays(pattern[None], moved(matrix, shift), sensor, blur=0.3)[0]
+    registered = Registration(matrix, np.zeros((2, 3)), 0.3, 0.0, codes, sensor)
+    found = displacement_of(noisy(frame), pattern, registered)
+    assert np.abs(found.shift - shift).max() < 0.02
+    assert (np.abs(found.shift - shift) < 8 * found.std + 0.005).all()
+    assert found.light == pytest.approx(light[14:53].mean(), rel=0.15)
+    with pytest.raises(DataError, match="not seen"):
+        displacement_of(noisy(np.ones(sensor), 20), pattern, registered)

@@ -1,0 +1,132 @@
+"""Dark, flat, linearity and timing, of sensors and slots whose true numbers are known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.dark_flat import DEAD, HOT, measure_dark, measure_flat
+from tmca.lab.calibration.linearity import measure_linearity
+from tmca.lab.calibration.timing import measure_timing, slot_overlap
+
+SIZE = (37, 42)
+GAIN, READ, OFFSET = 2.5, 4.0, 300.0
+"""Electrons per digital number, digital numbers of read noise, and of offset."""
+
+
+def frames(light, count, seed=0, top=65535):
+    """Digital numbers of a sensor under light in electrons (H, W)."""
+    rng = np.random.default_rng(seed)
+    electrons = rng.poisson(np.broadcast_to(light, (count, *SIZE)))
+    return np.clip(np.round(OFFSET + electrons / GAIN + READ * rng.standard_normal(electrons.shape)), 0, top)
+
+
+def test_offset_and_read_noise_are_those_of_the_sensor():
+    dark = measure_dark(frames(0.0, 64))
+    assert np.abs(dark.mean - OFFSET).mean() < READ / np.sqrt(64)
+    assert dark.noise == pytest.approx(np.hypot(READ, np.sqrt(1 / 12)), rel=0.02)
+    assert not dark.defects.any()
+    assert dark.mean.shape == SIZE
+
+
+@pytest.mark.parametrize("count", [4, 16])
+def test_hot_noisy_and_dead_pixels_are_found_and_no_others(count):
+    rng = np.random.default_rng(1)
+    black, light = frames(0.0, count), frames(20000.0, count, 2)
+    black[:, 3, 5] += 500
+    black[:, 30, 8] += 400 * rng.standard_normal(count)
+    light[:, 3, 5] += 500
+    light[:, 11, 40] = OFFSET + 100
+    dark = measure_dark(black)
+    flat = measure_flat(light, dark)
+    assert set(zip(*np.nonzero(dark.defects == HOT), strict=True)) == {(3, 5), (30, 8)}
+    assert set(zip(*np.nonzero(flat.defects == DEAD), strict=True)) == {(11, 40)}
+
+
+def test_the_flat_field_is_response_times_light():
+    rng = np.random.default_rng(3)
+    response = 1 + 0.01 * rng.standard_normal(SIZE)
+    shade = 1 - 0.2 * np.linspace(-1, 1, SIZE[1]) ** 2
+    flat = measure_flat(frames(40000 * response * shade, 32), measure_dark(frames(0.0, 32, 1)))
+    truth = response * shade / (response * shade).mean()
+    assert np.sqrt(((flat.gain - truth) ** 2).mean()) == pytest.approx(flat.std, rel=0.15)
+    assert flat.level == pytest.approx(40000 / GAIN * (response * shade).mean(), rel=1e-3)
+    assert flat.nonuniformity == pytest.approx(0.01, rel=0.15)
+
+
+def test_dark_and_flat_refuse_what_they_are_not():
+    dark = measure_dark(frames(0.0, 8))
+    with pytest.raises(DataError, match="two or more"):
+        measure_dark(frames(0.0, 1))
+    with pytest.raises(DataError, match="ten times its noise"):
+        measure_flat(frames(20.0, 8), dark)
+    with pytest.raises(DataError, match="as the dark"):
+        measure_flat(frames(20.0, 8)[:, 1:], dark)
+    mixed = frames(0.0, 8)
+    mixed[:, :, ::7] += 4000
+    with pytest.raises(DataError, match="cover the lens"):
+        measure_dark(mixed)
+
+
+def series(times, bend=0.0, top=65535, count=2):
+    """(E, N, H, W) at 30000 electrons a second; ``bend`` of the signal is lost at 2 s."""
+    clean = [30000 * t * (1 - bend * t / 2) for t in times]
+    return np.stack([frames(light, count, 10 + i, top) for i, light in enumerate(clean)])
+
+
+def test_electrons_and_saturation_are_those_of_the_sensor():
+    times, top = np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.2, 1.6, 2.4, 3.0]), 20000
+    seen = series(times, top=top)
+    found = measure_linearity(times[::-1], seen[::-1], measure_dark(frames(0.0, 32)), seen[::-1] >= top)
+    assert found.gain == pytest.approx(GAIN, rel=0.03)
+    assert abs(found.gain - GAIN) < 5 * found.gain_std
+    assert found.slope == pytest.approx(30000 / GAIN, rel=2e-3)
+    assert found.largest_deviation < 5e-3
+    assert found.saturation == pytest.approx(top - OFFSET, rel=0.01)
+    assert found.full_well == pytest.approx(GAIN * (top - OFFSET), rel=0.04)
+    assert np.isnan(found.deviations[-2:]).all()
+
+
+def test_a_bent_response_is_measured_and_a_strongly_bent_one_refused():
+    times, dark = np.linspace(0.2, 2.0, 8), measure_dark(frames(0.0, 32))
+    bent = measure_linearity(times, series(times, bend=0.04), dark)
+    line = np.polynomial.polynomial.polyfit(times, times * (1 - 0.02 * times), 1, w=1 / times)
+    wanted = times * (1 - 0.02 * times) / (line[0] + line[1] * times) - 1
+    assert bent.largest_deviation == pytest.approx(np.abs(wanted).max(), rel=0.3)
+    with pytest.raises(DataError, match="gamma"):
+        measure_linearity(times, series(times, bend=0.4), dark)
+    with pytest.raises(DataError, match="three or more"):
+        measure_linearity(times[:2], series(times[:2]), dark)
+    with pytest.raises(DataError, match="do not grow"):
+        measure_linearity(times, series(times)[[0, 2, 1, 3, 4, 5, 6, 7]], dark)
+
+
+@settings(max_examples=20, deadline=None)
+@given(slots=st.integers(2, 6), delay=st.floats(-1.5, 1.5), ratio=st.floats(0.6, 1.3))
+def test_overlaps_are_those_of_a_finely_cut_time(slots, delay, ratio):
+    time = (np.arange(-8000, 20000) + 0.5) / 2000
+    aperture = np.stack([(time >= i) & (time < i + 1) for i in range(slots)])
+    shutter = np.stack([(time >= delay + ratio * j) & (time < delay + ratio * (j + 1)) for j in range(slots)])
+    wanted = aperture.astype(float) @ shutter.T.astype(float) / 2000
+    assert np.abs(slot_overlap(slots, delay, ratio) - wanted).max() < 2e-3
+
+
+@pytest.mark.parametrize("slots", [3, 4])
+@pytest.mark.parametrize(("delay", "ratio"), [(0.0, 1.0), (0.13, 0.97), (-0.32, 1.05), (1.21, 1.0)])
+def test_delay_and_ratio_are_found_again(slots, delay, ratio):
+    levels = 5000 * slot_overlap(slots, delay, ratio)
+    levels += 50 * np.random.default_rng(2).standard_normal(levels.shape) / np.sqrt(100)
+    found = measure_timing(levels)
+    assert found.delay == pytest.approx(delay, abs=0.005)
+    assert found.ratio == pytest.approx(ratio, abs=0.005)
+    assert np.abs(found.overlap() - slot_overlap(slots, delay, ratio)).max() < 0.01
+
+
+def test_levels_that_no_delay_explains_are_refused():
+    with pytest.raises(DataError, match="no delay explains"):
+        measure_timing(np.random.default_rng(0).uniform(0, 1, (4, 4)))
+    with pytest.raises(DataError, match="no light"):
+        measure_timing(np.zeros((4, 4)))
+    with pytest.raises(SettingError, match="two slots"):
+        measure_timing(np.ones((1, 1)))
