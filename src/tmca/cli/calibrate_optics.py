@@ -50,7 +50,7 @@ def dispersion(
     pattern: Whole = 3,
     power: Path | None = None,
     curve: Literal["cauchy", "polynomial"] = "cauchy",
-    order: Whole = 2,
+    order: Whole = 3,
     how: CalibrationOptions = _USUAL,
 ) -> None:
     """Displacement and response of every wavelength, from monochromatic CAPTURES of one pattern.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,6 +99,7 @@ def prove(
     seeds: int,
     size: tuple[int, int] = (64, 80),
     snr_db: float = 40.0,
+    cameras: Sequence[str] = tuple(_OPTICS),
     told: Callable[[str], None] | None = None,
 ) -> Proof:
     """Render benches, calibrate them from their files alone, compare with the truth, and reconstruct their snapshots.
@@ -107,11 +108,12 @@ def prove(
         seeds: benches of each camera, seeds 0 to ``seeds - 1``.
         size: (H, W) of the scenes.
         snr_db: of the captures of patterns and points.
+        cameras: of the benches, some of ``spectral``, ``light-field``, ``spectral-depth``.
         told: what is done next.
     """
     proof = Proof(seeds, snr_db)
     for seed in range(seeds):
-        for camera in _OPTICS:
+        for camera in cameras:
             if told is not None:
                 told(f"{camera} bench, seed {seed}")
             with tempfile.TemporaryDirectory() as place:

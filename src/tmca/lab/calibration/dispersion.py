@@ -85,7 +85,7 @@ def measure_dispersion(
     *,
     power: ArrayLike | None = None,
     curve: Curve = "cauchy",
-    order: int = 2,
+    order: int = 3,
     names: Sequence[str] | None = None,
     source: object = "dispersion",
 ) -> MeasuredDispersion:

@@ -68,7 +68,7 @@ def dispersion_step(
     pattern: int = 3,
     power: str | Path | None = None,
     curve: Curve = "cauchy",
-    order: int = 2,
+    order: int = 3,
     saturation: float | None = None,
 ) -> Calibration:
     """Captures of one pattern at many wavelengths (``…450nm…``) → dispersion curve and κ.
