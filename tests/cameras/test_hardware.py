@@ -6,6 +6,7 @@ import torch
 
 from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
 from tmca.cameras.hardware import LIMITS, Hardware, imperfect
+from tmca.cameras.hardware.codes import ShutterFaults, in_turn
 from tmca.codes import misplaced
 from tmca.errors import SettingError
 from tmca.optics import gaussian_spread
@@ -93,6 +94,20 @@ def test_dead_time_takes_its_share_of_the_light():
     torch.testing.assert_close(taken(imperfect(camera, Hardware(dead_time=0.25))), 0.75 * taken(camera))
 
 
+@pytest.mark.parametrize("jitter", [0.1, 0.4, 1.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_time_is_recorded_twice_or_lost_however_late_the_shutter_steps(jitter, seed):
+    """Every aperture pattern is seen for one slot, also where steps are drawn out of order."""
+    faults = ShutterFaults(Hardware(jitter=jitter, delay=-0.3, rolling=1.4, switching=0.6), 5, 4, seed)
+    torch.testing.assert_close(faults.overlap.sum(-2), torch.ones(4, 5).double())
+    assert float(faults.overlap.min()) > -1e-12
+
+
+def test_a_pattern_whose_successor_is_due_is_left_out():
+    steps = torch.tensor([[0.0, 2.1, 1.9, 3.0], [0.5, 1.0, 5.0, 3.0]])
+    torch.testing.assert_close(in_turn(steps), torch.tensor([[0.0, 2.1, 2.1, 3.0], [0.5, 1.0, 4.5, 4.5]]))
+
+
 def test_jitter_is_drawn_once_for_a_bench():
     camera = spectral()
     one, same, other = (taken(imperfect(camera, Hardware(jitter=0.2), seed)) for seed in (3, 3, 4))
@@ -121,6 +136,20 @@ def test_another_dispersion_has_an_adjoint():
     camera = imperfect(spectral(), Hardware(dispersion_error=0.2)).double()
     x, y = torch.rand(1, *camera.scene_shape).double(), torch.rand(1, *camera.snapshot_shape).double()
     torch.testing.assert_close((camera.A(x) * y).sum(), (x * camera.A_adjoint(y)).sum())
+
+
+def test_a_coloured_aperture_can_be_displaced_behind_another_prism():
+    code, scene = torch.rand(4, 9, 12), torch.rand(1, 4, 9, 12)
+    camera = SpectralCamera(bands=4, size=(9, 12), coloured=code, dispersion=[0.0, 2.0, 4.0, 8.0])
+    torch.testing.assert_close(imperfect(camera, Hardware())(scene), camera(scene))
+    found = imperfect(camera, Hardware(misregistration=(0.4, -0.7), dispersion_error=0.5))(scene)
+    wanted, moved = torch.zeros_like(found), misplaced(code, (0.4, -0.7))
+    for band, left in enumerate((-2, 1, 4, 10)):
+        for column in range(12):
+            if 0 <= column + left < wanted.shape[-1]:
+                wanted[0, 0, :, column + left] += moved[band, :, column] * scene[0, band, :, column]
+    torch.testing.assert_close(found, wanted, atol=1e-5, rtol=0)
+    assert torch.equal(camera.code_cube(), code)
 
 
 @pytest.mark.parametrize("error", [0.3, -0.3])
@@ -211,6 +240,7 @@ def test_impossible_faults_are_refused(faults, words):
         (spectral, {"height_error": 0.1}), (light_field, {"dispersion_error": 0.1}),
         (spectral_depth, {"misregistration": 1}), (lambda: spectral(disperser="dual"), {"dispersion_error": 0.1}),
         (lambda: spectral(disperser="dual"), {"blur": 1}),
+        (lambda: SpectralCamera(bands=2, size=(4, 5), coloured=torch.rand(2, 4, 5)), {"delay": 0.1}),
     ],
 )  # fmt: skip
 def test_faults_that_a_camera_cannot_have_are_refused(camera, faults):

@@ -15,10 +15,13 @@ from tmca.cameras.hardware.sensor import DefectiveSensor
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.codes import misplaced
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear
 from tmca.sensor import Sensor
 
+COLOURED = ("misregistration", "magnification", "rotation", "dispersion_error", "hot_pixels", "dead_pixels")
+"""Faults of a coloured aperture, which neither changes nor has a shutter."""
 SomeCamera = TypeVar("SomeCamera", bound=Camera)
 
 
@@ -34,7 +37,7 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0) -> SomeCame
         seed: of jitter, aberration, hot and dead pixels.
 
     Raises:
-        SettingError: a fault that this camera cannot have.
+        SettingError: a fault that this camera cannot have (a coloured aperture has those of ``COLOURED`` alone).
     """
     hardware.check(camera.application)
     found: Any = _sharing(camera)
@@ -70,7 +73,7 @@ def _sharing(module: Any) -> Any:
 
 def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int) -> None:
     if camera.coloured is not None:
-        raise SettingError("hardware", "faults of a coloured aperture", "those of binary codes")
+        _check_coloured(hardware)
     for name in ("dispersion_error", "blur"):
         if camera.disperser == "dual" and getattr(hardware, name):
             raise SettingError(name, f"{getattr(hardware, name):g}", "0 with a dual disperser")
@@ -83,7 +86,16 @@ def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int) -> None:
     if hardware.blur:
         known_blur = camera.relay_blur if isinstance(camera.relay_blur, list) else [camera.relay_blur] * camera.bands
         camera.relay_blur = [(one**2 + hardware.blur**2) ** 0.5 for one in known_blur]
+    if camera.coloured is not None:
+        camera.coloured = misplaced(camera.coloured, hardware.shift, hardware.magnification, hardware.rotation)
+        return
     _coded(camera, hardware, seed, tuple(camera.codes()[0].shape[1:]), beside=beside)
+
+
+def _check_coloured(hardware: Hardware) -> None:
+    for name, value in hardware.faults().items():
+        if name not in COLOURED:
+            raise SettingError(name, str(value), f"none of a coloured aperture, which has {', '.join(COLOURED)}")
 
 
 def _stretched(known: Dispersion, error: float) -> Dispersion:

@@ -10,6 +10,14 @@ from tmca.codes import leaked, misplaced, slot_overlap, through_time
 from tmca.optics import gaussian_spread
 
 
+def in_turn(steps: Tensor) -> Tensor:
+    """Times (…, K) of a shutter's steps, none before the one ahead of it, none in the next exposure.
+
+    A pattern whose successor is already due is left out: no time is recorded twice.
+    """
+    return torch.minimum(steps.cummax(-1).values, steps[..., :1] + steps.shape[-1])
+
+
 class ShutterFaults(nn.Module):
     """What becomes of shutter patterns (K, H, W): leakage, and everything that is not in time.
 
@@ -27,10 +35,11 @@ class ShutterFaults(nn.Module):
         self.leakage = hardware.leakage
         late = hardware.delay + hardware.rolling * torch.linspace(0, 1, rows, dtype=torch.float64)[:, None]
         source = torch.Generator().manual_seed(seed)
-        steps = torch.arange(slots) + late + hardware.jitter * torch.randn(slots, generator=source).double()
+        drawn = torch.arange(slots) + late + hardware.jitter * torch.randn(slots, generator=source).double()
+        steps = in_turn(drawn)
         ends = torch.cat((steps[:, 1:], steps[:, :1] + slots), 1)
         starts = torch.minimum(steps + hardware.dead_time, ends)
-        self.register_buffer("overlap", slot_overlap(slots, starts, torch.maximum(starts, ends), hardware.switching))
+        self.register_buffer("overlap", slot_overlap(slots, starts, ends, hardware.switching))
         self.timed = bool((self.overlap - torch.eye(slots)).abs().max() > 1e-12)
 
     def forward(self, shutter: Tensor) -> Tensor:
