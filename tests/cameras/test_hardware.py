@@ -132,6 +132,23 @@ def test_another_dispersion_falls_elsewhere_on_the_same_sensor(error, size):
     torch.testing.assert_close(found, wanted, atol=1e-5, rtol=0)
 
 
+@pytest.mark.parametrize("part", [(1, 2, 7, 8), (0, 3, 8, 9)])
+@pytest.mark.parametrize(
+    "faults", [{}, {"dispersion_error": 0.3}, {"blur": 0.4}, {"dispersion_error": -0.3, "blur": 0.4}]
+)
+def test_a_part_of_a_bench_is_the_bench_where_the_scene_is_dark_around(part, faults):
+    """The light of the part's middle stays within the part: a margin of a pixel is as wide as the blur."""
+    top, left, height, width = part
+    bench = imperfect(spectral(dispersion=[0.0, 2.0, 4.0, 8.0]), Hardware.of(faults))
+    scene = torch.zeros(2, *bench.scene_shape)
+    scene[..., top + 1 : top + height - 1, left + 1 : left + width - 1] = torch.rand(2, 4, height - 2, width - 2)
+    inside = scene[..., top : top + height, left : left + width]
+    whole = bench.A(scene)[..., top : top + height, left : left + width + 8]
+    torch.testing.assert_close(bench.window(*part).A(inside), whole, atol=1e-6, rtol=0)
+    moving = bench.moving_window(*part).A(inside[:, None].expand(-1, 3, -1, -1, -1))
+    torch.testing.assert_close(moving, whole, atol=1e-6, rtol=0)
+
+
 def test_another_dispersion_has_an_adjoint():
     camera = imperfect(spectral(), Hardware(dispersion_error=0.2)).double()
     x, y = torch.rand(1, *camera.scene_shape).double(), torch.rand(1, *camera.snapshot_shape).double()

@@ -61,6 +61,15 @@ def test_a_run_sees_snapshots_with_faults(tmp_path, learn):
     }
 
 
+@pytest.mark.parametrize("fault", ["dispersion_error", "blur"])
+@pytest.mark.parametrize("motion", [0.0, 2.0])
+def test_codes_learn_behind_another_prism_and_a_relay_that_blurs(tmp_path, fault, motion):
+    common = {"optimiser.steps": 2, "camera.learn": "both", "data.motion": motion}
+    tiny.train(tmp_path / "perfect", **common)
+    tiny.train(tmp_path / "faulty", **common, faults={fault: 0.6})
+    assert losses(tmp_path / "faulty") != losses(tmp_path / "perfect")
+
+
 def test_a_stopped_run_meets_the_same_faults_again(tmp_path):
     faults = {"rolling": [0, 1], "leakage": [0, 0.1]}
     tiny.train(tmp_path / "whole", **{"optimiser.steps": 6}, faults=faults)
@@ -85,10 +94,16 @@ def test_masks_learn_behind_faults(tmp_path):
     ("faults", "words"),
     [
         ({"wobble": 1}, "wobble"), ({"delay": [1, 0]}, "least value first"), ({"leakage": [0, 2]}, "0 to 1"),
-        ({"motion": 1}, "contrast_ratio"), ({"height_error": 0.1}, "spectral run"), ({"delay": "late"}, "faults"),
+        ({"motion": 1}, "contrast_ratio"), ({"hot_pixels": [0, 0.6], "dead_pixels": [0, 0.6]}, "1 together"),
+        ({"height_error": 0.1}, "spectral run"), ({"delay": "late"}, "faults"),
     ],
 )  # fmt: skip
 def test_impossible_faults_leave_no_run(tmp_path, faults, words):
     with pytest.raises(SettingError, match=words):
         tiny.train(tmp_path / "run", faults=faults)
     assert not (tmp_path / "run" / "weights.safetensors").exists()
+
+
+def test_a_prism_that_disperses_nothing_has_no_error_of_it(tmp_path):
+    with pytest.raises(SettingError, match="dispersion_error"):
+        tiny.train(tmp_path, **{"camera.disperser": "dual"}, faults={"dispersion_error": [-0.1, 0]})

@@ -88,6 +88,10 @@ class CodedCamera(Camera):
             raise SettingError("relay blur", "some", "none where one code stands for all slots")
         return operator.taps
 
+    def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
+        """The operator of scenes (B, channels, height, width), dark around, behind a part of the codes."""
+        return TapOperator(self.taps().window(top, left, height, width))
+
     def moving_window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
         """The operator of scenes (B, K, channels, height, width) that move, behind a part of the codes.
 

@@ -191,19 +191,24 @@ class SpectralCamera(CodedCamera):
         build = single_disperser if self.disperser == "single" else dual_disperser
         return build(*self.codes(), self.dispersion, self.response, self.exposure)
 
-    def moving_window(self, top: int, left: int, height: int, width: int) -> SlotwiseDisperser:
-        """The operator of scenes (B, K, L, height, width) that move, behind a part of the codes."""
-        aperture, shutter = self.codes()
-        rows, columns = slice(top, top + height), slice(left, left + width)
-        planes = aperture[:, rows, columns], shutter[:, rows, left : left + width + self.dispersion.spread]
-        return SlotwiseDisperser(*planes, self.dispersion, self.response, self.exposure, moving=True)
+    def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
+        """See ``CodedCamera``; light that a relay throws beyond the part is lost."""
+        part = (top, left, height, width)
+        return self._slotwise(part, moving=False) if self.blurred else super().window(*part)
 
-    def _slotwise(self, *, moving: bool) -> SlotwiseDisperser:
+    def moving_window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
+        """The operator of scenes (B, K, L, height, width) that move, behind a part of the codes."""
+        return self._slotwise((top, left, height, width), moving=True)
+
+    def _slotwise(self, part: tuple[int, int, int, int] | None = None, *, moving: bool) -> LinearOperator:
         if self.disperser == "dual" or self.coloured is not None:
             found = "'dual'" if self.disperser == "dual" else "a coloured aperture"
             raise SettingError("disperser", found, "'single' and binary codes for relay blur or a moving scene")
+        top, left, height, width = part or (0, 0, *self.size)
+        aperture, shutter = (plane[:, top : top + height, left:] for plane in self.codes())
+        planes = aperture[..., :width], shutter[..., : width + self.dispersion.spread]
         blur = gaussian_spread(self.relay_blur, self.bands).to(self.response) if self.blurred else None
-        return SlotwiseDisperser(*self.codes(), self.dispersion, self.response, self.exposure, blur, moving)
+        return SlotwiseDisperser(*planes, self.dispersion, self.response, self.exposure, blur, moving)
 
     def _check_coloured(self, code: Tensor) -> None:
         expected = (self.bands, *self.size)

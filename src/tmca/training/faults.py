@@ -13,7 +13,7 @@ from tmca.errors import SettingError
 from tmca.sensor import Sensor
 
 UNTRAINED = {
-    "spectral": ("dispersion_error", "blur", "motion"),
+    "spectral": ("motion",),
     "light-field": ("motion",),
     "spectral-depth": (),
 }
@@ -38,8 +38,8 @@ class DrawnFaults:
         for name, (low, high) in self.ranges.items():
             if low > high:
                 raise SettingError(f"faults.{name}", f"{low:g} to {high:g}", "the least value first")
-            Hardware.of({name: low})
-            Hardware.of({name: high})
+        for end in (0, 1):  # together: shares of pixels may not exceed 1
+            Hardware.of({name: both[end] for name, both in self.ranges.items()})
 
     def check(self, camera: Camera) -> None:
         """Raises SettingError for faults that a training of this camera cannot have."""
@@ -48,6 +48,7 @@ class DrawnFaults:
             if name in refused:
                 known = ", ".join(other for other in LIMITS if other not in refused)
                 raise SettingError(f"faults.{name}", "some", f"none in a {camera.application} run, which has {known}")
+            imperfect(camera, Hardware.of({name: max(self.ranges[name], key=abs)}))
 
     def bench(self, camera: SomeCamera, sensor: Sensor, seed: tuple[int, ...]) -> tuple[SomeCamera, Sensor]:
         """Camera and sensor with the faults of a step; themselves without any."""

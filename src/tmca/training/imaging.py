@@ -175,12 +175,12 @@ class ImagingSystem(nn.Module):
         free = (self.camera.size[0] - height, self.camera.size[1] - width)
         return (int(rng.integers(free[0] + 1)), int(rng.integers(free[1] + 1)), height, width)
 
-    def _windowed(self, window: tuple[int, int, int, int], camera: CodedCamera | None = None) -> TapOperator:
-        return TapOperator((camera or self.camera).taps().window(*window))
+    def _windowed(self, window: tuple[int, int, int, int]) -> TapOperator:
+        return TapOperator(self.camera.taps().window(*window))
 
-    def _seen_by(self, bench: CodedCamera, known: TapOperator, window: tuple[int, int, int, int]) -> TapOperator:
+    def _seen_by(self, bench: CodedCamera, known: TapOperator, window: tuple[int, int, int, int]) -> LinearOperator:
         """What images: the known operator, unless the bench has faults."""
-        return known if bench is self.camera else self._windowed(window, bench)
+        return known if bench is self.camera else bench.window(*window)
 
     def _recorded(
         self, operator: LinearOperator, scenes: Tensor, sensor: Sensor, seeds: Sequence[tuple[int, ...]]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from torch import Tensor
 
 from tmca.cameras.spectral import SpectralCamera
-from tmca.operators import LinearOperator
+from tmca.operators import LinearOperator, TapOperator
 from tmca.optics import Dispersion
 
 
@@ -98,5 +96,12 @@ class DisplacedCamera(SpectralCamera):
         wide = super().operator()
         return wide if isinstance(wide, OnSensor) else OnSensor(wide, self.beside)
 
-    def _slotwise(self, *, moving: bool) -> Any:
-        return OnSensor(super()._slotwise(moving=moving), self.beside)
+    def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
+        """See ``CodedCamera``."""
+        part = (top, left, height, width)
+        if self.blurred:
+            return self._slotwise(part, moving=False)
+        return OnSensor(TapOperator(self._collapsed().taps.window(*part)), self.beside)
+
+    def _slotwise(self, part: tuple[int, int, int, int] | None = None, *, moving: bool) -> LinearOperator:
+        return OnSensor(super()._slotwise(part, moving=moving), self.beside)
