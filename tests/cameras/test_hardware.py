@@ -51,6 +51,13 @@ def test_without_faults_it_is_the_camera(build):
     torch.testing.assert_close(taken(imperfect(camera, Hardware())), taken(camera), rtol=0, atol=1e-6)
 
 
+def test_a_coloured_aperture_has_no_codes_to_be_at_fault():
+    camera = spectral(coloured=torch.rand(4, 9, 12))
+    assert imperfect(camera, Hardware(motion=1)) is camera
+    with pytest.raises(SettingError, match="coloured"):
+        imperfect(camera, Hardware(leakage=0.1))
+
+
 @pytest.mark.parametrize("build", [spectral, light_field, spectral_depth])
 @pytest.mark.parametrize("fault", [{"delay": 0.4, "hot_pixels": 0.1}, {"height_error": 0.2}, {"shear_error": 0.1}])
 def test_the_camera_itself_stays_as_it_is(build, fault):

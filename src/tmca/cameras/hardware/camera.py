@@ -40,6 +40,8 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0) -> SomeCame
         SettingError: a fault that this camera cannot have (a coloured aperture has those of ``COLOURED`` alone).
     """
     hardware.check(camera.application)
+    if not set(hardware.faults()) - {"motion"}:  # of the scene, not of the camera
+        return camera
     found: Any = _sharing(camera)
     if isinstance(camera, SpectralCamera):
         _spectral(found, hardware, seed)
