@@ -36,13 +36,13 @@ PARTS = {
     "linearity": Linearity(array(4), array(4), array(4), 3.0, 1.0, array(4), float("nan"), 2.5, 0.1, 9.0),
     "registration": Registration(array(2, 3), array(2, 3), 0.3, 0.02, (5, 6), SIZE, 550e-9),
     "dispersion": MeasuredDispersion(
-        np.arange(3) * 1e-9, array(3, 2), array(3, 2), "cauchy", array(2, 2), array(2), array(3), array(3)
+        np.arange(4, 7) * 1e-7, array(3, 2), array(3, 2), "cauchy", array(2, 2), array(2), array(3), array(3)
     ),
     "shear": MeasuredShear(array(4, 2), array(4, 2), array(2), array(2), array(2), 0.1, array(4)),
     "timing": Timing(0.1, 0.98, array(2), 100.0, 0.01, 4),
     "psf0": PsfStack(array(2, 3, 5, 5), array(2), array(3), array(2, 2), array(2, 3)),
     "psf1": PsfStack(array(3, 2, 7, 7), array(3), array(2), array(3, 2), array(3, 2)),
-    "wavefront0": ZernikeFit(((2, 0), (2, 2)), array(2), array(2), array(2, 2), 0.02, 1),
+    "wavefront0": ZernikeFit(((2, 0), (2, 2)), array(2), array(2) ** 2, array(2, 2), 0.02, 1),
 }
 
 

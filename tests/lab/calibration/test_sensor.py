@@ -63,6 +63,11 @@ def test_dark_and_flat_refuse_what_they_are_not():
         measure_flat(frames(20.0, 8), dark)
     with pytest.raises(DataError, match="as the dark"):
         measure_flat(frames(20.0, 8)[:, 1:], dark)
+    squares = np.kron(np.random.default_rng(0).integers(2, size=(10, 11)), np.ones((4, 4)))[:37, :42]
+    with pytest.raises(DataError, match="far from even on"):
+        measure_flat(frames(20000 * squares, 8), dark)
+    with pytest.raises(DataError, match="from frame to frame"):
+        measure_flat(np.concatenate([frames(20000 * squares, 4), frames(20000 * (1 - squares), 4)]), dark)
     mixed = frames(0.0, 8)
     mixed[:, :, ::7] += 4000
     with pytest.raises(DataError, match="cover the lens"):

@@ -15,6 +15,8 @@ HOT, DEAD = 1, 2
 _OUTLIER = 8.0
 _DEAD = (0.5, 1.5)
 _ORDER = 4
+_UNSTEADY, _MANY = 0.2, 0.05
+"""Shares beyond which frames are no flat field: noise of a pixel over the level, and dead pixels."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat")
         source: named in errors.
 
     Raises:
-        DataError: one frame only, another size, or light no brighter than the noise.
+        DataError: one frame only, another size, light no brighter than the noise, or light that is uneven or changes.
     """
     values = np.asarray(frames, dtype=np.float64)
     if values.ndim != 3 or len(values) < 2:
@@ -115,10 +117,21 @@ def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat")
     dead = good & ((gain < _DEAD[0] * surroundings) | (gain > _DEAD[1] * surroundings))
     good &= ~dead
     std = float(np.sqrt((noise[good] ** 2).mean() / len(values))) / level
+    _check_even(std * np.sqrt(len(values)), float(dead.mean()), source)
     varies = float(np.var((gain / surroundings)[good])) - std**2
     return FlatField(
         gain, level, float(np.sqrt(max(varies, 0.0))), std, np.where(dead, DEAD, 0).astype(np.uint8), len(values)
     )
+
+
+def _check_even(noise: float, dead: float, source: object) -> None:
+    """Raises DataError where light changes from frame to frame, or within one by more than a smooth fall."""
+    if noise > _UNSTEADY:
+        found = f"light that differs by {noise:.0%} from frame to frame"
+        raise DataError(source, found, f"{_UNSTEADY:.0%} at most", "capture the same even light in every frame")
+    if dead > _MANY:
+        found = f"light far from even on {dead:.0%} of the pixels"
+        raise DataError(source, found, f"dead pixels on {_MANY:.0%} at most", "light the sensor evenly, out of focus")
 
 
 def _smooth(values: Array, good: NDArray[np.bool_]) -> Array:

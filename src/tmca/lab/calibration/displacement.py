@@ -64,7 +64,7 @@ def displacement_of(
         shift, found = _fitted(values, shown, registration, shift, level)
     light, residual = _light(values, shown, registration, shift)
     if not light > 0 or residual > LARGEST_RESIDUAL:
-        what = f"a pattern that is not seen (a fit leaves {residual:.0%} of its light)"
+        what = f"a pattern that is not seen (a fit leaves {min(residual, 1):.0%} of its light or more)"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", "check the light and which pattern was shown")
     return Displacement(shift, _std(found), light, residual)
 
