@@ -22,6 +22,8 @@ COMMANDS = {
         "scan:app",
         "Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene.",
     ),
+    "real": ("real:app", "Real captures: mask in register, frames behind a pixel shutter, a report of all."),
+    "decoder": ("decoder:app", "Trained decoders as files that need no tmca: torch.export and ONNX."),
     "dbd": ("dbd:app", "Radar targets and radio paths from one overlaid signal."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }

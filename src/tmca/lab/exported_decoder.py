@@ -7,15 +7,17 @@ Mask, optics, noise and network are fixed in it: one input, the snapshot (1, 1, 
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from tmca.cameras import Snapshot
 from tmca.data import atomic_path, check_target, make_folder, write_json
 from tmca.decoders.neural import Weights
 from tmca.decoders.start import NEED_PRIOR, first_estimate
@@ -23,6 +25,9 @@ from tmca.errors import DataError, SettingError
 from tmca.operators import TapOperator
 from tmca.operators.gram import gram_diagonal, gram_neighbour
 from tmca.sensor import Noise, Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FORMATS = {"torch": "decoder.pt2", "onnx": "decoder.onnx"}
 _ABOUT = "decoder.json"
@@ -202,6 +207,30 @@ def decoder_file(folder: str | Path, format: str) -> Path:
     if format not in files:
         raise SettingError("--format", repr(format), f"one of {', '.join(files)}")
     return Path(folder) / files[format]
+
+
+def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> tuple[xr.DataArray, float]:
+    """The scene (wavelength, y, x) of a snapshot file, and the seconds that the decoder took.
+
+    Raises:
+        DataError: a snapshot of another size, or a file that is missing.
+        SettingError: a format that was not exported.
+    """
+    import xarray as xr
+
+    about, file = _about(Path(folder)), decoder_file(folder, format)
+    values = Snapshot.load(snapshot).values
+    if list(values.shape) != about["snapshot"]:
+        raise DataError(snapshot, f"a snapshot of shape {tuple(values.shape)}", f"{tuple(about['snapshot'])}")
+    decoder = load_exported(file)
+    start = time.perf_counter()
+    with torch.no_grad():
+        scene = decoder(values)
+    seconds = time.perf_counter() - start
+    coords = {"wavelength": ("wavelength", about["wavelengths_m"], {"units": "m"})}
+    attrs = {"quantity": "relative irradiance", "units": "1", "long_name": f"scene estimated by {file.name}"}
+    cube = xr.DataArray(scene[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs, name="estimate")
+    return cube, seconds
 
 
 def _about(folder: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -12,6 +13,9 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders.space_time import space_time_tv
 from tmca.errors import SettingError
 from tmca.operators import SlotwiseDisperser
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MOVIE_METHODS = ("space-time-tv", "smoothed")
 
@@ -131,3 +135,19 @@ def _smoothed(snapshot: Snapshot[SpectralCamera], operator: FrameOperator, time:
     weights = gaussian_filter(gain**2, width, truncate=6.0)
     sums = gaussian_filter(gain * snapshot.values[0].numpy(), width, truncate=6.0)
     return torch.from_numpy(sums / np.maximum(weights, np.finfo(np.float32).tiny))[:, None]
+
+
+def frame_dataset(movie: Movie, snapshot: Snapshot[SpectralCamera]) -> xr.Dataset:
+    """Frames with their coordinates: ``frames`` (frame, wavelength, y, x) and the first slot of each."""
+    import xarray as xr
+
+    waves = np.array(snapshot.camera.wavelengths)
+    attrs = {"units": "relative irradiance", "long_name": "scene during the slots of a frame"}
+    return xr.Dataset(
+        {"frames": (("frame", "wavelength", "y", "x"), movie.frames.numpy(), attrs)},
+        coords={
+            "wavelength": ("wavelength", waves, {"units": "m"}),
+            "first_slot": ("frame", np.arange(len(movie.frames)) * movie.slots),
+        },
+        attrs={key: value for key, value in snapshot.notes.items()} | {"slots_per_frame": movie.slots},
+    )

@@ -27,6 +27,7 @@ class _Prototype(_Strict):
         black, white: levels of no light and of a white scene behind its codes, in the capture's numbers.
         turned: degrees by which pictures are turned to stand upright.
         scenes: what captures show, by the stem of their file or by their name.
+        points: places of a scene (row, column) whose spectra are worth a look, by the same names.
     """
 
     device: str
@@ -34,6 +35,7 @@ class _Prototype(_Strict):
     white: Positive = 1.0
     turned: Literal[0, 90, 180, 270] = 0
     scenes: dict[str, str] = {}
+    points: dict[str, dict[str, tuple[int, int]]] = {}
 
     @model_validator(mode="after")
     def _light(self) -> _Prototype:
