@@ -59,9 +59,7 @@ def check(folder: Path, /, *, run: Path, json: Flag = False) -> None:
 
 
 @app.command
-def run(
-    folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", overwrite: Flag = False
-) -> None:
+def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", overwrite: Flag = False) -> None:
     """Decode SNAPSHOT with an exported decoder of FOLDER.
 
     Args:

@@ -47,7 +47,8 @@ def register(
         print(json_module.dumps({**registration.model_dump(), "deviation": deviation}, indent=1))
         return
     scale, shift = registration.scale[0], registration.shift[0]
-    print(f"{mask}: in the captures {scale:.5f} times as large along y, {shift:+.3f} pixels down; blocks {deviation:.3f}")
+    print(f"{mask}: in the captures {scale:.5f} times as large along y, {shift:+.3f} pixels down")
+    print(f"  blocks deviate by {deviation:.3f} pixels")
 
 
 @app.command

@@ -1,7 +1,7 @@
 """A denoiser of cubes in the subspace of their own spectra, for plug-and-play reconstruction.
 
-Spectra of a scene lie close to a subspace of few dimensions. The cube is projected onto the leading eigenvectors of its
-own second moments, and every component picture is denoised by itself: what the other dimensions hold is taken for noise.
+Spectra of a scene lie close to a subspace of few dimensions. The cube is projected onto the leading eigenvectors of
+its own second moments, and every component picture is denoised by itself: the other dimensions are taken for noise.
 Source: Zhuang and Bioucas-Dias, IEEE JSTARS 11, 730 (2018), FastHyDe.
 """
 

@@ -98,9 +98,9 @@ class CameraDecoder(nn.Module):
         self.network, self.operator, self.noise = weights.network, _Fixed(operator), noise
 
     def forward(self, snapshot: Tensor) -> Tensor:
-        """(1, 1, H, W') → (1, L, H, W)."""
+        """(1, 1, H, W') → (1, L, H, W), nothing below zero, as `tmca reconstruct`."""
         start = first_estimate(self.network.start, snapshot, self.operator, self.noise)
-        return self.network(snapshot, self.operator, self.noise, start)
+        return self.network(snapshot, self.operator, self.noise, start).clamp_min(0)
 
 
 @dataclass(frozen=True)
@@ -240,9 +240,7 @@ def _about(folder: Path) -> dict[str, Any]:
     return json.loads(file.read_text(encoding="utf-8"))
 
 
-def _written(
-    decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool
-) -> Exported:
+def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool) -> Exported:
     """One file, kept only if it computes what the decoder does."""
     snapshot = _random(shape, seed=0)
     with torch.no_grad(), atomic_path(path, overwrite=overwrite) as temporary:

@@ -27,7 +27,7 @@ from tmca.experiments.results import check_new, markdown_table, repository_commi
 _SCENE_COLUMNS = (
     ("scene", "scene", ""), ("decoder", "decoder", ""), ("reprojection", "re-projection", ".2%"),
     ("withheld", "withheld pixels", ".2%"), ("neighbours", "mean of neighbours", ".2%"),
-    ("seconds", "seconds", ".0f"),
+    ("seconds", "CPU seconds", ".0f"),
 )  # fmt: skip
 _PAIR_COLUMNS = (
     ("scene", "scene", ""), ("one", "one", ""), ("other", "other", ""), ("psnr", "PSNR (dB)", ".1f"),
@@ -37,7 +37,7 @@ _MOVIE_COLUMNS = (
     ("capture", "code", ""), ("decoder", "decoder", ""), ("reprojection", "re-projection", ".2%"),
     ("withheld", "withheld", ".2%"), ("neighbours", "mean of neighbours", ".2%"),
     ("withheld_moving", "withheld, moving", ".2%"), ("neighbours_moving", "neighbours, moving", ".2%"),
-    ("seconds", "seconds", ".0f"), ("agreement_psnr", "agreement (dB)", ".1f"),
+    ("seconds", "CPU seconds", ".0f"), ("agreement_psnr", "agreement (dB)", ".1f"),
 )  # fmt: skip
 
 
@@ -134,10 +134,10 @@ def page(results: dict[str, Any], name: str) -> str:
 {_geometry_text(results["geometry"])}
 ![Light by displacement, and the mask's place]({name}_geometry.png)
 
-Errors are shares of the snapshot's norm. *Re-projection* is that of the whole estimate; *withheld pixels* is over 5 % of
-the sensor pixels of the 200 brightest rows, which the decoder was not shown; *mean of neighbours* is what the four
-pixels around them say without any decoder. Seconds are for one whole capture of 660 × 714 pixels on one thread of a
-shared machine.
+Errors are shares of the snapshot's norm. *Re-projection* is that of the whole estimate; *withheld pixels* is over 5 %
+of the sensor pixels of the 200 brightest rows, which the decoder was not shown; *mean of neighbours* is what the four
+pixels around them say without any decoder. CPU seconds are those of one whole capture of 660 × 714 pixels on one
+thread.
 
 {markdown_table(results["rows"], _SCENE_COLUMNS)}
 How far two decoders agree (PSNR over the brightest value, spectral angle where the scene is lit):
@@ -161,7 +161,8 @@ def _geometry_text(found: dict[str, Any]) -> str:
         f"{scene} {both['red far']['withheld']:.2%} against {both['blue far']['withheld']:.2%}"
         for scene, both in found["order"].items()
     )
-    return f"""- **The mask lies as its file says.** Share of the captures' fine structure that its displaced copies explain: {shares}.
+    return f"""- **The mask lies as its file says.** Share of the captures' fine structure that its displaced copies explain:
+  {shares}.
 - **Its image is {scale - 1:.2%} larger along y and {shift:.2f} pixels lower than its file**, with a deviation of
   {found["deviation"]:.2f} pixels from block to block. In register and blurred the copies explain
   {found["explained_registered"]:.2f}.

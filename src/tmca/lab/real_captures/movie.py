@@ -63,7 +63,7 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
     aperture does not change.
 
     Raises:
-        SettingError: frames that do not divide the slots, an aperture that changes, or displacements by parts of pixels.
+        SettingError: frames that do not divide the slots, an aperture that changes, displacements by parts of pixels.
     """
     aperture, shutter = camera.codes()
     slots = len(aperture)

@@ -20,17 +20,4 @@ def dark_noise(capture: NDArray[np.floating]) -> float:
     level = uniform_filter(values, 9)
     dark = (level <= np.quantile(level, _DARKEST))[:, 1:]
     steps = np.abs(np.diff(values, axis=1))[dark]
-    return 1.4826 * _median_of_steps(steps) / np.sqrt(2)
-
-
-def _median_of_steps(steps: NDArray[np.float64]) -> float:
-    """Median of values that a converter may have rounded: interpolated within the step on which it falls."""
-    places = np.sort(steps)
-    middle = places[len(places) // 2]
-    below, equal = np.searchsorted(places, middle, "left"), np.searchsorted(places, middle, "right")
-    others = places[places > middle]
-    if equal - below < 3 or not len(others):
-        return float(middle)
-    width = float(others[0] - middle)
-    share = (len(places) / 2 - below) / (equal - below)
-    return float(max(middle + (share - 0.5) * width, 0.0))
+    return float(1.4826 * np.median(steps) / np.sqrt(2))
