@@ -102,6 +102,15 @@ def test_what_cannot_stand_alone_is_refused(exported, tmp_path):
     assert not (tmp_path / "a").exists()
 
 
+def test_a_file_of_another_network_is_found_out(exported, tmp_path):
+    torch.manual_seed(5)
+    weights = Weights.load(exported[0])
+    for parameter in weights.network.parameters():
+        torch.nn.init.normal_(parameter, 0.0, 0.1)
+    with pytest.raises(DataError, match="differ by .* export it again"):
+        check_decoder(exported[1], weights.save(tmp_path / "weights.safetensors"))
+
+
 def test_a_snapshot_of_another_size_is_refused(exported, tmp_path):
     camera = Weights.load(exported[0]).spectral_camera()
     from tmca.cameras import SpectralCamera

@@ -169,7 +169,7 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Ex
     """Compare the files of an exported decoder with the run they were made from, on random input.
 
     Raises:
-        DataError: no exported decoder in the folder.
+        DataError: no exported decoder in the folder, or one that computes something else.
     """
     folder = Path(folder)
     about = _about(folder)
@@ -181,7 +181,10 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Ex
     decoder = CameraDecoder(weights, operator, noise).eval()
     files = {entry["format"]: folder / entry["file"] for entry in about["files"]}
     snapshot = _random(camera.snapshot_shape, seed)
-    return [Exported(one, file, _difference(decoder, load_exported(file), snapshot)) for one, file in files.items()]
+    found = [Exported(one, file, _difference(decoder, load_exported(file), snapshot)) for one, file in files.items()]
+    for one in found:
+        _check_close(one.path, one.error)
+    return found
 
 
 def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
@@ -252,9 +255,15 @@ def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, p
             )
             program.save(str(temporary), external_data=False)
         error = _difference(decoder, load_exported(temporary), snapshot)
-        if not error <= _CLOSE:
-            raise DataError(path, f"values that differ by {error:.2g} of the largest", f"{_CLOSE:g} at most")
+        _check_close(path, error)
     return Exported(format, path, error)
+
+
+def _check_close(path: Path, error: float) -> None:
+    """Raises DataError unless an exported file computes what the network does."""
+    if not error <= _CLOSE:
+        found = f"values that differ by {error:.2g} of the largest from the network's"
+        raise DataError(path, found, f"{_CLOSE:g} at most", "export it again from this run")
 
 
 @torch.no_grad()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Weights, decode, pnp_admm
@@ -14,7 +16,7 @@ from tmca.decoders.subspace import subspace_denoiser
 from tmca.errors import SettingError
 
 REAL_DECODERS = ("admm-tv", "pnp", "network")
-_RANK, _ITERATIONS, _FALLING = 4, 30, (0.3, 0.02)
+_RANK, _ITERATIONS, _FALLING = 6, 40, (0.3, 0.02)
 
 
 def decode_real(snapshot: Snapshot[SpectralCamera], method: str, weights: Weights | None = None) -> Decoded:
@@ -22,8 +24,8 @@ def decode_real(snapshot: Snapshot[SpectralCamera], method: str, weights: Weight
 
     Args:
         snapshot: with its camera.
-        method: ``"admm-tv"`` (total variation over all bands together), ``"pnp"`` (plug-and-play ADMM, non-local means
-            on the components of the cube's own spectral subspace), ``"network"``.
+        method: ``"admm-tv"`` (total variation over all bands together), ``"pnp"`` (plug-and-play ADMM, the components
+            of the cube's own spectral subspace denoised one by one), ``"network"``.
         weights: of the network.
 
     Raises:
@@ -49,16 +51,16 @@ def check_real_decoders(names: Sequence[str], weights: object) -> None:
 
 @torch.no_grad()
 def _plug_and_play(snapshot: Snapshot[SpectralCamera]) -> Decoded:
-    from skimage.restoration import denoise_nl_means
+    from skimage.restoration import denoise_tv_chambolle
 
     camera, start = snapshot.camera, time.perf_counter()
     level = float(camera.noise.variance(snapshot.values).mean().sqrt())
 
-    def non_local_means(image, sigma):  # type: ignore[no-untyped-def]
-        return denoise_nl_means(image, 5, 5, h=0.8 * sigma, sigma=sigma, fast_mode=True)
+    def denoise(image: NDArray[np.floating], sigma: float) -> NDArray[np.floating]:
+        return denoise_tv_chambolle(image, weight=sigma, max_num_iter=15)
 
     result = pnp_admm(
-        camera.operator(), snapshot.values, subspace_denoiser(non_local_means, _RANK), noise_sigma=max(level, 1e-3),
+        camera.operator(), snapshot.values, subspace_denoiser(denoise, _RANK), noise_sigma=max(level, 1e-3),
         sigma=_FALLING, max_iterations=_ITERATIONS,
     )  # fmt: skip
     notes = {"iterations": result.iterations, "converged": result.converged, "rank": _RANK}
