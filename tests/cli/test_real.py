@@ -31,7 +31,11 @@ def folder(tmp_path_factory):
     slots = np.random.default_rng(0).integers(4, size=(12, 13))
     shutter = (slots[..., None] == np.arange(4)).astype(np.uint8)
     write_mat(place / "wine.mat", a=np.full((12, 13), 0.5), s=shutter)
-    described = {"kind": "pixel-shutter", "device": "paper", "captures": {"w": {"capture_key": "a", "shutter_key": "s"}}}
+    described = {
+        "kind": "pixel-shutter",
+        "device": "paper",
+        "captures": {"w": {"capture_key": "a", "shutter_key": "s"}},
+    }
     (place / "wine.yaml").write_text(yaml.safe_dump(described))
     return place
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.lab.real_captures.bench import captured, mask_of, smooth_scene
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.errors import SettingError
 from tmca.experiments.real.colour import linear_srgb, srgb_picture
@@ -18,7 +19,6 @@ from tmca.experiments.real.merit import (
     reprojection_error,
     withheld,
 )
-from tests.lab.real_captures.bench import captured, mask_of, smooth_scene
 
 NM = np.linspace(450, 650, 6)
 

@@ -107,7 +107,7 @@ def test_a_file_of_another_network_is_found_out(exported, tmp_path):
     weights = Weights.load(exported[0])
     for parameter in weights.network.parameters():
         torch.nn.init.normal_(parameter, 0.0, 0.1)
-    with pytest.raises(DataError, match="differ by .* export it again"):
+    with pytest.raises(DataError, match=r"differ by .* export it again"):
         check_decoder(exported[1], weights.save(tmp_path / "weights.safetensors"))
 
 

@@ -38,6 +38,8 @@ _CLOSE = 1e-3
 class _Fixed(TapOperator):
     """A tap operator written in plain operations that exporters know; its numbers are those of its parent."""
 
+    energy: Tensor
+
     def __init__(self, operator: TapOperator) -> None:
         super().__init__(operator.taps)
         self.register_buffer("energy", gram_diagonal(operator.taps), persistent=False)
@@ -64,7 +66,7 @@ class _Fixed(TapOperator):
 
     def gram_solve(self, snapshot: Tensor, shift: float | Tensor = 0.0) -> Tensor:
         """``(A Aᵀ + shift·I)⁻¹ snapshot``."""
-        diagonal = self.energy + shift
+        diagonal: Tensor = self.energy + shift
         return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(diagonal.dtype).tiny), 0.0)
 
     def A_dagger(self, snapshot: Tensor) -> Tensor:
@@ -253,6 +255,7 @@ def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, p
             program = torch.onnx.export(
                 decoder, (snapshot,), dynamo=True, input_names=["snapshot"], output_names=["scene"], verbose=False
             )
+            assert program is not None  # it is one with dynamo
             program.save(str(temporary), external_data=False)
         error = _difference(decoder, load_exported(temporary), snapshot)
         _check_close(path, error)

@@ -27,7 +27,7 @@ def study_movie(
     for method in MOVIE_METHODS:
         if told:
             told(method)
-        how = {"time": _TIMES[method]} | ({"weight": _SHARES[method]} if method in _SHARES else {})
+        how: dict[str, Any] = {"time": _TIMES[method]} | ({"weight": _SHARES[method]} if method in _SHARES else {})
         start = time.process_time()
         movie = decode_movie(snapshot, frames, method, **how)
         seconds = time.process_time() - start

@@ -161,7 +161,7 @@ def _geometry_text(found: dict[str, Any]) -> str:
         f"{scene} {both['red far']['withheld']:.2%} against {both['blue far']['withheld']:.2%}"
         for scene, both in found["order"].items()
     )
-    return f"""- **The mask lies as its file says.** Share of the captures' fine structure that its displaced copies explain:
+    return f"""- **The mask lies as its file says.** Its displaced copies explain of the captures' fine structure:
   {shares}.
 - **Its image is {scale - 1:.2%} larger along y and {shift:.2f} pixels lower than its file**, with a deviation of
   {found["deviation"]:.2f} pixels from block to block. In register and blurred the copies explain

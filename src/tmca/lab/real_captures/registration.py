@@ -75,7 +75,7 @@ def explained(block: Array, mask: Array, top: int, left: int, offsets: Sequence[
     padded = np.pad(mask[top : top + height], ((0, 0), wide))
     copies = np.stack([padded[:, wide[0] + left - d : wide[0] + left - d + width].ravel() for d in offsets], axis=1)
     fine = block.ravel()
-    weights = np.linalg.lstsq(copies, fine, rcond=None)[0]
+    weights = np.asarray(np.linalg.lstsq(copies, fine, rcond=None)[0], dtype=np.float64)
     rest = fine - copies @ weights
     return 1 - float(rest @ rest) / max(float(fine @ fine), 1e-30), weights
 
@@ -177,9 +177,10 @@ def _peak(places: Array, values: Array, at: int) -> float:
 def _line(x: Array, y: Array, weights: Array) -> tuple[Array, float]:
     """Intercept and slope of a line through points, three rounds without what lies three deviations away."""
     kept = np.ones(len(x), dtype=bool)
-    line, deviation = np.zeros(2), 0.0
+    line: Array = np.zeros(2)
+    deviation = 0.0
     for _ in range(3):
-        line = np.polynomial.polynomial.polyfit(x[kept], y[kept], 1, w=weights[kept])
+        line = np.asarray(np.polynomial.polynomial.polyfit(x[kept], y[kept], 1, w=weights[kept]), dtype=np.float64)
         away = np.abs(y - line[0] - line[1] * x)
         deviation = float(np.sqrt(np.mean(away[kept] ** 2)))
         kept = away <= max(3 * deviation, 0.05)
