@@ -10,6 +10,7 @@ COMMANDS = {
     "demo": ("demo:demo", "Rendered scenes through a static and a time-multiplexed camera and back, with a report."),
     "render": ("render:render", "Write a rendered scene with its depth, or a light field, to a file."),
     "inspect": ("inspect:inspect", "Say what a file holds: cube, light field, capture, codes, prior."),
+    "import": ("import_capture:app", "Make a snapshot file of a real capture, with its mask, levels and noise."),
     "simulate": ("simulate:app", "Take a coded snapshot of a scene."),
     "reconstruct": ("reconstruct:app", "Recover the scene from a snapshot file."),
     "evaluate": ("evaluate:app", "Compare an estimate with the truth, by every metric."),
@@ -24,6 +25,8 @@ COMMANDS = {
         "Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene.",
     ),
     "calibrate": ("calibrate:app", "From captures to a dated calibration of a coded camera, step by step."),
+    "real": ("real:app", "Real captures: mask in register, frames behind a pixel shutter, a report of all."),
+    "decoder": ("decoder:app", "Trained decoders as files that need no tmca: torch.export and ONNX."),
     "dbd": ("dbd:app", "Radar targets and radio paths from one overlaid signal."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }

@@ -27,6 +27,7 @@ def spectral(
     config: Path | None = None,
     train: list[str] | None = None,
     validation: list[str] | None = None,
+    snapshot: Path | None = None,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     steps: MaybeWhole = None,
     accelerator: str = "auto",
@@ -44,6 +45,8 @@ def spectral(
         config: YAML description; options replace its values.
         train: cubes, rendered scenes, or split files; may be given several times.
         validation: the same, for choosing the best checkpoint; else shares of --train are set aside.
+        snapshot: a file of a real or simulated capture, for whose camera the decoder is trained: its codes (kept as
+            they are), bands, optics and noise; scenes are interpolated to its bands.
         set_: any setting, as camera.slots=4 or noise='[{read_noise: 0.01}]'; may be given several times.
         steps: optimiser steps.
         accelerator: auto, cpu or cuda.
@@ -52,9 +55,19 @@ def spectral(
     from tmca.experiments.scenes import load_scene
     from tmca.training import settings_from, train_spectral
 
-    settings = settings_from(preset, config, _changes(set_, train, validation, steps))
-    bands = settings.data.bands
-    _run(train_spectral, settings, out, lambda name: load_scene(name, bands=bands), accelerator, json)
+    own: dict[str, Any] = {}
+    if snapshot is not None:
+        from tmca.experiments.spectral.own_camera import training_of
+
+        own, load = training_of(snapshot)
+    settings = settings_from(preset, config, own | _changes(set_, train, validation, steps))
+    if snapshot is None:
+        bands = settings.data.bands
+
+        def load(name: str) -> Any:
+            return load_scene(name, bands=bands)
+
+    _run(train_spectral, settings, out, load, accelerator, json)
 
 
 @app.command

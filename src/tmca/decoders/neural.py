@@ -112,7 +112,7 @@ class Weights:
         Raises:
             OutputError: the file exists, or cannot be written.
         """
-        codes = {name: getattr(self, name).to(torch.uint8) for name in ("aperture", "shutter")}
+        codes = {name: _compact(getattr(self, name)) for name in ("aperture", "shutter")}
         about = {
             "kind": self.network.kind, "settings": self.network.settings, "wavelengths": list(self.wavelengths),
             "camera": self.camera, "prior": self.prior, "card": self.card, "application": self.application,
@@ -204,6 +204,11 @@ class NeuralDecoder:
         light = snapshot[:, :, first:last, near : near + part.snapshot_shape[2]]
         found = self.network(light, part, noise, start[:, :, first:last, near:far])
         return found[:, :, place[0] - first : place[1] - first, place[2] - near : place[3] - near]
+
+
+def _compact(codes: Tensor) -> Tensor:
+    """Binary codes as bytes, grey ones (a measured mask) as they are."""
+    return codes.float() if bool(((codes != 0) & (codes != 1)).any()) else codes.to(torch.uint8)
 
 
 def _keeps_columns(operator: TapOperator) -> bool:

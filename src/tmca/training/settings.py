@@ -25,6 +25,7 @@ class CameraSettings(Strict):
     """The spectral camera of a run; names as in ``SpectralCamera``.
 
     ``learn`` says which codes are learned. ``period`` tiles them: a tile is seen in every step, a full frame rarely.
+    ``response`` is the sensor's, one value per band; ones without it.
     """
 
     size: tuple[int, int] = (256, 256)
@@ -34,6 +35,7 @@ class CameraSettings(Strict):
     exposure: Literal["equal", "per-slot"] = "equal"
     dispersion: float | tuple[float, ...] = 1.0
     disperser: Literal["single", "dual"] = "single"
+    response: tuple[float, ...] | None = None
     transmittance: float = Field(default=0.5, gt=0, lt=1)
     duty: float = Field(default=0.5, gt=0, lt=1)
     period: Pixels | tuple[Pixels, Pixels] | None = None

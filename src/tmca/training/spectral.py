@@ -47,9 +47,11 @@ class SpectralApplication:
         return learn_prior(scenes, spread=cast(SpectralCamera, camera).dispersion.spread, mixture=mixture)
 
     def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
-        """Wavelengths, and dispersion."""
+        """Wavelengths, dispersion, and a response that is not flat."""
         own = cast(SpectralCamera, camera)
-        return own.wavelengths, {"dispersion": list(own.dispersion.displacement), "disperser": own.disperser}
+        response = own.response.detach().cpu().tolist()
+        flat = {} if set(response) == {1.0} else {"response": response}
+        return own.wavelengths, {"dispersion": list(own.dispersion.displacement), "disperser": own.disperser, **flat}
 
 
 def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:

@@ -1,0 +1,87 @@
+"""``tmca decoder``: trained decoders as programs of their own, for use beside a camera."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from tmca.cli.options import check_targets, size
+
+app = App(name="decoder", help="Trained decoders as files that need no tmca: torch.export and ONNX.")
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+@app.command
+def export(
+    run: Path,
+    /,
+    *,
+    out: Path,
+    formats: str = "torch,onnx",
+    frame: str | None = None,
+    noise: float | None = None,
+    overwrite: Flag = False,
+    json: Flag = False,
+) -> None:
+    """Write the network of RUN, with its codes and optics, as decoder.pt2 and decoder.onnx, each checked when written.
+
+    Args:
+        run: folder of `tmca train spectral` or a weights file; its network starts from adjoint or dagger.
+        out: folder to write into.
+        formats: torch, onnx, or both separated by a comma; onnx needs `pip install 'tmca[onnx]'`.
+        frame: HEIGHTxWIDTH of the scene; that of the run's camera without it.
+        noise: read noise that the network is told, snapshot units; that of its training without it.
+        overwrite: replace files that exist.
+        json: print JSON instead of text.
+    """
+    from tmca.lab.exported_decoder import export_decoder
+
+    names = tuple(name.strip() for name in formats.split(",") if name.strip())
+    found = export_decoder(run, out, names, size=size(frame, "--frame"), noise=noise, overwrite=overwrite)
+    _say(found, json)
+
+
+@app.command
+def check(folder: Path, /, *, run: Path, json: Flag = False) -> None:
+    """Compare the files in FOLDER with the network that they were made from, on random input.
+
+    Args:
+        folder: of `tmca decoder export`.
+        run: the training run.
+        json: print JSON instead of text.
+    """
+    from tmca.lab.exported_decoder import check_decoder
+
+    _say(check_decoder(folder, run), json)
+
+
+@app.command
+def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", overwrite: Flag = False) -> None:
+    """Decode SNAPSHOT with an exported decoder of FOLDER.
+
+    Args:
+        folder: of `tmca decoder export`.
+        snapshot: file of the camera that the decoder was made for.
+        out: NetCDF file of the estimate.
+        format: torch or onnx.
+        overwrite: replace the file if it exists.
+    """
+    from tmca.data import write_dataset
+    from tmca.lab.exported_decoder import decode_exported
+
+    check_targets([out], overwrite, snapshot)
+    cube, seconds = decode_exported(folder, snapshot, format)
+    write_dataset(cube, out, overwrite=overwrite)
+    print(f"{out}: {format}, {seconds:.2f} s")
+
+
+def _say(found: list[Any], json: bool) -> None:
+    rows = [{"format": one.format, "file": str(one.path), "error": one.error} for one in found]
+    if json:
+        print(json_module.dumps(rows, indent=1))
+        return
+    for row in rows:
+        print(f"{row['file']}: {row['format']}, differs from the network by {row['error']:.1e} of its largest value")

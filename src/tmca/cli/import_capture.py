@@ -1,0 +1,56 @@
+"""``tmca import``: a real capture becomes a snapshot file."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from tmca.cli.options import check_targets
+
+app = App(name="import", help="Make a snapshot file of a real capture, so that every decoder takes it.")
+
+
+@app.default
+def import_(
+    capture: Path,
+    /,
+    *,
+    prototype: str,
+    out: Path,
+    mask: Path | None = None,
+    name: str | None = None,
+    noise: float | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write CAPTURE with its codes, optics, levels and noise to a snapshot file for `tmca reconstruct`.
+
+    Args:
+        capture: file of the capture (.mat, .npy, TIFF, HDF5, …).
+        prototype: tsa, pixel-shutter-wine, or a YAML description of one's own (docs/real-captures.md).
+        out: snapshot file to write (.nc).
+        mask: file of the mask of a single disperser.
+        name: which capture, where a file holds several.
+        noise: standard deviation in the capture's numbers; estimated from its darkest part without it.
+        overwrite: replace the file if it exists.
+        json: print JSON instead of text.
+    """
+    from tmca.lab.real_captures import import_capture, load_prototype
+
+    check_targets([out], overwrite, capture)
+    taken = import_capture(capture, load_prototype(prototype), mask, name=name, noise=noise)
+    taken.save(out, overwrite=overwrite)
+    camera, notes = taken.camera, taken.notes
+    about = {
+        "snapshot": str(out), "scene": notes["scene"], "size": list(camera.size), "bands": camera.bands,
+        "slots": camera.slots, "gain": notes["gain"], "noise_in_capture": notes["noise_in_capture"],
+    }  # fmt: skip
+    if json:
+        print(json_module.dumps(about, indent=1))
+        return
+    size = f"{camera.size[0]}×{camera.size[1]} pixels, {camera.bands} bands, {camera.slots} slots"
+    print(f"{out}: {notes['scene']}, {size}")
+    print(f"  1 of the capture is {notes['gain']:.4g}; noise {notes['noise_in_capture']:.2g} of the capture")

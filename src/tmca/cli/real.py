@@ -1,0 +1,122 @@
+"""``tmca real``: what real captures say of their prototype, and how well they can be decoded."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from tmca.cli.numbers import Whole
+from tmca.cli.options import check_figure, check_targets, warned
+
+app = App(name="real", help="Real captures: mask in register, frames behind a pixel shutter, a report of all.")
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+@app.command
+def register(
+    captures: list[Path],
+    /,
+    *,
+    mask: Path,
+    prototype: str,
+    json: Flag = False,
+) -> None:
+    """Find scale and shift of a mask's image along y from CAPTURES of any scenes behind it.
+
+    Args:
+        captures: files of captures.
+        mask: file of the mask.
+        prototype: tsa, or a YAML description; its numbers for the registration are not used.
+        json: print JSON instead of text.
+    """
+    from tmca.data import read_array
+    from tmca.errors import SettingError
+    from tmca.lab.real_captures import SingleDisperser, load_prototype, register_mask
+
+    found = load_prototype(prototype)
+    if not isinstance(found, SingleDisperser):
+        raise SettingError("--prototype", prototype, "one with a mask and a single disperser")
+    offsets = [round(found.pixels_per_band * band) for band in range(len(found.wavelengths_nm))]
+    values = [read_array(file, found.capture_key) for file in captures]
+    registration, deviation = register_mask(values, read_array(mask, found.mask_key), offsets, black=found.black)
+    if json:
+        print(json_module.dumps({**registration.model_dump(), "deviation": deviation}, indent=1))
+        return
+    scale, shift = registration.scale[0], registration.shift[0]
+    print(f"{mask}: in the captures {scale:.5f} times as large along y, {shift:+.3f} pixels down")
+    print(f"  blocks deviate by {deviation:.3f} pixels")
+
+
+@app.command
+def movie(
+    snapshot: Path,
+    /,
+    *,
+    out: Path,
+    frames: Whole = 16,
+    decoder: str = "smoothed",
+    weight: float = 0.005,
+    time: float = 3.0,
+    figure: Path | None = None,
+    overwrite: Flag = False,
+) -> None:
+    """Frames of a scene that changed during the exposure of SNAPSHOT, a file of `tmca import` or `tmca simulate`.
+
+    Args:
+        snapshot: whose aperture does not change from slot to slot.
+        out: NetCDF file of frames to write.
+        frames: a divisor of the number of slots.
+        decoder: smoothed (every pixel open once, nothing displaced), or space-time-tv.
+        weight: of the total variation.
+        time: of a difference between frames relative to one between pixels.
+        figure: write a picture of some of them (PNG).
+        overwrite: replace files that exist.
+    """
+    from tmca.cameras import Snapshot
+    from tmca.data import write_dataset
+    from tmca.experiments.figures import save_figure
+    from tmca.experiments.real.figures import movie_figure
+    from tmca.lab.real_captures.movie import decode_movie, frame_dataset
+
+    check_figure(figure, overwrite, snapshot)
+    check_targets([out], overwrite, snapshot)
+    taken: Snapshot[Any] = Snapshot.load(snapshot)
+    found = decode_movie(taken, frames, decoder, weight=weight, time=time)
+    write_dataset(frame_dataset(found, taken), out, overwrite=overwrite)
+    if figure is not None:
+        values = taken.values[0, 0].numpy()
+        drawing = movie_figure({decoder: found.frames.mean(1).numpy()}, {decoder: values}, shown=min(frames, 8))
+        save_figure(drawing, figure, overwrite=overwrite)
+    print(f"{out}: {frames} frames of {found.slots} slots each, {decoder}")
+
+
+@app.command
+def report(
+    *,
+    data: Path,
+    out: Path,
+    weights: Path | None = None,
+    decoders: str = "admm-tv,pnp,network",
+    keep: Path = Path("real-estimates"),
+    overwrite: Flag = False,
+) -> None:
+    """Decode and judge the public captures of TSA-Net and of the shuffled rolling shutter: a page, JSON and pictures.
+
+    Args:
+        data: folder that holds tsa/ and pixel_shutter_wine/, or the one above.
+        out: page to write, without suffix.
+        weights: run of `tmca train spectral --snapshot`, for network.
+        decoders: some of admm-tv, pnp, network, separated by commas.
+        keep: folder of estimates, which the next report uses again; delete it where decoders changed.
+        overwrite: replace results that exist.
+    """
+    from tmca.experiments.real.report import write_report
+
+    names = [name.strip() for name in decoders.split(",") if name.strip()]
+    command = ["tmca", *sys.argv[1:]]
+    files = write_report(data, out, names, weights, keep, command, overwrite=overwrite, told=warned)
+    print(f"{files[1]}: {', '.join(file.name for file in files[2:])} beside it")

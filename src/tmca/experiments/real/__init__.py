@@ -1,0 +1,1 @@
+"""Captures of real prototypes: decoded, judged without a truth, and reported."""

@@ -1,0 +1,59 @@
+"""Captures behind a per-pixel shutter: frames by two decoders, and how well they foretell pixels they are not shown."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.experiments.real.merit import foretelling_error, neighbours_error, reprojection_error, withheld
+from tmca.lab.real_captures.movie import MOVIE_METHODS, decode_movie, frame_operator
+from tmca.metrics import psnr
+
+_TIMES = {"space-time-tv": 2.0, "smoothed": 3.0}
+_SHARES = {"space-time-tv": 0.005}
+
+
+def study_movie(
+    snapshot: Snapshot[SpectralCamera], frames: int = 16, told: Callable[[str], None] | None = None
+) -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
+    """Rows of the table and frames (F, H, W) of every decoder for one capture."""
+    operator, (blind, hidden) = frame_operator(snapshot.camera, frames), withheld(snapshot)
+    moving = moving_part(snapshot)
+    rows, found = [], {}
+    for method in MOVIE_METHODS:
+        if told:
+            told(method)
+        how: dict[str, Any] = {"time": _TIMES[method]} | ({"weight": _SHARES[method]} if method in _SHARES else {})
+        start = time.process_time()
+        movie = decode_movie(snapshot, frames, method, **how)
+        seconds = time.process_time() - start
+        guessed = decode_movie(blind, frames, method, **how).frames[None]
+        rows.append(
+            {
+                "decoder": method, "seconds": seconds,
+                "reprojection": reprojection_error(operator, movie.frames[None], snapshot.values),
+                "withheld": foretelling_error(operator, guessed, snapshot.values, hidden),
+                "withheld_moving": foretelling_error(operator, guessed, snapshot.values, hidden & moving),
+                "neighbours": neighbours_error(snapshot.values, hidden),
+                "neighbours_moving": neighbours_error(snapshot.values, hidden & moving),
+            }
+        )  # fmt: skip
+        found[method] = movie.frames[:, 0].numpy()
+    first, second = (np.clip(found[name], 0, 1) for name in MOVIE_METHODS)
+    for row in rows:
+        row["agreement_psnr"] = float(psnr(first, second))
+    return rows, found
+
+
+def moving_part(snapshot: Snapshot[SpectralCamera]) -> Any:
+    """(H, W) True where neighbours, which saw other slots, differ: something moved there."""
+    import torch
+    from scipy.ndimage import gaussian_filter, median_filter
+
+    values = snapshot.values[0, 0].numpy()
+    rough = gaussian_filter((values - median_filter(values, 5)) ** 2, 4)
+    return torch.from_numpy(rough > 0.1 * np.quantile(rough, 0.99))

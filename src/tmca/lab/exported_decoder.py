@@ -1,0 +1,308 @@
+"""A trained decoder as a program of its own, for use beside a camera: `torch.export` and ONNX.
+
+Mask, optics, noise and network are fixed in it: one input, the snapshot (1, 1, H, W'), one output, the scene
+(1, L, H, W). Each file is run and compared with the decoder that it was made from before it is kept.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from tmca.cameras import Snapshot
+from tmca.data import atomic_path, check_target, make_folder, write_json
+from tmca.decoders.neural import Weights
+from tmca.decoders.start import NEED_PRIOR, first_estimate
+from tmca.errors import DataError, SettingError
+from tmca.operators import TapOperator
+from tmca.operators.gram import gram_diagonal, gram_neighbour
+from tmca.sensor import Noise, Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FORMATS = {"torch": "decoder.pt2", "onnx": "decoder.onnx"}
+_ABOUT = "decoder.json"
+_CLOSE = 1e-3
+"""Largest difference, as a share of the largest value, at which a file counts as the same decoder."""
+
+
+class _Fixed(TapOperator):
+    """A tap operator written in plain operations that exporters know; its numbers are those of its parent."""
+
+    energy: Tensor
+
+    def __init__(self, operator: TapOperator) -> None:
+        super().__init__(operator.taps)
+        self.register_buffer("energy", gram_diagonal(operator.taps), persistent=False)
+
+    def A(self, scene: Tensor) -> Tensor:
+        """(B, L, H, W) → (B, 1, H, W')."""
+        taps, columns = self.taps, self.code.shape[2]
+        total = scene.new_zeros(scene.shape[0], scene.shape[2], taps.snapshot_width)
+        for code, channel, offset in zip(self.code, taps.channels, taps.offsets, strict=True):
+            room = (offset, taps.snapshot_width - columns - offset)
+            total = total + nn.functional.pad(scene[:, channel] * code, room)
+        return total[:, None]
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W)."""
+        columns = self.code.shape[2]
+        return torch.stack(
+            [
+                snapshot[:, 0, :, offset : offset + columns] * code
+                for code, offset in zip(self.code, self.taps.offsets, strict=True)
+            ],
+            dim=1,
+        )
+
+    def gram_solve(self, snapshot: Tensor, shift: float | Tensor = 0.0) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``."""
+        diagonal: Tensor = self.energy + shift
+        return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(diagonal.dtype).tiny), 0.0)
+
+    def A_dagger(self, snapshot: Tensor) -> Tensor:
+        """Least-norm scene."""
+        return self.A_adjoint(self.gram_solve(snapshot, 0.0))
+
+
+class CameraDecoder(nn.Module):
+    """Snapshot (1, 1, H, W') → scene (1, L, H, W) behind fixed codes.
+
+    Args:
+        weights: of a network that starts from ``adjoint`` or ``dagger``.
+        operator: of the camera.
+        noise: of its sensor.
+
+    Raises:
+        SettingError: a network that starts from a prior, or a dispersion by parts of pixels.
+    """
+
+    def __init__(self, weights: Weights, operator: TapOperator, noise: Noise) -> None:
+        super().__init__()
+        if weights.network.start in NEED_PRIOR:
+            wanted = "one that starts from adjoint or dagger, which is a formula"
+            raise SettingError(
+                "weights", f"a network that starts from {weights.network.start}", wanted,
+                "train it with --set decoder='{kind: unrolled, start: dagger}'",
+            )  # fmt: skip
+        taps = operator.taps
+        if gram_neighbour(taps) is not None or taps.channels != tuple(range(taps.scene_channels)):
+            raise SettingError("dispersion", "parts of pixels", "whole pixels for an exported decoder")
+        self.network, self.operator, self.noise = weights.network, _Fixed(operator), noise
+
+    def forward(self, snapshot: Tensor) -> Tensor:
+        """(1, 1, H, W') → (1, L, H, W), nothing below zero, as `tmca reconstruct`."""
+        start = first_estimate(self.network.start, snapshot, self.operator, self.noise)
+        return self.network(snapshot, self.operator, self.noise, start).clamp_min(0)
+
+
+@dataclass(frozen=True)
+class Exported:
+    """One file of an exported decoder.
+
+    Args:
+        format: ``"torch"`` or ``"onnx"``.
+        path: of the file.
+        error: largest difference from the decoder in torch, as a share of its largest value.
+    """
+
+    format: str
+    path: Path
+    error: float
+
+
+def export_decoder(
+    run: str | Path,
+    out: str | Path,
+    formats: tuple[str, ...] = ("torch", "onnx"),
+    *,
+    size: tuple[int, int] | None = None,
+    noise: float | None = None,
+    overwrite: bool = False,
+) -> list[Exported]:
+    """Write the decoder of a training run as files that need no tmca, each checked on random input.
+
+    Args:
+        run: folder of `tmca train spectral`, or a weights file.
+        out: folder of the files; made if it does not exist.
+        formats: ``"torch"`` (`torch.export`) and ``"onnx"``.
+        size: (H, W) of the scene; that of the run's camera without it.
+        noise: read noise in snapshot units that the network is told; that of its training without it.
+        overwrite: replace files that exist.
+
+    Raises:
+        SettingError: an unknown format, a package that is missing, or a decoder that cannot stand alone.
+        DataError: an exported file that does not compute what the decoder does.
+        OutputError: files that exist.
+    """
+    _check_formats(formats)
+    folder = Path(out)
+    for file in [FORMATS[one] for one in formats] + [_ABOUT]:
+        if folder.is_dir():
+            check_target(folder / file, overwrite)
+    weights = Weights.load(run)
+    camera = weights.spectral_camera(size, sensor=_sensor(weights, noise))
+    operator = camera.operator()
+    if not isinstance(operator, TapOperator):
+        raise SettingError("weights", "optics that keep the slots apart", "one code for all slots")
+    decoder = CameraDecoder(weights, operator, camera.noise).eval()
+    make_folder(folder)
+    found = [_written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite) for one in formats]
+    about = {
+        "weights": str(weights.path), "snapshot": [1, *camera.snapshot_shape], "scene": [1, *camera.scene_shape],
+        "wavelengths_m": list(weights.wavelengths), "read_noise": camera.noise.read, "shot_noise": camera.noise.shot,
+        "units": "1 is one band of a white scene through open codes",
+        "files": [{"format": one.format, "file": one.path.name, "error": one.error} for one in found],
+    }  # fmt: skip
+    write_json(about, folder / _ABOUT, overwrite=overwrite)
+    return found
+
+
+def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Exported]:
+    """Compare the files of an exported decoder with the run they were made from, on random input.
+
+    Raises:
+        DataError: no exported decoder in the folder, or one that computes something else.
+    """
+    folder = Path(folder)
+    about = _about(folder)
+    weights = Weights.load(run)
+    noise = Noise(about["read_noise"], about["shot_noise"])
+    camera = weights.spectral_camera((about["scene"][2], about["scene"][3]))
+    operator = camera.operator()
+    assert isinstance(operator, TapOperator)
+    decoder = CameraDecoder(weights, operator, noise).eval()
+    files = {entry["format"]: folder / entry["file"] for entry in about["files"]}
+    snapshot = _random(camera.snapshot_shape, seed)
+    found = [Exported(one, file, _difference(decoder, load_exported(file), snapshot)) for one, file in files.items()]
+    for one in found:
+        _check_close(one.path, one.error)
+    return found
+
+
+def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
+    """An exported decoder as a function of the snapshot (1, 1, H, W').
+
+    Raises:
+        DataError: no such file.
+        SettingError: onnxruntime is missing.
+    """
+    file = Path(file)
+    if not file.is_file():
+        raise DataError(file, "no such file", "an exported decoder", "write it with `tmca decoder export`")
+    if file.suffix == ".pt2":
+        program = torch.export.load(str(file)).module()
+        return lambda snapshot: program(snapshot)
+    session = _packages("onnxruntime").InferenceSession(str(file), providers=["CPUExecutionProvider"])
+    return lambda snapshot: torch.from_numpy(session.run(None, {"snapshot": snapshot.numpy()})[0])
+
+
+def decoder_file(folder: str | Path, format: str) -> Path:
+    """The file of one format in a folder that `export_decoder` wrote."""
+    files = {entry["format"]: entry["file"] for entry in _about(Path(folder))["files"]}
+    if format not in files:
+        raise SettingError("--format", repr(format), f"one of {', '.join(files)}")
+    return Path(folder) / files[format]
+
+
+def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> tuple[xr.DataArray, float]:
+    """The scene (wavelength, y, x) of a snapshot file, and the seconds that the decoder took.
+
+    Raises:
+        DataError: a snapshot of another size, or a file that is missing.
+        SettingError: a format that was not exported.
+    """
+    import xarray as xr
+
+    about, file = _about(Path(folder)), decoder_file(folder, format)
+    values = Snapshot.load(snapshot).values
+    if list(values.shape) != about["snapshot"]:
+        raise DataError(snapshot, f"a snapshot of shape {tuple(values.shape)}", f"{tuple(about['snapshot'])}")
+    decoder = load_exported(file)
+    start = time.perf_counter()
+    with torch.no_grad():
+        scene = decoder(values)
+    seconds = time.perf_counter() - start
+    coords = {"wavelength": ("wavelength", about["wavelengths_m"], {"units": "m"})}
+    attrs = {"quantity": "relative irradiance", "units": "1", "long_name": f"scene estimated by {file.name}"}
+    cube = xr.DataArray(scene[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs, name="estimate")
+    return cube, seconds
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    file = folder / _ABOUT
+    if not file.is_file():
+        raise DataError(folder, f"no {_ABOUT}", "a folder of `tmca decoder export`")
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool) -> Exported:
+    """One file, kept only if it computes what the decoder does."""
+    snapshot = _random(shape, seed=0)
+    with torch.no_grad(), atomic_path(path, overwrite=overwrite) as temporary:
+        if format == "torch":
+            torch.export.save(torch.export.export(decoder, (snapshot,), strict=False), str(temporary))
+        else:
+            program = torch.onnx.export(
+                decoder, (snapshot,), dynamo=True, input_names=["snapshot"], output_names=["scene"], verbose=False
+            )
+            assert program is not None  # it is one with dynamo
+            program.save(str(temporary), external_data=False)
+        error = _difference(decoder, load_exported(temporary), snapshot)
+        _check_close(path, error)
+    return Exported(format, path, error)
+
+
+def _check_close(path: Path, error: float) -> None:
+    """Raises DataError unless an exported file computes what the network does."""
+    if not error <= _CLOSE:
+        found = f"values that differ by {error:.2g} of the largest from the network's"
+        raise DataError(path, found, f"{_CLOSE:g} at most", "export it again from this run")
+
+
+@torch.no_grad()
+def _difference(decoder: nn.Module, exported: Callable[[Tensor], Tensor], snapshot: Tensor) -> float:
+    wanted = decoder(snapshot)
+    return float((exported(snapshot) - wanted).abs().max() / wanted.abs().max())
+
+
+def _random(shape: tuple[int, int, int], seed: int) -> Tensor:
+    """A snapshot of noise, as bright as an ordinary one."""
+    values = np.random.default_rng(seed).random((1, *shape), dtype=np.float32)
+    return torch.from_numpy(5 * values)
+
+
+def _sensor(weights: Weights, noise: float | None) -> Sensor:
+    """The sensor that the network is told of."""
+    if noise is not None:
+        return Sensor(read_noise=noise)
+    first = weights.card.get("training", {}).get("noise", [{}])[0]
+    return Sensor(**first)
+
+
+def _check_formats(formats: tuple[str, ...]) -> None:
+    unknown = [one for one in formats if one not in FORMATS]
+    if unknown or not formats:
+        found = unknown[0] if unknown else "none"
+        raise SettingError("formats", found, f"some of {', '.join(FORMATS)}")
+    if "onnx" in formats:
+        for name in ("onnx", "onnxscript", "onnxruntime"):
+            _packages(name)
+
+
+def _packages(name: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise SettingError("onnx", f"no package {name}", "it", "pip install 'tmca[onnx]'") from error

@@ -1,0 +1,16 @@
+"""Captures of real prototypes as snapshot files: what a prototype is, its mask in register, its noise."""
+
+from tmca.lab.real_captures.captures import import_capture
+from tmca.lab.real_captures.prototype import PixelShutter, SingleDisperser, load_prototype, prototype_names
+from tmca.lab.real_captures.registration import Registration, register_mask, registered
+
+__all__ = [
+    "PixelShutter",
+    "Registration",
+    "SingleDisperser",
+    "import_capture",
+    "load_prototype",
+    "prototype_names",
+    "register_mask",
+    "registered",
+]

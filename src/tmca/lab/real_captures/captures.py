@@ -1,0 +1,133 @@
+"""From a prototype's capture and codes to a snapshot that every decoder takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import checksum_of, read_array
+from tmca.errors import DataError, SettingError, TmcaError
+from tmca.lab.real_captures.noise import dark_noise
+from tmca.lab.real_captures.prototype import PixelShutter, SingleDisperser
+from tmca.lab.real_captures.registration import registered
+from tmca.sensor import Sensor
+
+Array = NDArray[np.float64]
+
+
+def import_capture(
+    capture: str | Path,
+    prototype: SingleDisperser | PixelShutter,
+    mask: str | Path | None = None,
+    *,
+    name: str | None = None,
+    noise: float | None = None,
+) -> Snapshot[SpectralCamera]:
+    """A real capture with the camera that took it.
+
+    Args:
+        capture: file of the capture.
+        prototype: what is known of the device.
+        mask: file of the mask of a single disperser.
+        name: which capture of a pixel shutter's file.
+        noise: standard deviation in the capture's numbers; estimated from its darkest part without it.
+
+    Returns:
+        A snapshot whose values are in the package's units: 1 is one band of a white scene through open codes.
+
+    Raises:
+        DataError: a file that does not hold what the prototype says, or of another size.
+        SettingError: a mask or a name that is missing, or given where none is used.
+    """
+    if isinstance(prototype, SingleDisperser):
+        if mask is None or name is not None:
+            found, wanted = ("none", "the file of the mask") if mask is None else (repr(name), "none")
+            raise SettingError("--mask" if mask is None else "--name", found, wanted)
+        return _dispersed(Path(capture), prototype, Path(mask), noise)
+    if mask is not None:
+        raise SettingError("--mask", str(mask), "none: the shutter lies in the capture's file", "leave it out")
+    return _shuttered(Path(capture), prototype, name, noise)
+
+
+def _dispersed(capture: Path, prototype: SingleDisperser, mask: Path, noise: float | None) -> Snapshot[SpectralCamera]:
+    values = _plane(capture, prototype.capture_key)
+    code = _plane(mask, prototype.mask_key)
+    if code.min() < 0 or code.max() > 1:
+        raise DataError(mask, f"a mask of {code.min():g} to {code.max():g}", "transmittances between 0 and 1")
+    response = prototype.response_of_bands()
+    code = registered(code, prototype.registration)
+    spread = noise if noise is not None else dark_noise(values)
+    unit = code.mean() * response.sum() / (prototype.white - prototype.black)
+    sensor = Sensor(read_noise=spread * unit, full_well=prototype.full_well, saturates=False)
+    try:
+        camera = SpectralCamera(
+            bands=[nm * 1e-9 for nm in prototype.wavelengths_nm], size=code.shape, slots=1,
+            aperture=torch.from_numpy(code.astype(np.float32))[None], shutter="open",
+            dispersion=prototype.pixels_per_band, response=torch.from_numpy(response.astype(np.float32)), sensor=sensor,
+        )  # fmt: skip
+    except TmcaError as error:
+        raise DataError(mask, f"a mask that makes no camera ({error})", "one of this prototype") from error
+    _check_size(capture, values, camera)
+    about = _notes(prototype, capture, spread, unit) | {
+        "mask": str(mask), "mask_sha256": checksum_of(mask), "registration": prototype.registration.model_dump_json(),
+        "response": str(prototype.response), "scene": prototype.scenes.get(capture.stem, capture.stem),
+    }  # fmt: skip
+    return Snapshot(_tensor((values - prototype.black) * unit), camera, about)
+
+
+def _shuttered(
+    capture: Path, prototype: PixelShutter, name: str | None, noise: float | None
+) -> Snapshot[SpectralCamera]:
+    if name not in prototype.captures:
+        raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
+    pair = prototype.captures[name]
+    values, patterns = _plane(capture, pair.capture_key), read_array(capture, pair.shutter_key)
+    if patterns.ndim != 3 or patterns.shape[:2] != values.shape:
+        found = f"{pair.shutter_key} of shape {patterns.shape}"
+        raise DataError(capture, found, f"({values.shape[0]}, {values.shape[1]}, slots)")
+    shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
+    spread = noise if noise is not None else dark_noise(values)
+    unit = 1 / (prototype.white - prototype.black)
+    bad = values >= prototype.saturation if prototype.saturation is not None else np.zeros(values.shape, dtype=bool)
+    camera = SpectralCamera(
+        bands=[prototype.wavelength_nm * 1e-9], size=values.shape, slots=len(shutter), exposure="per-slot",
+        aperture=torch.ones(len(shutter), *values.shape), shutter=shutter, dispersion=0.0,
+        sensor=Sensor(read_noise=spread * unit),
+    )  # fmt: skip
+    about = _notes(prototype, capture, spread, unit) | {
+        "capture": name, "scene": prototype.scenes.get(name, name), "saturated_pixels": int(bad.sum()),
+    }  # fmt: skip
+    return Snapshot(_tensor((values - prototype.black) * unit), camera, about)
+
+
+def _plane(file: Path, key: str | None) -> Array:
+    values = np.squeeze(read_array(file, key)).astype(np.float64)
+    if values.ndim != 2 or not np.isfinite(values).all():
+        raise DataError(file, f"{key or 'an array'} of shape {values.shape}", "a finite picture (rows, columns)")
+    return values
+
+
+def _check_size(capture: Path, values: Array, camera: SpectralCamera) -> None:
+    expected = camera.snapshot_shape[1:]
+    if values.shape != expected:
+        found = f"{values.shape[0]}×{values.shape[1]} pixels"
+        wanted = f"{expected[0]}×{expected[1]}: the mask's size and its bands' displacement along x"
+        raise DataError(capture, found, wanted, "give the mask of this capture")
+
+
+def _notes(prototype: SingleDisperser | PixelShutter, capture: Path, spread: float, unit: float) -> dict[str, Any]:
+    """What the file keeps of where it comes from and of how its numbers were made."""
+    return {
+        "real_capture": 1, "prototype": prototype.kind, "device": prototype.device, "source": str(capture),
+        "source_sha256": checksum_of(capture), "black_level": prototype.black, "white_level": prototype.white,
+        "gain": unit, "noise_in_capture": spread, "turned": prototype.turned,
+    }  # fmt: skip
+
+
+def _tensor(values: Array) -> torch.Tensor:
+    return torch.from_numpy(values.astype(np.float32))[None, None]

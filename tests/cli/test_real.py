@@ -1,0 +1,107 @@
+"""``tmca import``, ``tmca real`` and ``tmca decoder`` from files to files, and what they refuse."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+
+from tests.cli.refusals import refused
+from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
+from tmca.cli import main
+from tmca.lab.real_captures import Registration, registered
+
+
+def said(capsys, *arguments):
+    capsys.readouterr()
+    main([str(a) for a in arguments])
+    return capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Files of a bench whose mask is larger in its captures."""
+    place = tmp_path_factory.mktemp("bench")
+    (place / "bench.yaml").write_text(yaml.safe_dump(DESCRIBED))
+    mask = mask_of(170, 150)
+    light = captured(smooth_scene(4, 170, 150), registered(mask, Registration(scale=(1.01, 1), shift=(0.3, 0))))
+    write_mat(place / "capture.mat", y=0.1 + 0.8 * light / light.max())
+    write_mat(place / "mask.mat", mask=mask)
+    slots = np.random.default_rng(0).integers(4, size=(12, 13))
+    shutter = (slots[..., None] == np.arange(4)).astype(np.uint8)
+    write_mat(place / "wine.mat", a=np.full((12, 13), 0.5), s=shutter)
+    described = {
+        "kind": "pixel-shutter",
+        "device": "paper",
+        "captures": {"w": {"capture_key": "a", "shutter_key": "s"}},
+    }
+    (place / "wine.yaml").write_text(yaml.safe_dump(described))
+    return place
+
+
+@pytest.fixture
+def bench(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return ("--prototype", folder / "bench.yaml", "--mask", folder / "mask.mat")
+
+
+def test_a_capture_is_imported_and_reconstructed(capsys, folder, bench):
+    text = said(capsys, "import", folder / "capture.mat", *bench, "--out", "s.nc")
+    assert "s.nc: a plain, 170×150 pixels, 4 bands, 1 slots" in text
+    about = json.loads(said(capsys, "import", folder / "capture.mat", *bench, "--out", "t.nc", "--json"))
+    assert about["bands"] == 4
+    assert "snapshot" in said(capsys, "inspect", "s.nc")
+    assert "dagger" in said(capsys, "reconstruct", "s.nc", "-d", "dagger", "--no-figures", "--out", "e.nc")
+
+
+def test_the_mask_is_put_in_register(capsys, folder, bench):
+    how = ("--mask", folder / "mask.mat", "--prototype", folder / "bench.yaml")
+    found = json.loads(said(capsys, "real", "register", folder / "capture.mat", *how, "--json"))
+    assert found["scale"][0] == pytest.approx(1.01, abs=1.5e-3)
+    assert found["shift"][0] == pytest.approx(0.3, abs=0.08)
+    assert "times as large along y" in said(capsys, "real", "register", folder / "capture.mat", *how)
+    wine = ("--mask", folder / "mask.mat", "--prototype", folder / "wine.yaml")
+    assert "a mask and a single disperser" in refused(capsys, "real", "register", folder / "capture.mat", *wine)
+
+
+def test_frames_behind_a_pixel_shutter(capsys, folder, bench):
+    how = ("--prototype", folder / "wine.yaml", "--name", "w")
+    said(capsys, "import", folder / "wine.mat", *how, "--out", "w.nc")
+    text = said(capsys, "real", "movie", "w.nc", "--frames", "2", "--out", "m.nc", "--figure", "m.png")
+    assert "2 frames of 2 slots each" in text
+    with xr.open_dataset("m.nc") as frames:
+        np.testing.assert_allclose(frames["frames"], 0.5, atol=1e-5)
+    assert "a divisor of the 4 slots" in refused(capsys, "real", "movie", "w.nc", "--frames", "3", "--out", "n.nc")
+
+
+def test_what_cannot_be_imported_is_refused_in_one_line(capsys, folder, bench, tmp_path):
+    capture = folder / "capture.mat"
+    assert "tsa, or a YAML file" in refused(capsys, "import", capture, "--prototype", "lens", "--out", "s.nc")
+    prototype = ("--prototype", folder / "bench.yaml")
+    assert "--mask: found none" in refused(capsys, "import", capture, *prototype, "--out", "s.nc")
+    (tmp_path / "s.nc").write_text("")
+    assert "an existing output" in refused(capsys, "import", capture, *bench, "--out", "s.nc")
+
+
+def test_the_report_names_what_it_lacks(capsys, bench, tmp_path):
+    how = ("--data", tmp_path, "--out", "real")
+    assert "no tsa/mask_660_real.mat" in refused(capsys, "real", "report", *how)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench):
+    said(capsys, "import", folder / "capture.mat", *bench, "--out", "s.nc")
+    network = "decoder={kind: unrolled, start: dagger, stages: 1, widths: [8, 8], blocks: 1}"
+    small = ("--set", "data.patch=16", "--set", "data.batch=2", "--steps", "2", "--set", network)
+    scenes = ("--train", "chelsea", "--validation", "coffee")
+    said(capsys, "train", "spectral", "--snapshot", "s.nc", "--out", "run", *scenes, *small)
+    assert "network" in said(capsys, "reconstruct", "s.nc", "--weights", "run", "--no-figures", "--out", "e.nc")
+    text = said(capsys, "decoder", "export", "run", "--out", "exported", "--formats", "torch")
+    assert "decoder.pt2: torch, differs" in text
+    assert json.loads(said(capsys, "decoder", "check", "exported", "--run", "run", "--json"))[0]["error"] < 1e-4
+    said(capsys, "decoder", "run", "exported", "s.nc", "--out", "x.nc")
+    with xr.open_dataset("e.nc") as one, xr.open_dataset("x.nc") as other:
+        np.testing.assert_allclose(one["estimate"], other["estimate"], atol=2e-3)
+    assert "some of torch, onnx" in refused(capsys, "decoder", "export", "run", "--out", "y", "--formats", "gif")
+    assert "no decoder.json" in refused(capsys, "decoder", "check", "nowhere", "--run", "run")

@@ -1,0 +1,91 @@
+"""Frames behind a pixel shutter: the operator by a slow loop, scenes whose frames are known."""
+
+import numpy as np
+import pytest
+import torch
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.errors import SettingError
+from tmca.lab.real_captures.movie import decode_movie, frame_dataset, frame_operator
+
+
+def camera(slots=8, size=(7, 6), bands=1, dispersion=0.0, **how):
+    aperture = torch.ones(slots, *size)
+    return SpectralCamera(bands=bands, size=size, slots=slots, aperture=aperture, dispersion=dispersion, **how)
+
+
+def one_hot(slots, size, seed=0):
+    chosen = torch.randint(slots, size, generator=torch.Generator().manual_seed(seed))
+    return (chosen[None] == torch.arange(slots)[:, None, None]).float()
+
+
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+@pytest.mark.parametrize(("bands", "dispersion"), [(1, 0.0), (3, 1.0), (2, -2.0)])
+def test_a_frame_stands_for_its_slots(exposure, bands, dispersion):
+    own = camera(bands=bands, dispersion=dispersion, exposure=exposure)
+    scene = torch.rand(2, 4, bands, 7, 6)
+    found = frame_operator(own, 4).A(scene)
+    aperture, shutter = own.codes()
+    shifts = [round(d) - own.dispersion.origin for d in own.dispersion.displacement]
+    wanted = torch.zeros(found.shape)
+    for slot in range(8):
+        for band, shift in enumerate(shifts):
+            light = torch.zeros(found.shape)
+            light[..., shift : shift + 6] = (aperture[slot] * scene[:, slot // 2, band])[:, None]
+            wanted += shutter[slot] * light / (8 if exposure == "equal" else 1)
+    torch.testing.assert_close(found, wanted)
+
+
+def test_the_gram_matrix_is_solved_in_closed_form():
+    operator = frame_operator(camera(bands=3, dispersion=1.0), 2).double()
+    snapshot = torch.randn(1, 1, 7, 8, dtype=torch.float64)
+    solved = operator.gram_solve(snapshot, 0.3)
+    torch.testing.assert_close(operator.A(operator.A_adjoint(solved)) + 0.3 * solved, snapshot)
+
+
+def test_the_smoothed_frames_of_an_even_scene_are_even():
+    own = camera(16, (20, 21), shutter=one_hot(16, (20, 21)), exposure="per-slot")
+    snapshot = Snapshot(own.A(torch.full((1, 1, 20, 21), 0.4)), own)
+    found = decode_movie(snapshot, 4, "smoothed")
+    torch.testing.assert_close(found.frames, torch.full((4, 1, 20, 21), 0.4))
+    assert found.slots == 4
+
+
+@pytest.mark.parametrize(("method", "share"), [("smoothed", 0.5), ("space-time-tv", 0.55)])
+def test_a_bar_that_moves_is_followed(method, share):
+    size, slots = (40, 41), 32
+    rows = np.arange(40)[None, :, None]
+    edge = 12 + np.arange(slots)[:, None, None] * 0.4
+    movie = np.broadcast_to(1 / (1 + np.exp((rows - edge) / 1.5)), (slots, *size)).astype(np.float32).copy()
+    shutter = one_hot(slots, size)
+    own = camera(slots, size, shutter=shutter, exposure="per-slot")
+    values = (shutter * torch.from_numpy(movie)).sum(0)[None, None]
+    found = decode_movie(Snapshot(values, own), 8, method, weight=0.02, time=1.0, max_iterations=200)
+    truth = movie.reshape(8, 4, *size).mean(1)
+    error = np.sqrt(np.mean((found.frames[:, 0].numpy() - truth) ** 2))
+    still = np.sqrt(np.mean((truth.mean(0) - truth) ** 2))
+    assert error < share * still
+
+
+def test_frames_carry_their_slots():
+    own = camera(8, (5, 6), shutter=one_hot(8, (5, 6)), exposure="per-slot")
+    snapshot = Snapshot(torch.rand(1, 1, 5, 6), own, {"scene": "x"})
+    found = frame_dataset(decode_movie(snapshot, 2, "smoothed"), snapshot)
+    assert found["frames"].dims == ("frame", "wavelength", "y", "x")
+    np.testing.assert_array_equal(found["first_slot"], [0, 4])
+    assert found.attrs["scene"] == "x"
+
+
+def test_what_cannot_be_framed_is_refused():
+    with pytest.raises(SettingError, match="a divisor of the 8 slots"):
+        frame_operator(camera(), 3)
+    moving = SpectralCamera(bands=1, size=(4, 4), slots=4, dispersion=0.0)
+    with pytest.raises(SettingError, match="the same in all slots"):
+        frame_operator(moving, 2)
+    with pytest.raises(SettingError, match="whole pixels"):
+        frame_operator(camera(bands=2, dispersion=0.5), 2)
+    snapshot = Snapshot(torch.rand(1, 1, 7, 6), camera())
+    with pytest.raises(SettingError, match="opens every pixel once"):
+        decode_movie(snapshot, 2, "smoothed")
+    with pytest.raises(SettingError, match="space-time-tv, smoothed"):
+        decode_movie(snapshot, 2, "magic")
