@@ -20,10 +20,9 @@ from torch import Tensor, nn
 from tmca.cameras import Snapshot
 from tmca.data import atomic_path, check_target, make_folder, write_json
 from tmca.decoders.neural import Weights
-from tmca.decoders.start import NEED_PRIOR, first_estimate
 from tmca.errors import DataError, SettingError
+from tmca.lab.fixed_decoder import CameraDecoder
 from tmca.operators import TapOperator
-from tmca.operators.gram import gram_diagonal, gram_neighbour
 from tmca.sensor import Noise, Sensor
 
 if TYPE_CHECKING:
@@ -33,76 +32,6 @@ FORMATS = {"torch": "decoder.pt2", "onnx": "decoder.onnx"}
 _ABOUT = "decoder.json"
 _CLOSE = 1e-3
 """Largest difference, as a share of the largest value, at which a file counts as the same decoder."""
-
-
-class _Fixed(TapOperator):
-    """A tap operator written in plain operations that exporters know; its numbers are those of its parent."""
-
-    energy: Tensor
-
-    def __init__(self, operator: TapOperator) -> None:
-        super().__init__(operator.taps)
-        self.register_buffer("energy", gram_diagonal(operator.taps), persistent=False)
-
-    def A(self, scene: Tensor) -> Tensor:
-        """(B, L, H, W) → (B, 1, H, W')."""
-        taps, columns = self.taps, self.code.shape[2]
-        total = scene.new_zeros(scene.shape[0], scene.shape[2], taps.snapshot_width)
-        for code, channel, offset in zip(self.code, taps.channels, taps.offsets, strict=True):
-            room = (offset, taps.snapshot_width - columns - offset)
-            total = total + nn.functional.pad(scene[:, channel] * code, room)
-        return total[:, None]
-
-    def A_adjoint(self, snapshot: Tensor) -> Tensor:
-        """(B, 1, H, W') → (B, L, H, W)."""
-        columns = self.code.shape[2]
-        return torch.stack(
-            [
-                snapshot[:, 0, :, offset : offset + columns] * code
-                for code, offset in zip(self.code, self.taps.offsets, strict=True)
-            ],
-            dim=1,
-        )
-
-    def gram_solve(self, snapshot: Tensor, shift: float | Tensor = 0.0) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ snapshot``."""
-        diagonal: Tensor = self.energy + shift
-        return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(diagonal.dtype).tiny), 0.0)
-
-    def A_dagger(self, snapshot: Tensor) -> Tensor:
-        """Least-norm scene."""
-        return self.A_adjoint(self.gram_solve(snapshot, 0.0))
-
-
-class CameraDecoder(nn.Module):
-    """Snapshot (1, 1, H, W') → scene (1, L, H, W) behind fixed codes.
-
-    Args:
-        weights: of a network that starts from ``adjoint`` or ``dagger``.
-        operator: of the camera.
-        noise: of its sensor.
-
-    Raises:
-        SettingError: a network that starts from a prior, or a dispersion by parts of pixels.
-    """
-
-    def __init__(self, weights: Weights, operator: TapOperator, noise: Noise) -> None:
-        super().__init__()
-        if weights.network.start in NEED_PRIOR:
-            wanted = "one that starts from adjoint or dagger, which is a formula"
-            raise SettingError(
-                "weights", f"a network that starts from {weights.network.start}", wanted,
-                "train it with --set decoder='{kind: unrolled, start: dagger}'",
-            )  # fmt: skip
-        taps = operator.taps
-        if gram_neighbour(taps) is not None or taps.channels != tuple(range(taps.scene_channels)):
-            raise SettingError("dispersion", "parts of pixels", "whole pixels for an exported decoder")
-        self.network, self.operator, self.noise = weights.network, _Fixed(operator), noise
-
-    def forward(self, snapshot: Tensor) -> Tensor:
-        """(1, 1, H, W') → (1, L, H, W), nothing below zero, as `tmca reconstruct`."""
-        start = first_estimate(self.network.start, snapshot, self.operator, self.noise)
-        return self.network(snapshot, self.operator, self.noise, start).clamp_min(0)
 
 
 @dataclass(frozen=True)
