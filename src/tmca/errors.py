@@ -39,3 +39,7 @@ class SettingError(TmcaError, ValueError):
 
 class OutputError(TmcaError):
     """An output that exists already or cannot be written."""
+
+
+class DeviceError(TmcaError):
+    """A device that does not do what it is told."""

@@ -30,6 +30,7 @@ def capture(
     out: Path = Path("captures"),
     snapshot: Path | None = None,
     like: Path | None = None,
+    repeat: Whole = 1,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     scene: Annotated[str | None, Parameter(group=_BENCH)] = None,
@@ -50,6 +51,7 @@ def capture(
         out: folder of frames.
         snapshot: file to write; OUT.nc without it.
         like: snapshot file whose camera this is; that of the export where it was made from a snapshot.
+        repeat: frames of each kind, which are averaged; more of them later add to those that are there.
         set_: NAME=VALUE settings of a driver.
         overwrite: replace the snapshot file.
         scene: before the simulated bench: a file, or the name of a rendered scene.
@@ -58,9 +60,11 @@ def capture(
         stops_after: frames after which it does not answer any more.
         json: print what was written as JSON.
     """
-    from tmca.lab.devices import joined
+    from tmca.lab.devices import check_camera, joined
+    from tmca.lab.devices.captures import kept_so_far
 
     taken = _known(export, like)
+    check_camera(export, taken.camera)
     target = snapshot or out.with_suffix(".nc")
     if target.exists() and not overwrite:
         from tmca.errors import OutputError
@@ -68,8 +72,9 @@ def capture(
         raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
     faults = hardware.faults()
     made: dict[str, Any] = {"bits": bits, "seed": seed, "stops_after": stops_after, "hardware": faults}
+    made["taken"] = len(kept_so_far(out, export)["frames"])
     bench, gain = _bench(device, taken, scene, set_ or [], made)
-    _captured(export, bench, out, gain)
+    _captured(export, bench, out, {"gain": gain, "repeats": repeat, "camera": taken.camera})
     found = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
     found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.said()} if faults.faults() else {})
@@ -132,11 +137,11 @@ def _scene(name: str, taken: Any) -> list[Any]:
     return [torch.from_numpy(np.array(true_scene(name, taken).values, np.float32))[None]]
 
 
-def _captured(export: Path, bench: Any, out: Path, gain: float) -> None:
+def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:
     from tmca.lab.devices import capture as run
 
     with progress_bar(f"capture: {out.name}") as told:
-        run(export, bench, out, gain=gain, progress=lambda done, total, name: told(done / total, name))
+        run(export, bench, out, **how, progress=lambda done, total, name: told(done / total, name))
 
 
 def _say(target: Path, out: Path, found: Any, as_json: bool) -> None:

@@ -2,21 +2,20 @@
 
 import shutil
 
-import numpy as np
 import pytest
+import tifffile
 import torch
 
 from tests.lab.devices.test_export import mirror, snapshot, spectral
-from tmca.cameras import LightFieldCamera
+from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.cameras.hardware import Hardware, imperfect
-from tmca.errors import DataError, OutputError, SettingError
-from tmca.lab.devices import Device, capture, device_named, export_codes, find_device, joined, read_planes
-from tmca.lab.devices import protocol as protocol_module
-from tmca.lab.devices.protocol import DeviceError
+from tmca.errors import DataError, DeviceError, OutputError
+from tmca.lab.devices import capture, check_camera, device_named, export_codes, find_device, joined, read_planes
 from tmca.sensor import Sensor
 
 
 def exported(folder, camera, *names):
+    folder.mkdir(exist_ok=True)
     devices = [device_named(name) for name in names or ("dli4120", "emulated-shutter")]
     return export_codes(read_planes(snapshot(folder, camera)), devices, folder / "out").folder
 
@@ -100,7 +99,7 @@ def test_missing_frames_are_named(taken):
 
 def test_a_capture_is_of_one_export_and_one_camera(taken, tmp_path):
     camera, export, folder = taken
-    with pytest.raises(DataError, match="12×18"):
+    with pytest.raises(DataError, match=r"aperture of \(3, 12, 16\)"):
         joined(folder, export, spectral((20, 20)))
     other = export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], tmp_path / "b", exposure=0.2)
     with pytest.raises(OutputError, match="a capture of"):
@@ -109,47 +108,102 @@ def test_a_capture_is_of_one_export_and_one_camera(taken, tmp_path):
         joined(folder, other.folder, camera)
 
 
-class Lamp:
-    """A bench that sees one level everywhere."""
-
-    saturation = 4095.0
-
-    def __init__(self, level):
-        self.level, self.on = level, False
-
-    def load(self, export):
-        pass
-
-    def show(self, slot):
-        self.on = slot is not None
-
-    def capture(self, whole=False):
-        noise = np.random.default_rng(0).integers(0, 5, (12, 18))
-        return (noise + (self.level if self.on or whole else 60)).clip(0, 4095).astype(np.uint16)
+def noisy(shutter, sensor, seed=0, **settings):
+    """A camera before an even scene, frames joined after a capture, and what it records without noise."""
+    camera = spectral((60, 64), shutter=shutter, sensor=sensor)
+    scene = torch.full((1, 3, 60, 64), 0.7)
+    return (
+        camera,
+        find_device("simulated", camera=camera, scene=[scene], seed=seed, **settings),
+        camera.operator().A(scene),
+    )
 
 
-@pytest.mark.parametrize(("level", "words"), [(4095, "saturated"), (60, "lens cap")])
-def test_saturated_and_dark_captures_are_refused(tmp_path, level, words):
-    export = exported(tmp_path, spectral())
-    with pytest.raises(DataError, match=words):
-        capture(export, Lamp(level), tmp_path / "frames")
-    assert [file.name for file in sorted((tmp_path / "frames").iterdir())] == ["captures.json", "dark.tif"]
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_emulated_exposures_are_as_noisy_as_their_time_allows(tmp_path, repeats):
+    """n open slots: shot noise of the light in them, read noise of n frames, and n times that of the dark one."""
+    camera, bench, light = noisy("random", Sensor(read_noise=0.01, full_well=3000))
+    export = exported(tmp_path, camera)
+    found = joined(capture(export, bench, tmp_path / "f", gain=bench.gain, repeats=repeats), export, camera)
+    left, opened = found.values - light, camera.codes()[1].sum(0)
+    electron = camera.white / 3000
+    for count in (1, 2, 3):
+        here = (opened == count)[None, None]
+        wanted = (light[here].mean() * electron + 0.01**2 * (count + count**2)) / repeats
+        assert float(left[here].square().mean()) == pytest.approx(float(wanted), rel=0.15)
 
 
-def test_drivers_of_other_packages_plug_in(monkeypatch):
-    class Point:
-        name = "lamp"
+def test_a_sensor_that_codes_its_shutter_is_read_once(tmp_path):
+    camera, bench, light = noisy("random", Sensor(read_noise=0.01))
+    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
+    found = joined(capture(export, bench, tmp_path / "f", gain=bench.gain), export, camera)
+    assert float((found.values - light).square().mean()) == pytest.approx(2 * 0.01**2, rel=0.1)  # its own, and the dark
 
-        @staticmethod
-        def load():
-            return Lamp
 
-    monkeypatch.setattr(protocol_module, "entry_points", lambda group: [Point] if group == "tmca.devices" else [])
-    found = find_device("lamp", level=100)
-    assert isinstance(found, Device)
-    assert found.level == 100
-    with pytest.raises(SettingError, match="simulated, lamp"):
-        find_device("laser")
+def test_noise_around_black_is_not_clipped(tmp_path):
+    camera, bench, _ = noisy("one-hot", Sensor(read_noise=0.1))
+    folder = capture(exported(tmp_path, camera), bench, tmp_path / "f")
+    assert tifffile.imread(folder / "dark.tif").min() > 0
+
+
+def test_a_capture_that_is_gone_on_with_is_the_one_without_a_stop(tmp_path):
+    camera = spectral(sensor=Sensor(read_noise=0.01))
+    export = exported(tmp_path, camera)
+    capture(export, bench_of(camera), tmp_path / "whole", repeats=2)
+    with pytest.raises(DeviceError):
+        capture(export, bench_of(camera, stops_after=3), tmp_path / "parts", repeats=2)
+    capture(export, bench_of(camera, taken=3), tmp_path / "parts", repeats=2)
+    names = sorted(file.name for file in (tmp_path / "whole").glob("*.tif"))
+    assert names == sorted(
+        f"{one}{end}.tif" for one in ("dark", *(f"slot_00{k}" for k in range(3))) for end in ("", "_r1")
+    )
+    for name in names:
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
+    frames = [tifffile.imread(tmp_path / "whole" / name) for name in names]
+    assert len({frame.tobytes() for frame in frames}) == len(frames)
+
+
+def test_frames_are_no_capture_of_a_camera_with_other_codes(taken):
+    _, export, folder = taken
+    other = SpectralCamera(bands=3, size=(12, 16), slots=3, seed=5)
+    with pytest.raises(DataError, match=r"other codes in the aperture.*--like"):
+        joined(folder, export, other)
+    with pytest.raises(DataError, match="3 slots"):
+        joined(folder, export, SpectralCamera(bands=3, size=(12, 16), slots=2, seed=2))
+
+
+def test_grey_codes_are_known_again_through_the_levels_of_a_display(tmp_path):
+    grey = torch.rand(2, 12, 16, generator=torch.Generator().manual_seed(0))
+    camera = SpectralCamera(bands=3, size=(12, 16), slots=2, aperture=grey, shutter="one-hot")
+    export = exported(tmp_path, camera, "pluto-2.1", "emulated-shutter")
+    check_camera(export, camera)
+    moved = SpectralCamera(bands=3, size=(12, 16), slots=2, aperture=grey.roll(1, 2), shutter="one-hot")
+    with pytest.raises(DataError, match="other codes in the aperture"):
+        check_camera(export, moved)
+
+
+def test_masks_of_another_design_are_told_apart(tmp_path):
+    export = exported(tmp_path, mirror(), "dmp40", "coded-exposure")
+    check_camera(export, mirror())
+    with pytest.raises(DataError, match="other codes in the heights"):
+        check_camera(export, mirror(rms=21e-9))
+
+
+def test_a_shutter_that_is_not_exported_is_that_of_the_camera(tmp_path):
+    camera = spectral()
+    export, bench = exported(tmp_path, camera, "dli4120"), bench_of(camera)
+    found = joined(capture(export, bench, tmp_path / "f", gain=bench.gain), export, camera)
+    assert float((found.values - camera(*scene_of(camera))).abs().max()) <= 1.01 * bench.gain
+
+
+def test_an_aperture_that_changes_has_to_be_exported(tmp_path):
+    camera = spectral()
+    export = exported(tmp_path, camera, "emulated-shutter")
+    with pytest.raises(DataError, match=r"no aperture.*changes from slot to slot"):
+        capture(export, bench_of(camera), tmp_path / "f", camera=camera)
+    assert not (tmp_path / "f").exists()
+    static = SpectralCamera(bands=3, size=(12, 16), slots=2, aperture="static", seed=2)
+    check_camera(exported(tmp_path / "b", static, "emulated-shutter"), static)
 
 
 def test_codes_of_another_size_are_no_export_for_a_bench(tmp_path):

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.errors import SettingError, TmcaError
+from tmca.errors import DeviceError, SettingError, TmcaError
 from tmca.lab.devices.export import Export
 
 GROUP = "tmca.devices"
-
-
-class DeviceError(TmcaError):
-    """A device that does not do what it is told."""
 
 
 @runtime_checkable
@@ -66,6 +64,7 @@ def find_device(name: str, **settings: Any) -> Device:
 
     Raises:
         SettingError: an unknown name, or a factory that makes none.
+        DeviceError: a driver that cannot be loaded, or whose factory fails.
     """
     known = device_drivers()
     if name not in known:
@@ -75,7 +74,29 @@ def find_device(name: str, **settings: Any) -> Device:
         from tmca.lab.devices.simulated import SimulatedBench
 
         return SimulatedBench(**settings)
-    found = point.load()(**settings)
+    with answering(name):
+        found = point.load()(**settings)
     if not isinstance(found, Device):
         raise SettingError("--device", f"{name}: {type(found).__name__}", "load, show, capture and saturation")
     return found
+
+
+@contextmanager
+def answering(device: object) -> Iterator[None]:
+    """Whatever fails in a driver is a device that does not answer, in one line; the cause stays beneath.
+
+    Args:
+        device: the driver, or its name.
+
+    Raises:
+        DeviceError: in the place of an exception that is none of the package's.
+    """
+    try:
+        yield
+    except TmcaError:
+        raise
+    except Exception as error:
+        name = device if isinstance(device, str) else type(device).__name__
+        said = f"{type(error).__name__}: {error}".rstrip(": ")
+        remedy = "see to the device, and run the same command again"
+        raise DeviceError(f"device {name}", said, "an answer", remedy) from error

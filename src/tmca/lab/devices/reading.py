@@ -60,7 +60,7 @@ def read_export(folder: str | Path) -> Planes:
     planes: dict[str, torch.Tensor] = {}
     modes = None
     for about in manifest["planes"]:
-        device = _device(about, folder)
+        device = device_of(about, folder)
         if device.kind == "deformable-mirror":
             planes["heights"], modes = _heights(about, Path(folder))
         else:
@@ -68,7 +68,12 @@ def read_export(folder: str | Path) -> Planes:
     return Planes(str(folder), manifest["camera"], planes, (), modes, manifest["settings"])
 
 
-def _device(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
+def device_of(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
+    """The device of a plane.
+
+    Raises:
+        DataError: the manifest describes none.
+    """
     try:
         return DeviceDescription.model_validate(about["device"])
     except (KeyError, ValidationError):

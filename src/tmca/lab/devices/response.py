@@ -43,6 +43,11 @@ def light_of(grey: NDArray[np.uint8], device: DeviceDescription) -> NDArray[np.f
     return response(device)[grey].astype(np.float32)
 
 
+def step_of(device: DeviceDescription) -> float:
+    """Largest step of light between neighbouring grey levels."""
+    return float(np.diff(response(device)).max())
+
+
 def _table(file: Path) -> NDArray[np.float64]:
     try:
         rows = np.genfromtxt(file, delimiter=",", comments="#")

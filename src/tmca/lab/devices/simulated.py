@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
-from tmca.cameras import Camera, CodedCamera
+from tmca.cameras import Camera
 from tmca.cameras.hardware import Hardware, imperfect
-from tmca.errors import SettingError
+from tmca.errors import DeviceError, SettingError
+from tmca.lab.devices.captures import exposed_whole
 from tmca.lab.devices.export import Export
-from tmca.lab.devices.protocol import DeviceError
 from tmca.lab.devices.reading import read_export
-from tmca.lab.devices.sources import Planes
-from tmca.optics import ZernikeHeights
-from tmca.optics.zernike import noll
+from tmca.lab.devices.shown_camera import of_one_slot, showing, sub_exposed
 
 
 class SimulatedBench:
@@ -30,8 +26,9 @@ class SimulatedBench:
         scene: what the camera takes: (1, L, H, W), or light field, or cube and depth.
         hardware: faults that nobody is told of.
         bits: of the digital numbers.
-        black: digital number of no light.
+        black: digital number of no light; without, 1/64 of the range, or six standard deviations of a dark frame.
         seed: of noise and faults.
+        taken: frames that it took before, whose noise is not drawn again.
         stops_after: frames after which it does not answer any more; never without.
 
     Raises:
@@ -45,20 +42,20 @@ class SimulatedBench:
         *,
         hardware: Hardware | None = None,
         bits: int = 16,
-        black: int = 256,
+        black: int | None = None,
         seed: int = 0,
+        taken: int = 0,
         stops_after: int | None = None,
     ) -> None:
-        if not (1 <= bits <= 16 and 0 <= black < 2**bits - 1):
-            raise SettingError(
-                "simulated bench", f"{bits} bits, black at {black}", "up to 16 bits, black below its top"
-            )
-        self.known, self.hardware = camera, hardware or Hardware()
-        self.camera = imperfect(camera, self.hardware, seed)
-        self.scene, self.black, self.seed, self.left = tuple(scene), black, seed, stops_after
+        if not 1 <= bits <= 16 or (black is not None and not 0 <= black < 2**bits - 1):
+            said = f"{bits} bits" + ("" if black is None else f", black at {black}")
+            raise SettingError("simulated bench", said, "1 to 16 bits, black below its top")
+        self.known, self.hardware, self.seed = camera, hardware or Hardware(), seed
+        self.camera, self.scene = imperfect(camera, self.hardware, seed), tuple(scene)
         self.saturation = float(2**bits - 1)
-        self.loaded, self.taken = False, 0
-        self.shown: int | None = None
+        self.black = _black(camera, self.saturation) if black is None else black
+        self.loaded, self.coded, self.shown = False, False, None
+        self.taken, self.first, self.stops_after = taken, taken, stops_after
 
     @property
     def gain(self) -> float:
@@ -71,7 +68,7 @@ class SimulatedBench:
         if codes.slots != self.known.slots:
             raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.known.slots}")
         self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed)
-        self.loaded = True
+        self.loaded, self.coded = True, exposed_whole(export.manifest)
 
     def show(self, slot: int | None) -> None:
         """See ``Device``."""
@@ -79,12 +76,13 @@ class SimulatedBench:
             raise DeviceError("simulated bench", "no patterns", "those of an export", "load one first")
         if slot is not None and not 0 <= slot < self.camera.slots:
             raise DeviceError("simulated bench", f"slot {slot}", f"0 to {self.camera.slots - 1}")
-        self.shown = slot
+        self.shown: int | None = slot
 
     def capture(self, whole: bool = False) -> NDArray[np.integer]:
         """See ``Device``."""
-        if self.left is not None and self.taken >= self.left:
-            raise DeviceError("simulated bench", f"no answer after {self.taken} frames", "a frame", "run it again")
+        done = self.taken - self.first
+        if self.stops_after is not None and done >= self.stops_after:
+            raise DeviceError("simulated bench", f"no answer after {done} frames", "a frame", "run it again")
         self.taken += 1
         camera = self.camera if whole else None if self.shown is None else of_one_slot(self.camera, self.shown)
         with torch.no_grad():
@@ -97,104 +95,15 @@ class SimulatedBench:
         return torch.Generator().manual_seed(1000 * self.seed + self.taken)
 
     def _dark(self) -> Tensor:
-        return self.camera.record(torch.zeros(1, *self.camera.snapshot_shape), self._noise())
-
-
-def showing(camera: Any, codes: Planes) -> Any:
-    """The camera with the codes of an export in the place of its own.
-
-    Raises:
-        DeviceError: codes of another size.
-    """
-    found = _sharing(camera)
-    if isinstance(camera, CodedCamera):
-        own = dict(zip(("aperture", "shutter"), camera.codes(), strict=True))
-        shown = {name: codes.planes.get(name, plane) for name, plane in own.items()}
-        for name, plane in shown.items():
-            if plane.shape != own[name].shape:
-                wanted = f"the camera's {tuple(own[name].shape)}"
-                raise DeviceError("simulated bench", f"{name} of {tuple(plane.shape)}", wanted, "export them for it")
-        found.multiplexed, found._fixed = _Shown(shown["aperture"], shown["shutter"]), None
-    elif codes.modes:
-        size, modes = camera.spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
-        found.spread, found._kept = _sharing(camera.spread), None
-        found.spread.heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
-    return found
-
-
-def _sharing(module: Any) -> Any:
-    """A module of the same parts; others can take their place without a change of the first."""
-    found = copy.copy(module)
-    found._modules, found._buffers = dict(module._modules), dict(module._buffers)
-    return found
-
-
-def of_one_slot(camera: Any, slot: int) -> Any:
-    """The camera while one slot is shown, its shutter open, in the units of a whole exposure."""
-    found = _sharing(camera)
-    found.slots, found.exposure = 1, "equal"
-    if isinstance(camera, CodedCamera):
-        found.multiplexed, found._fixed = _OneSlot(camera.multiplexed, slot), None
+        nothing = torch.zeros(1, *self.camera.snapshot_shape)
+        sensor, exposures = self.camera.sensor, self.camera.exposures
+        if not self.coded:
+            sensor, exposures = sub_exposed(self.camera), 1
+        found: Tensor = sensor(nothing, self.camera.white, self._noise(), exposures)
         return found
-    found.shutter, found._kept = _Open(camera.shutter), None
-    found.spread = _sharing(camera.spread)
-    found.spread.heights = _OneMap(camera.spread.heights, slot)
-    return found
 
 
-class _Shown(nn.Module):
-    """Fixed patterns of both planes."""
-
-    learnable = False
-    aperture: Tensor
-    shutter: Tensor
-
-    def __init__(self, aperture: Tensor, shutter: Tensor) -> None:
-        super().__init__()
-        self.register_buffer("aperture", aperture)
-        self.register_buffer("shutter", shutter)
-
-    def forward(self) -> tuple[Tensor, Tensor]:
-        return self.aperture, self.shutter
-
-
-class _OneSlot(nn.Module):
-    """(aperture, open shutter) of one slot."""
-
-    learnable = False
-
-    def __init__(self, codes: nn.Module, slot: int) -> None:
-        super().__init__()
-        self.codes, self.slot = codes, slot
-
-    def forward(self) -> tuple[Tensor, Tensor]:
-        aperture, shutter = self.codes()
-        return aperture[self.slot : self.slot + 1], torch.ones_like(shutter[:1])
-
-
-class _Open(nn.Module):
-    """An open shutter in the place of a coded one."""
-
-    period = None
-
-    def __init__(self, plane: nn.Module) -> None:
-        super().__init__()
-        self.plane = plane
-
-    def forward(self) -> Tensor:
-        return torch.ones_like(self.plane()[:1])
-
-    def part(self, rows: slice, columns: slice) -> Tensor:
-        return self()[:, rows, columns]
-
-
-class _OneMap(nn.Module):
-    """The height map of one slot."""
-
-    def __init__(self, heights: nn.Module, slot: int) -> None:
-        super().__init__()
-        self.heights, self.slot, self.size = heights, slot, heights.size
-
-    def forward(self) -> Tensor:
-        found: Tensor = self.heights()[self.slot : self.slot + 1]
-        return found
+def _black(camera: Camera, top: float) -> int:
+    """Digital number of no light below which noise does not fall."""
+    level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale)
+    return int(level * top / (1 + level))

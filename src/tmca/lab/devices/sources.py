@@ -90,7 +90,7 @@ def read_planes(source: str | Path) -> Planes:
 def _of_weights(path: Path) -> Planes:
     about = read_weights(path)[1]
     if about.get("application") == SpectralDepthCamera.application:
-        return _of_camera(DepthWeights.load(path).camera, str(path))
+        return planes_of(DepthWeights.load(path).camera, str(path))
     weights = Weights.load(path)
     planes = {"aperture": weights.aperture, "shutter": weights.shutter}
     tiled = tuple(planes) if weights.camera.get("period") else ()
@@ -102,7 +102,7 @@ def _of_file(path: Path) -> Planes:
 
     stored = read_dataset(path)
     if "snapshot" in stored:
-        return _of_camera(Snapshot.load(path).camera, str(path))
+        return planes_of(Snapshot.load(path).camera, str(path))
     if "heights" in stored:
         known = read_phase_codes(path)
         planes = {"heights": known["mask"]().detach(), "shutter": known["shutter"]}
@@ -117,11 +117,22 @@ def _of_file(path: Path) -> Planes:
 
 
 @torch.no_grad()
-def _of_camera(camera: Camera, source: str) -> Planes:
+def planes_of(camera: Camera, source: str) -> Planes:
+    """Codes of a camera.
+
+    Args:
+        camera: of any of the three kinds.
+        source: file or folder that it came from.
+
+    Raises:
+        SettingError: a coloured aperture.
+    """
     if isinstance(camera, SpectralDepthCamera):
         heights, shutter = camera.codes()
         modes, settings = family_parameters(camera.spread.heights), {"material": camera.bench.material}
         return Planes(source, camera.application, {"heights": heights, "shutter": shutter}, (), modes, settings)
+    if getattr(camera, "coloured", None) is not None:
+        raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
     aperture, shutter = camera.codes()  # type: ignore[operator]
     planes = {"aperture": aperture, "shutter": shutter}
     return Planes(source, camera.application, planes, (), None, {"size": camera.size, "exposure": camera.exposure})

@@ -1,0 +1,121 @@
+"""The folder of a capture: frames in digital numbers, and a list of them with their checksums."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import DataError, OutputError
+from tmca.lab.devices.manifest import NAME, checksum
+
+CAPTURES, DARK, WHOLE = "captures.json", "dark", "exposure"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One frame of a capture.
+
+    Args:
+        name: of its file.
+        slot: that is shown; None for dark, and for a whole exposure.
+        of: the frame that it repeats; its own name for the first.
+    """
+
+    name: str
+    slot: int | None
+    of: str
+
+
+def steps(manifest: dict[str, Any], repeats: int = 1) -> list[Step]:
+    """Frames of an export: a dark one, then one a slot, or one exposure of a sensor whose shutter is coded; again for
+    every repeat."""
+    slots = {f"slot_{k:03d}": k for k in range(manifest["slots"])}
+    once: dict[str, int | None] = {DARK: None, **({WHOLE: None} if exposed_whole(manifest) else slots)}
+    ends = ["", *(f"_r{n}" for n in range(1, repeats))]
+    return [Step(name + end, slot, name) for end in ends for name, slot in once.items()]
+
+
+def exposed_whole(manifest: dict[str, Any]) -> bool:
+    """Whether the sensor codes its shutter itself, in one exposure of all slots."""
+    return any(plane["device"]["kind"] == "coded-exposure" for plane in manifest["planes"])
+
+
+def kept_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
+    """What a folder holds of this export's capture; a new list where there is none.
+
+    Raises:
+        OutputError: the folder holds something else, or frames of another export.
+        DataError: what ``read_captures`` raises.
+    """
+    of = checksum(Path(export) / NAME)
+    if not (folder / CAPTURES).exists():
+        if folder.exists() and (folder.is_file() or any(folder.iterdir())):
+            raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
+        return {"export": str(export), "export_sha256": of, "frames": {}}
+    kept = read_captures(folder)
+    if kept["export_sha256"] != of:
+        raise OutputError(folder, f"a capture of {kept['export']}", "one of this export", "choose another folder")
+    return kept
+
+
+def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: Path) -> None:
+    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it."""
+    import tifffile
+
+    from tmca.data import make_folder, write_json
+    from tmca.data.write import atomic_path
+
+    file = make_folder(folder) / f"{step.name}.tif"
+    with atomic_path(file, overwrite=True) as temporary:
+        tifffile.imwrite(temporary, frame.astype(np.uint16), photometric="minisblack")
+    about = {"slot": step.slot, "of": step.of, "sha256": checksum(file)}
+    kept["frames"][step.name] = about | {"taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    write_json(kept, folder / CAPTURES, overwrite=True)
+
+
+def read_captures(folder: str | Path) -> dict[str, Any]:
+    """What was captured, every frame there and as it was written.
+
+    Raises:
+        DataError: no capture, or a frame that is missing, changed, or in another's place.
+    """
+    file = Path(folder) / CAPTURES
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+        frames = {name: (about["sha256"], about["of"]) for name, about in found["frames"].items()}
+        found["export"], found["export_sha256"]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
+    for name, (known, _) in frames.items():
+        _check_kept(Path(folder) / f"{name}.tif", known, frames)
+    return dict(found)
+
+
+def _check_kept(frame: Path, known: str, frames: dict[str, tuple[str, str]]) -> None:
+    if not frame.is_file():
+        raise DataError(frame, "no such file", f"the frame {frame.stem}", "capture it again in a new folder")
+    there = checksum(frame)
+    if there != known:
+        other = [name for name, (value, _) in frames.items() if value == there]
+        what = f"that of {other[0]}: frames in the wrong order" if other else "another content"
+        raise DataError(frame, what, "what was captured", "capture it again in a new folder")
+
+
+def read_tif(file: Path) -> NDArray[np.integer]:
+    """A frame as it was kept.
+
+    Raises:
+        DataError: no picture.
+    """
+    import tifffile
+
+    try:
+        return np.asarray(tifffile.imread(file))
+    except (OSError, ValueError, tifffile.TiffFileError):
+        raise DataError(file, "no TIFF", "a frame of the capture", "capture it again") from None

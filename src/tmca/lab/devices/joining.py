@@ -1,0 +1,108 @@
+"""The frames of a capture as the snapshot of one exposure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from tmca.cameras import Camera, Snapshot
+from tmca.errors import DataError
+from tmca.lab.devices.captures import DARK, WHOLE, read_captures, read_tif, steps
+from tmca.lab.devices.descriptions import DeviceDescription
+from tmca.lab.devices.manifest import NAME, checksum, read_manifest
+from tmca.lab.devices.mirror import terms_of
+from tmca.lab.devices.reading import device_of, read_export
+from tmca.lab.devices.response import step_of
+from tmca.lab.devices.sources import Planes, planes_of
+
+_SAME_SURFACE = 1e-10
+"""Metres by which Zernike terms of the same masks may differ."""
+
+
+def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[Any]:
+    """The snapshot of a capture: frames less the dark one, masked by the shutter's codes and averaged.
+
+    Repeats of a frame are averaged first. A shutter that was not exported is that of the camera.
+
+    Args:
+        folder: of the capture.
+        export: that was captured.
+        camera: as it is known.
+
+    Raises:
+        DataError: frames that are missing or changed, of another size than the camera's, or of another export; codes
+            that are not the camera's.
+    """
+    kept, place = read_captures(folder), Path(folder)
+    if kept["export_sha256"] != checksum(Path(export) / NAME):
+        raise DataError(folder, f"a capture of {kept['export']}", f"one of {export}", "name the export it is of")
+    check_camera(export, camera)
+    manifest = read_manifest(export)
+    names = [step.name for step in steps(manifest)]
+    if missing := [name for name in names if name not in kept["frames"]]:
+        raise DataError(folder, f"no frame {', '.join(missing[:3])}", "all of the export", "go on with `tmca capture`")
+    dark = _mean(place, DARK, kept, camera)
+    frames = torch.stack([_mean(place, name, kept, camera) - dark for name in names[1:]]) * float(kept["gain"])
+    if names[1:] != [WHOLE]:
+        frames = frames * _shutter(export, camera).to(frames)[:, None]
+    values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
+    about = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
+    about |= {"gain_per_digital_number": kept["gain"], "capture": str(folder), "export": str(export)}
+    return Snapshot(values[None].float(), camera, about)
+
+
+def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:
+    shown = read_export(export)
+    if "shutter" not in shown.planes:
+        shown = planes_of(camera, str(export))
+    return shown.full("shutter", camera.snapshot_shape[1:])
+
+
+def _mean(folder: Path, name: str, kept: dict[str, Any], camera: Camera) -> torch.Tensor:
+    """(C, H, W) digital numbers, the mean of a frame's repeats."""
+    files = [folder / f"{one}.tif" for one, about in kept["frames"].items() if about["of"] == name]
+    return torch.stack([_frame(file, camera) for file in files]).mean(0)
+
+
+def _frame(file: Path, camera: Camera) -> torch.Tensor:
+    found = read_tif(file).astype(np.float64)
+    found = found[None] if found.ndim == 2 else found
+    if found.shape != camera.snapshot_shape:
+        shape = "×".join(map(str, camera.snapshot_shape))
+        raise DataError(file, f"a frame of {'×'.join(map(str, found.shape))}", f"{shape} pixels")
+    return torch.from_numpy(found)
+
+
+def check_camera(export: str | Path, camera: Camera) -> None:
+    """Raises DataError unless an export shows the codes of a camera: else its snapshot would name codes that were not
+    shown."""
+    shown, own = read_export(export), planes_of(camera, str(export))
+    known = {plane["plane"]: plane for plane in read_manifest(export)["planes"]}
+    remedy = "name a snapshot of the camera with these codes (--like)"
+    if shown.slots != camera.slots:
+        raise DataError(export, f"{shown.slots} slots", f"the camera's {camera.slots}", remedy)
+    for name, plane in own.planes.items():
+        if name in known:
+            _check_plane(export, name, device_of(known[name], export), shown, own, remedy)
+        elif name != "shutter" and not torch.equal(plane, plane[:1].expand_as(plane)):
+            raise DataError(export, f"no {name}", "one, which changes from slot to slot", "export it to a device too")
+
+
+def _check_plane(
+    export: str | Path, name: str, device: DeviceDescription, shown: Planes, own: Planes, remedy: str
+) -> None:
+    if device.kind == "deformable-mirror":
+        assert shown.modes is not None
+        found, wanted = shown.modes["coefficients"], torch.from_numpy(terms_of(own, device).rms).float()
+        allowed = _SAME_SURFACE
+    else:
+        found, wanted = shown.planes[name], own.planes[name]
+        allowed = step_of(device) if device.kind == "lcos" else 0.0
+    if found.shape != wanted.shape:
+        size = f"{name} of {tuple(found.shape)}"
+        raise DataError(export, size, f"the camera's {tuple(wanted.shape)}", f"export it for that size, or {remedy}")
+    if float((found - wanted).abs().max()) > allowed:
+        raise DataError(export, f"other codes in the {name}", "those of the camera", remedy)
