@@ -49,7 +49,7 @@ def export(
         macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
         mounting_angle: of the aperture's device, degrees: 45 for mirrors that tilt about their diagonal.
         offset: ROWSxCOLUMNS of device pixels by which the aperture is displaced from the device's middle.
-        lut: CSV of grey level and light of the aperture's device.
+        lut: CSV of grey level and light, or phase_rad, of the aperture's device.
         figures: write overview.png.
     """
     from tmca.lab.devices import export_codes, read_planes

@@ -129,6 +129,34 @@ def test_a_measured_response_takes_the_place_of_the_gamma(tmp_path):
     np.testing.assert_allclose(light_of(np.array([0, 50, 255], np.uint8), device), [0, (50 / 255) ** 1.5, 1], atol=1e-6)
 
 
+def test_a_phase_gives_the_light_that_crossed_polarisers_pass(tmp_path):
+    """Malus: retardance φ passes sin²(φ/2); beyond π it falls again, and nothing is lost by that."""
+    phases = np.linspace(0, 1.4 * np.pi, 256)
+    (tmp_path / "lut.csv").write_text("grey,phase_rad\n" + "\n".join(f"{g},{p}" for g, p in enumerate(phases)))
+    device = device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
+    np.testing.assert_allclose(light_of(np.arange(256).astype(np.uint8), device), np.sin(phases / 2) ** 2, atol=1e-4)
+    light = np.linspace(0, 1, 300, dtype=np.float32)
+    nearest = np.abs(np.sin(phases / 2)[None] ** 2 - light[:, None]).argmin(1)
+    slow = np.abs(np.sin(phases[nearest] / 2) ** 2 - light)
+    found = np.abs(np.sin(phases[grey_of(light, device)] / 2) ** 2 - light)
+    np.testing.assert_allclose(found, slow, atol=1e-4)
+
+
+def test_an_export_carries_the_response_that_it_is_read_with(tmp_path):
+    (tmp_path / "lut.csv").write_text("grey,light\n0,0\n100,0.1\n255,1\n")
+    camera, device = spectral(), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
+    folder = export_codes(read_planes(snapshot(tmp_path, camera)), [device], tmp_path / "out").folder
+    (tmp_path / "lut.csv").unlink()
+    folder = folder.rename(tmp_path / "moved")
+    assert torch.equal(read_export(folder).planes["aperture"], camera.codes()[0])
+    (folder / "aperture" / "response.csv").write_text("grey,light\n0,0\n255,1\n")
+    with pytest.raises(DataError, match=r"response.csv: found another content"):
+        check_export(folder)
+    (folder / "aperture" / "response.csv").unlink()
+    with pytest.raises(DataError, match=r"response.csv: found no such file"):
+        check_export(folder)
+
+
 @pytest.fixture
 def written(tmp_path):
     devices = [device_named("dli4120"), device_named("emulated-shutter")]
@@ -212,7 +240,9 @@ def test_descriptions_that_make_no_device_are_refused(tmp_path, text, words):
         device_named(str(tmp_path / "mine.yaml"))
 
 
-@pytest.mark.parametrize("lines", ["0,1\n255,0.5", "0,0\n200,1", "nothing", "0,0,0\n255,1,1"])
+@pytest.mark.parametrize(
+    "lines", ["0,1\n255,0.5", "0,0\n200,1", "nothing", "0,0,0\n255,1,1", "grey,phase_rad\n0,1\n255,1"]
+)
 def test_responses_that_do_not_rise_are_refused(tmp_path, lines):
     (tmp_path / "lut.csv").write_text(lines)
     with pytest.raises(DataError, match=r"lut.csv"):

@@ -37,7 +37,7 @@ class DeviceDescription(BaseModel):
         flip: axes along which it shows patterns mirrored.
         macro_pixel: device pixels along the side of a code pixel.
         gamma: of an 8-bit frame: light = (grey / 255)^gamma.
-        lut: CSV of grey and response (share of the light), which takes the place of the gamma.
+        lut: CSV of grey and light, or of grey and ``phase_rad``, which takes the place of the gamma.
         pattern_rate_hz: most patterns in a second.
         memory_patterns: most patterns it holds.
         pupil_mm: diameter of a mirror's pupil.

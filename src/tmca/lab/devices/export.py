@@ -16,10 +16,10 @@ import tmca
 from tmca.errors import OutputError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.frames import write_frame
-from tmca.lab.devices.manifest import FORMAT, NAME, Timing, shown_files
+from tmca.lab.devices.manifest import FORMAT, NAME, Timing, checksum, shown_files
 from tmca.lab.devices.mirror import table, terms_of
 from tmca.lab.devices.placement import Placement
-from tmca.lab.devices.response import grey_of
+from tmca.lab.devices.response import grey_of, response
 from tmca.lab.devices.sources import Planes, Size
 
 _TRIGGERS = {
@@ -29,7 +29,7 @@ _TRIGGERS = {
     "coded-exposure": {"source": "sensor", "edge": "slot", "shows": "one mask a slot, one exposure of all"},
     "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
 }
-TABLE = "zernike.csv"
+TABLE, RESPONSE = "zernike.csv", "response.csv"
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,9 @@ def _plane(
     codes: Planes, device: DeviceDescription, size: Size | None, offset: tuple[int, int], timing: Timing, folder: Path
 ) -> dict[str, Any]:
     """Files of one device, and what the manifest says of them."""
-    about: dict[str, Any] = {"plane": device.plane, "device": device.model_dump()}
     place = folder / device.plane
     place.mkdir()
+    about: dict[str, Any] = {"plane": device.plane, "device": device.model_dump(), **_response(device, place)}
     if device.kind == "deformable-mirror":
         return about | _mirror(codes, device, timing, place, folder)
     plane = codes.full(device.plane, size or _shown_size(codes, device)).numpy()
@@ -128,6 +128,16 @@ def _plane(
         "frames": shown_files(files, folder, timing, _TRIGGERS[device.kind]),
         "codes_sha256": digest(plane),
     }
+
+
+def _response(device: DeviceDescription, place: Path) -> dict[str, Any]:
+    """The table of a display's response beside its frames, without which they cannot be read."""
+    if device.lut is None:
+        return {}
+    response(device)
+    shutil.copyfile(device.lut, place / RESPONSE)
+    name = f"{place.name}/{RESPONSE}"
+    return {"device": device.model_dump() | {"lut": name}, "response_sha256": checksum(place / RESPONSE)}
 
 
 def _shown_size(codes: Planes, device: DeviceDescription) -> Size | None:

@@ -33,6 +33,7 @@ def check_export(folder: str | Path) -> dict[str, Any]:
     """
     manifest, place = read_manifest(folder), Path(folder)
     for plane in manifest["planes"]:
+        _check_response(plane, place)
         known = {frame["sha256"]: frame["file"] for frame in plane["frames"]}
         for frame in plane["frames"]:
             file = place / frame["file"]
@@ -44,6 +45,15 @@ def check_export(folder: str | Path) -> dict[str, Any]:
                 what = f"the content of {other}: frames in the wrong order" if other else "another content"
                 raise DataError(file, what, f"what was exported for slot {frame['slot']}", "export again")
     return manifest
+
+
+def _check_response(plane: dict[str, Any], place: Path) -> None:
+    if "response_sha256" not in plane:
+        return
+    file = place / plane["device"]["lut"]
+    if not file.is_file() or checksum(file) != plane["response_sha256"]:
+        found = "another content" if file.is_file() else "no such file"
+        raise DataError(file, found, "the response that frames were exported with", "export again")
 
 
 def read_export(folder: str | Path) -> Planes:
@@ -75,9 +85,10 @@ def device_of(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
         DataError: the manifest describes none.
     """
     try:
-        return DeviceDescription.model_validate(about["device"])
+        known = DeviceDescription.model_validate(about["device"])
     except (KeyError, ValidationError):
         raise DataError(folder, "a device that is none", "the manifest of an export", "export again") from None
+    return known if known.lut is None else known.model_copy(update={"lut": str(Path(folder) / known.lut)})
 
 
 def placement_of(about: dict[str, Any]) -> Placement:

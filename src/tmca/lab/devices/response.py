@@ -14,10 +14,13 @@ LEVELS = 256
 
 
 def response(device: DeviceDescription) -> NDArray[np.float64]:
-    """(256,) share of the light at every grey level, rising from 0 to 1.
+    """(256,) share of the light at every grey level, from 0 to 1.
+
+    A table of ``grey,light`` rises; of ``grey,phase_rad`` it is the retardance φ of a liquid crystal between crossed
+    polarisers, which pass sin²(φ/2) and may pass their maximum before grey 255.
 
     Raises:
-        DataError: a table that is none, or does not rise.
+        DataError: a table that is none, that does not rise, or whose phase does not change.
     """
     if device.lut is None:
         return np.asarray((np.arange(LEVELS) / (LEVELS - 1)) ** device.gamma)
@@ -33,9 +36,11 @@ def grey_of(light: NDArray[np.float32], device: DeviceDescription) -> NDArray[np
     if light.min() < 0 or light.max() > 1:
         raise SettingError("aperture", f"{light.min():g} to {light.max():g}", "shares of the light, 0 to 1")
     known = response(device)
-    above = np.searchsorted(known, light).clip(1, LEVELS - 1)
-    nearer = light - known[above - 1] < known[above] - light
-    return np.asarray(above - nearer, dtype=np.uint8)
+    levels = np.argsort(known, kind="stable")
+    rising = known[levels]
+    above = np.searchsorted(rising, light).clip(1, LEVELS - 1)
+    nearer = light - rising[above - 1] < rising[above] - light
+    return np.asarray(levels[above - nearer], dtype=np.uint8)
 
 
 def light_of(grey: NDArray[np.uint8], device: DeviceDescription) -> NDArray[np.float32]:
@@ -44,20 +49,34 @@ def light_of(grey: NDArray[np.uint8], device: DeviceDescription) -> NDArray[np.f
 
 
 def step_of(device: DeviceDescription) -> float:
-    """Largest step of light between neighbouring grey levels."""
-    return float(np.diff(response(device)).max())
+    """Largest step of light between neighbouring levels of it."""
+    return float(np.diff(np.sort(response(device))).max())
 
 
 def _table(file: Path) -> NDArray[np.float64]:
+    grey, values = _columns(file)
+    phase = "phase_rad" in file.read_text(encoding="utf-8").splitlines()[0]
+    rises = phase or bool((np.diff(values) > 0).all())
+    if not rises or (np.diff(grey) <= 0).any() or grey[0] > 0 or grey[-1] < LEVELS - 1:
+        raise DataError(file, "a response that does not rise from grey 0 to 255", "one that does", "measure it again")
+    found = np.interp(np.arange(LEVELS), grey, values)
+    found = np.sin(found / 2) ** 2 if phase else found
+    if not np.ptp(found) > 0:
+        raise DataError(file, "the same light at every grey level", "a response that changes", "measure it again")
+    return np.asarray((found - found.min()) / np.ptp(found))
+
+
+def _columns(file: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two columns of numbers, by rising grey level."""
+    wanted = "lines GREY,LIGHT, or GREY,PHASE below the heading grey,phase_rad"
+    if not file.is_file():
+        raise DataError(file, "no such file", wanted, "check the path")
     try:
-        rows = np.genfromtxt(file, delimiter=",", comments="#")
+        rows = np.genfromtxt(file, delimiter=",", comments="#", encoding="utf-8")
     except (OSError, ValueError):
-        raise DataError(file, "no table of numbers", "lines GREY,RESPONSE", "see docs/devices.md") from None
+        raise DataError(file, "no table of numbers", wanted, "see docs/devices.md") from None
     rows = rows[np.isfinite(rows).all(axis=1)] if rows.ndim == 2 else rows
     if rows.ndim != 2 or rows.shape[1] != 2 or len(rows) < 2:
-        raise DataError(file, f"an array of shape {rows.shape}", "lines GREY,RESPONSE, two or more")
-    grey, light = rows[np.argsort(rows[:, 0])].T
-    if (np.diff(light) <= 0).any() or (np.diff(grey) <= 0).any() or grey[0] > 0 or grey[-1] < LEVELS - 1:
-        raise DataError(file, "a response that does not rise from grey 0 to 255", "one that does", "measure it again")
-    found = np.interp(np.arange(LEVELS), grey, light)
-    return np.asarray((found - found[0]) / (found[-1] - found[0]))
+        raise DataError(file, f"an array of shape {rows.shape}", f"{wanted}, two or more")
+    grey, values = rows[np.argsort(rows[:, 0])].T
+    return grey, values

@@ -54,7 +54,8 @@ class SimulatedBench:
         self.camera, self.scene = imperfect(camera, self.hardware, seed), tuple(scene)
         self.saturation = float(2**bits - 1)
         self.black = _black(camera, self.saturation) if black is None else black
-        self.loaded, self.coded, self.shown = False, False, None
+        self.loaded, self.coded = False, False
+        self.shown: int | None = None
         self.taken, self.first, self.stops_after = taken, taken, stops_after
 
     @property
@@ -76,7 +77,7 @@ class SimulatedBench:
             raise DeviceError("simulated bench", "no patterns", "those of an export", "load one first")
         if slot is not None and not 0 <= slot < self.camera.slots:
             raise DeviceError("simulated bench", f"slot {slot}", f"0 to {self.camera.slots - 1}")
-        self.shown: int | None = slot
+        self.shown = slot
 
     def capture(self, whole: bool = False) -> NDArray[np.integer]:
         """See ``Device``."""
@@ -96,9 +97,8 @@ class SimulatedBench:
 
     def _dark(self) -> Tensor:
         nothing = torch.zeros(1, *self.camera.snapshot_shape)
-        sensor, exposures = self.camera.sensor, self.camera.exposures
-        if not self.coded:
-            sensor, exposures = sub_exposed(self.camera), 1
+        sensor = self.camera.sensor if self.coded else sub_exposed(self.camera)
+        exposures = self.camera.exposures if self.coded else 1
         found: Tensor = sensor(nothing, self.camera.white, self._noise(), exposures)
         return found
 
