@@ -158,6 +158,16 @@ def test_depth_outside_the_range_is_told(capsys, tmp_path):
         assert "inverse_depth_scale" not in kept.attrs
 
 
+def test_a_scene_that_is_mapped_onto_the_range_is_told(capsys, tmp_path):
+    depth = np.linspace(2.0, 6.0, 1024).reshape(32, 32)
+    parts = {"radiance": (("wavelength", "y", "x"), np.ones((8, 32, 32))), "depth": (("y", "x"), depth)}
+    xr.Dataset(parts, {"wavelength": np.linspace(440e-9, 680e-9, 8)}).to_netcdf("room.nc")
+    main(["simulate", "spectral-depth", "room.nc", "--no-figures"])
+    assert "depths of 2 to 6 m mapped onto 0.4 to 2 m (--metric-depth keeps metres)" in capsys.readouterr().out
+    main(["simulate", "spectral-depth", "room.nc", "--no-figures", "--metric-depth", "--overwrite"])
+    assert "mapped" not in capsys.readouterr().out
+
+
 def test_options_of_other_cameras_are_refused(capsys, prior):
     simulate("--no-figures")
     capsys.readouterr()

@@ -142,7 +142,20 @@ def spectral_depth(
     unknown, (height, width) = taken.notes["unknown_depth_pixels"], taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
     channels += f", {unknown} of {height * width} pixels of unknown depth" if unknown else ""
+    channels += _mapped(taken)
     _write(taken, target, output, about, channels, "", depth_snapshot_pictures)
+
+
+def _mapped(taken: Any) -> str:
+    """Which depths of the scene lie in the camera's range, where they were mapped onto it."""
+    if "inverse_depth_scale" not in taken.notes:
+        return ""
+    scale, shift = taken.notes["inverse_depth_scale"], taken.notes["inverse_depth_shift"]
+    planes = taken.camera.planes
+    inverse = [(1 / end - shift) / scale for end in (planes.near, planes.far)]
+    own = [1 / value if value > 1e-9 else float("inf") for value in inverse]
+    kept = f"{planes.near:g} to {planes.far:g} m (--metric-depth keeps metres)"
+    return f", depths of {own[0]:.3g} to {own[1]:.3g} m mapped onto {kept}"
 
 
 def _write(
