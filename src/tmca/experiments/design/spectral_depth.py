@@ -18,7 +18,7 @@ from tmca.design.mask_search import MaskEffort, MaskTask, Told, search_masks
 from tmca.errors import DataError, SettingError
 from tmca.experiments.design.checks import named_once
 from tmca.experiments.design.depth_page import described, design_files, write_design
-from tmca.experiments.design.flat_scenes import JUDGING, judge_on
+from tmca.experiments.design.example_scenes import JUDGING, judge_on
 from tmca.experiments.results import check_new
 from tmca.experiments.scenes import at_bands
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench

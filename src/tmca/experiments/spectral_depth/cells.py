@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
@@ -13,7 +13,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
 from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
-from tmca.experiments.design.flat_scenes import judge_on
+from tmca.experiments.design.example_scenes import drawn_error, flat_error, judge_on
 from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
     reconstruct_spectral_depth,
@@ -26,6 +26,8 @@ from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from tmca.priors import GaussianPrior
 
 
 def measure(cell: Settings, folder: str) -> Measured:
@@ -52,7 +54,7 @@ def search(cell: Settings, folder: Path) -> Measured:
     camera |= {"filters": settings["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
     task = MaskTask(probe.bench, camera, settings["shutter"], window=cell["window"], seed=cell["seed"])
     prior: Any = load_prior(cell["prior"])
-    judge = judge_on(examples_of(cell), prior, cell["window"])
+    judge = judge_on(examples_of(cell), prior, cell["decoded"])
     advice = search_masks(task, prior, [settings["slots"]], MaskEffort(**cell["effort"]), judge=judge)
     found = advice.candidates[-1]
     file = folder / f"codes-{cell_key(cell)}.nc"
@@ -87,18 +89,24 @@ def foretold(cell: Settings, folder: Path) -> Measured:
     from tmca.design.spectral_depth import confusion, fisher_information, foretell, kullback_leibler
     from tmca.priors import load_prior
 
-    camera, prior = _camera(cell, SIZE), load_prior(cell["prior"])
-    judge = judge_on(examples_of(cell), prior, cell["window"])  # type: ignore[arg-type]
+    camera, prior = _camera(cell, SIZE), cast("GaussianPrior", load_prior(cell["prior"]))
     with torch.no_grad():
-        found = foretell(camera, prior, cell["window"])  # type: ignore[arg-type]
+        found = foretell(camera, prior, cell["window"])
         distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))
         return {"figures": {
-            **({} if judge is None else {"flat": judge(camera)}),
+            **_on_examples(cell, camera, prior),
             "confusion": float(confusion(found.covariance)),
             "fisher": float(fisher_information(found.covariance, camera.planes.step).log().mean().exp()),
             "kullback_leibler": float(distance.min(1).values.mean()),
             "psnr": -10 * float(found.spectral_error.mean().log10()),
         }}  # fmt: skip
+
+
+def _on_examples(cell: Settings, camera: SpectralDepthCamera, prior: GaussianPrior) -> dict[str, float]:
+    """Errors on training scenes at drawn depths, and without edges of depth; none where they are too small."""
+    kinds = {"drawn": drawn_error, "flat": flat_error}
+    judges = {name: judge_on(examples_of(cell), prior, cell["decoded"], error) for name, error in kinds.items()}
+    return {name: judge(camera) for name, judge in judges.items() if judge is not None}
 
 
 def train(cell: Settings, folder: Path) -> Measured:

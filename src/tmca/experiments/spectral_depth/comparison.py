@@ -11,7 +11,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS, preset_bench
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, timed
-from tmca.experiments.design.flat_scenes import some_of
+from tmca.experiments.design.example_scenes import some_of
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.source import source_digest

@@ -16,6 +16,7 @@ from tmca.experiments.spectral_depth.rows import (
 )
 
 _FIGURES = (
+    ("drawn", 1, "depth_mae"),
     ("flat", 1, "depth_mae"),
     ("confusion", 1, "depth_mae"),
     ("fisher", -1, "depth_mae"),
@@ -50,8 +51,8 @@ def order(found: dict[str, Any]) -> list[dict[str, Any]]:
 def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
     """Noise by noise and decoder by decoder: time-multiplexed against static, and against the mask alone.
 
-    Codes are chosen by what is known without a test scene: the patch likelihood's by their error on flat training
-    scenes, networks' by the depth error in validation. What the least errors on the test scenes make, chosen in
+    Codes are chosen by what is known without a test scene: the patch likelihood's by their error on training scenes at
+    drawn depths, networks' by the depth error in validation. What the least errors on the test scenes make, chosen in
     hindsight, is told too.
     """
     said = []
@@ -81,7 +82,7 @@ def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
 def _known_before(found: dict[str, Any], decoder: str, noise: str) -> dict[str, float]:
     """The depth error of codes without a test scene, under a noise or in validation."""
     if decoder == "likelihood":
-        return {row["code"]: row["flat"] for row in found["foretold"] if row["noise"] == noise and "flat" in row}
+        return {row["code"]: row["drawn"] for row in found["foretold"] if row["noise"] == noise and "drawn" in row}
     errors: dict[str, list[float]] = {}
     for training in found["budget"]["training"]:
         if training["decoder"] == decoder:

@@ -72,7 +72,8 @@ def searches(table: Table) -> list[Settings]:
     kept = {name: table.common[name] for name in _JUDGED_BY}
     return [
         {**kept, "kind": "search", "name": f"search · {code} · seed {seed}", "code": code, "noise": noise,
-         "sensor": sensor, "seed": seed, "effort": _effort(table, code), "window": table.sizes.searched}
+         "sensor": sensor, "seed": seed, "effort": _effort(table, code), "window": table.sizes.searched,
+         "decoded": table.sizes.window}
         for code in DESIGNED for seed in table.seeds
     ]  # fmt: skip
 
@@ -99,7 +100,7 @@ def foretold(table: Table, rows: Sequence[Settings]) -> list[Settings]:
     kept = (*_JUDGED_BY, "code", "noise", "sensor", "seed", "codes", "camera_of")
     return [
         {**{name: row[name] for name in kept if name in row}, "kind": "foretold", "window": table.sizes.searched,
-         "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}
+         "decoded": table.sizes.window, "name": f"foretold · {row['code']} · {row['noise']} · seed {row['seed']}"}
         for row in rows if row["decoder"] == "likelihood"
     ]  # fmt: skip
 

@@ -115,7 +115,8 @@ def markdown(found: dict[str, Any]) -> str:
         "scenes.\n",
         _known(found),
         f"Optimised masks: {budget['effort']['starts']} descents of {budget['effort']['steps']} steps on the foretold "
-        f"confusion of depths under {next(iter(NOISES))}, best of them and of random masks on flat training scenes; "
+        f"confusion of depths under {next(iter(NOISES))}, best of them and of random masks on training scenes at drawn "
+        "depths; "
         "static masks have twice the descents, as a search for several slots begins with one for a static mask. Noise "
         "is in units of one band of a white scene; all "
         "exposures last equally long. Images are those of the linear model (thesis eqs 30–36), point spread functions "
@@ -149,7 +150,8 @@ def _training(found: dict[str, Any]) -> list[str]:
 def _order(found: dict[str, Any]) -> list[str]:
     """What was foretold of the codes, and whether in the right order."""
     figures = (
-        ("flat", "error on flat training scenes (bins)", ".2f"),
+        ("drawn", "error on training scenes at drawn depths (bins)", ".2f"),
+        ("flat", "on flat ones (bins)", ".2f"),
         ("confusion", "foretold confusion (bins)", ".3f"), ("fisher", "Fisher information (m²)", ".0f"),
         ("kullback_leibler", "nats from the nearest rival", ".1f"), ("psnr", "foretold PSNR (dB)", ".2f"),
     )  # fmt: skip
@@ -163,7 +165,8 @@ def _order(found: dict[str, Any]) -> list[str]:
     ]
     return [
         "## What is foretold without a test scene\n",
-        "The patch likelihood's error on some training scenes that stand at every plane in turn; and under the prior "
+        "The patch likelihood's error on some training scenes at drawn depths, with edges, and standing at every plane "
+        "in turn; and under the prior "
         f"alone, of windows of {found['budget']['searched']} pixels, means over planes (of Fisher information the "
         "geometric one); beside what the patch likelihood made of the test scenes.\n",
         markdown_table(shown, told),
@@ -196,8 +199,8 @@ def _margins(found: dict[str, Any]) -> list[str]:
     )  # fmt: skip
     return [
         "## Time-multiplexed against static\n",
-        "Codes of least error without a test scene: on flat training scenes (patch likelihood), or in validation "
-        "(networks). In hindsight: the least depth errors on the test scenes on either side.\n",
+        "Codes of least error without a test scene: on training scenes at drawn depths (patch likelihood), or in "
+        "validation (networks). In hindsight: the least depth errors on the test scenes on either side.\n",
         markdown_table(margins(found), columns),
         *_learning(found),
     ]
