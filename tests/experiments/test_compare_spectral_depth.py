@@ -12,7 +12,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
 from tmca.experiments.spectral_depth import comparison, plan
 from tmca.experiments.spectral_depth.margin_tables import learning, margins, order
-from tmca.experiments.spectral_depth.rows import CODES, CONSTANT, Sizes
+from tmca.experiments.spectral_depth.rows import CODES, CONSTANT, Sizes, training_of
 from tmca.experiments.spectral_depth.scenes import withheld_scene
 from tmca.experiments.spectral_depth.tables import markdown
 
@@ -102,9 +102,10 @@ CHOSEN = {  # depth error on test scenes, PSNR, and the error that chooses
 @pytest.mark.parametrize("decoder", ["likelihood", "physics"])
 def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
     rows = [
-        {"code": code, "noise": "n", "decoder": decoder, "depth_mae": mae, "psnr": psnr, "sam": 5.0}
+        {"code": code, "noise": "n", "decoder": decoder, "depth_mae": mae, "psnr": psnr, "sam": 5.0,
+         "seed_depth_mae": [mae - 0.05, mae + 0.05]}
         for code, (mae, psnr, _) in CHOSEN.items()
-    ]
+    ]  # fmt: skip
     rows += [{"code": CONSTANT, "noise": "", "decoder": CONSTANT, "depth_mae": 0.05, "psnr": 0.0, "sam": 5.0}]
     judged = {code: error for code, (_, _, error) in CHOSEN.items() if error is not None}
     foretold = [{"code": code, "noise": "n", "drawn": error, "flat": -error} for code, error in judged.items()]
@@ -117,11 +118,24 @@ def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
     (found,) = margins({"rows": rows, **parts})
     assert (found["best"], found["static"]) == ("TMCA optimised K = 4", "static mask + CCA, optimised")
     assert found["ratio"] == pytest.approx(0.5)
+    assert found["ratios"] == "0.40, 0.57"
     assert found["alone"] == pytest.approx(0.15 / 0.4 - 1)
     assert found["psnr"] == pytest.approx(0.2)
     assert found["ratio_in_hindsight"] == pytest.approx(0.1 / 0.3)
     assert found["alone_in_hindsight"] == pytest.approx(0.1 / 0.35 - 1)
     assert margins({"rows": rows, "foretold": [], "budget": {"training": []}}) == []
+
+
+def test_static_rows_have_as_much_time():
+    """As many times the descents and the steps as a static mask is cheaper; codes that stay as they are have no more."""
+    assert plan.STARTS["diffractive element only, free-form, optimised"] == 4
+    assert "TMCA optimised K = 4" not in plan.STARTS
+    for learn, steps in ((True, 50), (False, 10)):
+        found = training_of("diffractive element only, learned", "two-headed", 0, 10, SMALL, [], None, learn)
+        assert found["optimiser"]["steps"] == steps
+    assert training_of("TMCA learned K = 4", "two-headed", 0, 10, SMALL, [], None, True)["optimiser"]["steps"] == 10
+    free = training_of("diffractive element only, free-form, learned", "two-headed", 0, 10, SMALL, [], None, True)
+    assert free["camera"]["mask"] == "free-form"
 
 
 def test_learned_codes_stand_beside_their_start_and_their_static_case():

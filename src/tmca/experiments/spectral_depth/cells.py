@@ -52,7 +52,8 @@ def search(cell: Settings, folder: Path) -> Measured:
     probe, settings = coded_camera(cell, SIZE), CODES[cell["code"]]
     camera = {"bands": probe.wavelengths, "depth": (probe.planes.near, probe.planes.far), "planes": probe.planes.count}
     camera |= {"filters": settings["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
-    task = MaskTask(probe.bench, camera, settings["shutter"], window=cell["window"], seed=cell["seed"])
+    family = settings.get("mask", "zernike")
+    task = MaskTask(probe.bench, camera, settings["shutter"], family, window=cell["window"], seed=cell["seed"])
     prior: Any = load_prior(cell["prior"])
     judge = judge_on(examples_of(cell), prior, cell["decoded"])
     advice = search_masks(task, prior, [settings["slots"]], MaskEffort(**cell["effort"]), judge=judge)

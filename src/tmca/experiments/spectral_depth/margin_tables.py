@@ -72,11 +72,18 @@ def margins(found: dict[str, Any]) -> list[dict[str, Any]]:
         least, base, mask = (min(row["depth_mae"] for row in group) for group in groups)
         said.append({
             "decoder": DECODER_NAMES[decoder], "noise": noise, "best": best["code"], "static": static["code"],
-            "ratio": best["depth_mae"] / static["depth_mae"], "alone": best["depth_mae"] / alone["depth_mae"] - 1,
+            "ratio": best["depth_mae"] / static["depth_mae"], "ratios": _seed_by_seed(best, static),
+            "alone": best["depth_mae"] / alone["depth_mae"] - 1,
             "psnr": best["psnr"] - alone["psnr"], "sam": best["sam"] - alone["sam"],
             "ratio_in_hindsight": least / base, "alone_in_hindsight": least / mask - 1,
         })  # fmt: skip
     return said
+
+
+def _seed_by_seed(best: dict[str, Any], static: dict[str, Any]) -> str:
+    """Ratios of the depth errors of either's seeds."""
+    both = zip(best.get("seed_depth_mae", ()), static.get("seed_depth_mae", ()), strict=False)
+    return ", ".join(f"{one / other:.2f}" for one, other in both)
 
 
 def _known_before(found: dict[str, Any], decoder: str, noise: str) -> dict[str, float]:

@@ -19,7 +19,7 @@ from tmca.experiments.spectral_depth.rows import (
     LEARNED_WITH,
     NETWORKS,
     NOISES,
-    STATIC_CODES,
+    STARTS,
     TRAINED,
     Sizes,
     training_of,
@@ -79,9 +79,9 @@ def searches(table: Table) -> list[Settings]:
 
 
 def _effort(table: Table, code: str) -> Settings:
-    """That of a search: as many descents for static masks as for several slots, which search a static mask first."""
+    """That of a search."""
     own = MaskEffort(**table.effort)
-    return {**table.effort, "starts": (2 if code in STATIC_CODES else 1) * own.starts}
+    return {**table.effort, "starts": STARTS.get(code, 1) * own.starts}
 
 
 def untrained(table: Table, codes: Codes) -> list[Settings]:

@@ -9,25 +9,30 @@ from typing import Any
 _STATIC: dict[str, Any] = {"slots": 1, "shutter": "open"}
 _CLEAR, _COLOURED = {"filters": "clear"}, {"filters": "gaussian"}
 _MULTIPLEXED: dict[str, Any] = {"slots": 4, "shutter": "one-hot"}
+_FREE = {"mask": "free-form"}
 
 CODES: dict[str, dict[str, Any]] = {
     "diffractive element only, random": {**_STATIC, **_CLEAR},
     "diffractive element only, optimised": {**_STATIC, **_CLEAR},
+    "diffractive element only, free-form, optimised": {**_STATIC, **_CLEAR, **_FREE},
     "static mask + CCA, optimised": {**_STATIC, **_COLOURED},
     "TMCA random K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
     "TMCA optimised K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
     "TMCA random K = 4": {**_MULTIPLEXED, **_CLEAR},
     "TMCA optimised K = 4": {**_MULTIPLEXED, **_CLEAR},
     "diffractive element only, learned": {**_STATIC, **_CLEAR},
+    "diffractive element only, free-form, learned": {**_STATIC, **_CLEAR, **_FREE},
     "static mask + CCA, learned": {**_STATIC, **_COLOURED},
     "TMCA learned K = 4": {**_MULTIPLEXED, **_CLEAR},
     "TMCA learned K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
 }
-"""Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes, equal exposure time."""
+"""Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes where none is named, equal exposure
+time."""
 DESIGNED = tuple(name for name in CODES if "optimised" in name)
 """Codes whose masks are searched for least confusion of depths and judged on training scenes, with equal effort."""
 LEARNED = {
     "diffractive element only, learned": "diffractive element only, optimised",
+    "diffractive element only, free-form, learned": "diffractive element only, free-form, optimised",
     "static mask + CCA, learned": "static mask + CCA, optimised",
     "TMCA learned K = 4": "TMCA optimised K = 4",
     "TMCA learned K = 4 + CCA": "TMCA optimised K = 4 + CCA",
@@ -43,6 +48,11 @@ LEARNED_WITH = "two-headed"
 Depth they learn from the patch likelihood."""
 STATIC_CODES = tuple(name for name, settings in CODES.items() if settings["slots"] == 1)
 DIFFRACTIVE = tuple(name for name in CODES if name.startswith("diffractive"))
+STARTS = dict.fromkeys(STATIC_CODES, 4)
+"""How many times the descents of a search: as much processor time as four slots take, whose search contains a static
+one."""
+STEPS = {code: 5 for code in LEARNED if code in DIFFRACTIVE}
+"""How many times the steps in which codes are learned: a step of one mask without filters takes a fifth of the time."""
 NOISES: dict[str, dict[str, Any]] = {
     "σ = 0.002": {"read_noise": 0.002},
     "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 10_000, "read_noise_electrons": 3},
@@ -116,7 +126,7 @@ def training_of(
         "decoder": NETWORKS[decoder],
         "codes": {"start": codes} if codes else {},
         "data": {"patch": sizes.patch, "batch": 4, "pool": 256, "side": sizes.side, "brightness": 1.0},
-        "optimiser": {"steps": steps, "decoder_rate": 2e-3},
+        "optimiser": {"steps": steps * (STEPS.get(code, 1) if learn else 1), "decoder_rate": 2e-3},
         "validate_every": max(1, steps // 4),
         "seed": seed,
     }

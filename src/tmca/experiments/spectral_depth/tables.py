@@ -10,7 +10,7 @@ import numpy as np
 from tmca.experiments.cells import Measured
 from tmca.experiments.results import DEPTH_METRICS, markdown_table, mean_over_scenes, repository_commit
 from tmca.experiments.spectral_depth.margin_tables import learning, margins, order
-from tmca.experiments.spectral_depth.rows import CONSTANT, DECODER_NAMES, LEARNED, NOISES
+from tmca.experiments.spectral_depth.rows import CONSTANT, DECODER_NAMES, LEARNED, NOISES, STARTS, STEPS
 
 COLUMNS = (
     *DEPTH_METRICS,
@@ -117,8 +117,8 @@ def markdown(found: dict[str, Any]) -> str:
         f"Optimised masks: {budget['effort']['starts']} descents of {budget['effort']['steps']} steps on the foretold "
         f"confusion of depths under {next(iter(NOISES))}, best of them and of random masks on training scenes at drawn "
         "depths; "
-        "static masks have twice the descents, as a search for several slots begins with one for a static mask. Noise "
-        "is in units of one band of a white scene; all "
+        f"static masks have {max(STARTS.values())} times the descents, which takes as long as a search for four slots. "
+        "Noise is in units of one band of a white scene; all "
         "exposures last equally long. Images are those of the linear model (thesis eqs 30–36), point spread functions "
         "have unit energy within their window; the share of a point's light that really arrives there is told.\n",
         *_training(found),
@@ -140,7 +140,8 @@ def _training(found: dict[str, Any]) -> list[str]:
     return [
         f"Networks learned from these scenes and rendered ones ({', '.join(rendered['train'])}), {budget['steps']} "
         f"steps each; {', '.join(rendered['validation'])} (rendered){kept} chose the best step. A step costs more "
-        "where there are more slots and filters: CPU minutes of search and training are told. Learned codes start from "
+        "where there are more slots and filters: CPU minutes of search and training are told. Masks alone learn for "
+        f"{max(STEPS.values())} times the steps, which takes as long as four masks. Learned codes start from "
         "the searched ones of their kind and stay in their family; they learn from the two-headed network's loss and "
         "from the error of inverse depth that the patch likelihood is to expect. Other networks are trained behind "
         "codes that were so learned.\n"
@@ -181,10 +182,15 @@ def _table(found: dict[str, Any], noise: str) -> str:
     scenes = found["split"]["test"]
     for row in shown:
         row |= {f"depth_{name}": row["scenes"][name]["depth_mae"] for name in scenes}
+        row["spread"] = ", ".join(f"{value:.3f}" for value in row["seed_depth_mae"])
         row["minutes"], row["search"] = row["training_cpu_minutes"] or None, row["search_cpu_minutes"] or None
     columns = [("code", "code", ""), ("decoder", "decoder", ""), *COLUMNS]
     columns += [(f"depth_{name}", f"depth MAE {name}", ".3f") for name in scenes]
-    columns += [("throughput", "light", ".2f"), ("arrived", "in the window", ".1%")]
+    columns += [
+        ("spread", "depth MAE, seed by seed", ""),
+        ("throughput", "light", ".2f"),
+        ("arrived", "in the window", ".1%"),
+    ]
     columns += [("seconds", "seconds a scene", ".1f"), ("search", "search (CPU min)", ".1f")]
     return markdown_table(shown, [*columns, ("minutes", "training (CPU min)", ".1f")])
 
@@ -192,7 +198,8 @@ def _table(found: dict[str, Any], noise: str) -> str:
 def _margins(found: dict[str, Any]) -> list[str]:
     columns = (
         ("decoder", "decoder", ""), ("noise", "noise", ""), ("best", "time-multiplexed", ""), ("static", "static", ""),
-        ("ratio", "ratio of depth MAE", ".2f"), ("alone", "depth MAE against the mask alone", "+.0%"),
+        ("ratio", "ratio of depth MAE", ".2f"), ("ratios", "seed by seed", ""),
+        ("alone", "depth MAE against the mask alone", "+.0%"),
         ("psnr", "PSNR against it (dB)", "+.2f"), ("sam", "SAM against it (°)", "+.2f"),
         ("ratio_in_hindsight", "ratio in hindsight", ".2f"),
         ("alone_in_hindsight", "against the mask alone in hindsight", "+.0%"),
