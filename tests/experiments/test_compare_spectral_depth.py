@@ -127,7 +127,7 @@ def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
 
 
 def test_static_rows_have_as_much_time():
-    """As many times the descents and the steps as a static mask is cheaper; codes that stay as they are have no more."""
+    """As many times the descents and steps as a static mask is cheaper; codes that stay as they are have no more."""
     assert plan.STARTS["diffractive element only, free-form, optimised"] == 4
     assert "TMCA optimised K = 4" not in plan.STARTS
     for learn, steps in ((True, 50), (False, 10)):
