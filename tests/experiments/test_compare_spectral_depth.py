@@ -108,7 +108,7 @@ def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
     ]  # fmt: skip
     rows += [{"code": CONSTANT, "noise": "", "decoder": CONSTANT, "depth_mae": 0.05, "psnr": 0.0, "sam": 5.0}]
     judged = {code: error for code, (_, _, error) in CHOSEN.items() if error is not None}
-    foretold = [{"code": code, "noise": "n", "drawn": error, "flat": -error} for code, error in judged.items()]
+    foretold = [{"code": code, "noise": "n", "placed": error, "flat": -error} for code, error in judged.items()]
     trained = [
         {"code": code, "decoder": decoder, "validation": {"depth_mae": error + seed}}
         for code, error in judged.items() for seed in (0.1, -0.1)

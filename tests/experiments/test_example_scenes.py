@@ -7,7 +7,7 @@ import torch
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.placing import drawn_nearness
 from tmca.decoders.depth_likelihood import PatchLikelihood
-from tmca.experiments.design.example_scenes import drawn_error, flat_error, judge_on
+from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
@@ -50,10 +50,10 @@ def test_at_drawn_depths_it_is_that_of_placed_scenes():
             taken = made(torch.stack([c[:, 15:55, 14:58] for c in cubes()]), depth.expand(2, -1, -1, -1), draw)[number]
             found = PatchLikelihood(PRIOR, made, 6)(taken[None]).depth
             total += float((1 / found - 1 / depth).abs().mean()) / made.planes.step
-    assert drawn_error(made, PRIOR, cubes(), 6) == pytest.approx(total / 6, rel=1e-3)
+    assert placed_error(made, PRIOR, cubes(), 6) == pytest.approx(total / 6, rel=1e-3)
 
 
-@pytest.mark.parametrize(("error", "share"), [(flat_error, 0.8), (drawn_error, 0.9)])
+@pytest.mark.parametrize(("error", "share"), [(flat_error, 0.8), (placed_error, 0.9)])
 def test_texture_tells_depth_and_uniform_scenes_do_not(error, share):
     rich, poor = (error(camera(), PRIOR, cubes(contrast), 6) for contrast in (1.0, 1e-4))
     assert rich < share * poor
@@ -62,6 +62,6 @@ def test_texture_tells_depth_and_uniform_scenes_do_not(error, share):
 def test_small_scenes_judge_nothing():
     assert judge_on(cubes(side=50), PRIOR, 6) is None
     judge = judge_on([*cubes(side=50), *cubes()], PRIOR, 2)  # a window is a tile at least
-    assert judge(camera()) == pytest.approx(drawn_error(camera(), PRIOR, cubes(), 4))
+    assert judge(camera()) == pytest.approx(placed_error(camera(), PRIOR, cubes(), 4))
     flat = judge_on(cubes(), PRIOR, 6, flat_error)
     assert flat(camera()) == pytest.approx(flat_error(camera(), PRIOR, cubes(), 6))

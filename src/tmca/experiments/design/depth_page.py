@@ -34,15 +34,15 @@ COLUMNS = (
     ("seconds", "CPU seconds", ".0f"),
 )
 _JUDGED = (
-    "The error on example scenes is that of the patch likelihood on their middles, standing at every plane in turn: it "
-    "says which descent is taken and orders designs. "
+    "The error on example scenes is that of the patch likelihood on their middles at drawn depths, with edges and "
+    "slopes: it says which descent is taken and orders designs. "
 )
 _CAVEAT = (
     "The confusion, on which masks are searched, is a bound on the mean error, in "
     "depth bins, of the most likely plane for one window; the drawn error is that error for windows drawn from the "
     "prior. Both believe the Gaussian prior and exact point spread functions, so that they are far too optimistic, "
-    "most of all for static masks. None of them knows edges of depth: they are for the order of designs, not for the "
-    "error to expect."
+    "most of all for static masks, and know no edges of depth: they are for the order of designs, not for the error to "
+    "expect."
 )
 
 

@@ -36,16 +36,16 @@ def judge_on(cubes: Sequence[Tensor], prior: GaussianPrior, window: int, error: 
         cubes: (L, H, W) at the searched bands.
         prior: of such scenes.
         window: of the likelihood, pixels; at least a tile is taken.
-        error: ``drawn_error`` or ``flat_error``; the first if None.
+        error: ``placed_error`` or ``flat_error``; the first if None.
     """
     large = [cube for cube in cubes if cube.shape[1] >= SIZE[0] and cube.shape[2] >= SIZE[1]]
     if not large:
         return None
-    chosen, found = some_of(large), error or drawn_error
+    chosen, found = some_of(large), error or placed_error
     return lambda camera: found(camera, prior, chosen, max(window, camera.tile_size))
 
 
-def drawn_error(camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequence[Tensor], window: int) -> float:
+def placed_error(camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequence[Tensor], window: int) -> float:
     """Mean absolute error, in depth bins, of the patch likelihood on scenes at drawn depths, with edges and slopes.
 
     No expectation under the prior: it shows what a mask loses where textures are not what the prior has them to be, and
@@ -71,7 +71,7 @@ def _nearness(size: tuple[int, int], draw: int, number: int) -> NDArray[np.float
 
 
 def flat_error(camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequence[Tensor], window: int) -> float:
-    """The same on scenes without edges of depth, which stand at every plane in turn; arguments as of `drawn_error`."""
+    """The same on scenes without edges of depth, which stand at every plane in turn; arguments as of `placed_error`."""
     depths = camera.planes.metres.float()[:, None, None, None, None].expand(-1, len(cubes), 1, *camera.size)
     return _error(camera, prior, cubes, window, depths)
 

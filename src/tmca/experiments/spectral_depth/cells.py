@@ -13,7 +13,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
 from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
-from tmca.experiments.design.example_scenes import drawn_error, flat_error, judge_on
+from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
 from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
     reconstruct_spectral_depth,
@@ -105,7 +105,7 @@ def foretold(cell: Settings, folder: Path) -> Measured:
 
 def _on_examples(cell: Settings, camera: SpectralDepthCamera, prior: GaussianPrior) -> dict[str, float]:
     """Errors on training scenes at drawn depths, and without edges of depth; none where they are too small."""
-    kinds = {"drawn": drawn_error, "flat": flat_error}
+    kinds = {"placed": placed_error, "flat": flat_error}
     judges = {name: judge_on(examples_of(cell), prior, cell["decoded"], error) for name, error in kinds.items()}
     return {name: judge(camera) for name, judge in judges.items() if judge is not None}
 

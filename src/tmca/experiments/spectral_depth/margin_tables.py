@@ -16,7 +16,7 @@ from tmca.experiments.spectral_depth.rows import (
 )
 
 _FIGURES = (
-    ("drawn", 1, "depth_mae"),
+    ("placed", 1, "depth_mae"),
     ("flat", 1, "depth_mae"),
     ("confusion", 1, "depth_mae"),
     ("fisher", -1, "depth_mae"),
@@ -89,7 +89,7 @@ def _seed_by_seed(best: dict[str, Any], static: dict[str, Any]) -> str:
 def _known_before(found: dict[str, Any], decoder: str, noise: str) -> dict[str, float]:
     """The depth error of codes without a test scene, under a noise or in validation."""
     if decoder == "likelihood":
-        return {row["code"]: row["drawn"] for row in found["foretold"] if row["noise"] == noise and "drawn" in row}
+        return {row["code"]: row["placed"] for row in found["foretold"] if row["noise"] == noise and "placed" in row}
     errors: dict[str, list[float]] = {}
     for training in found["budget"]["training"]:
         if training["decoder"] == decoder:

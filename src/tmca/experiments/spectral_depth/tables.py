@@ -151,7 +151,7 @@ def _training(found: dict[str, Any]) -> list[str]:
 def _order(found: dict[str, Any]) -> list[str]:
     """What was foretold of the codes, and whether in the right order."""
     figures = (
-        ("drawn", "error on training scenes at drawn depths (bins)", ".2f"),
+        ("placed", "error on training scenes at drawn depths (bins)", ".2f"),
         ("flat", "on flat ones (bins)", ".2f"),
         ("confusion", "foretold confusion (bins)", ".3f"), ("fisher", "Fisher information (m²)", ".0f"),
         ("kullback_leibler", "nats from the nearest rival", ".1f"), ("psnr", "foretold PSNR (dB)", ".2f"),
