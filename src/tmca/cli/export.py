@@ -29,6 +29,7 @@ def export(
     mounting_angle: Annotated[float | None, Parameter(group=_DEVICE)] = None,
     offset: Annotated[str | None, Parameter(group=_DEVICE)] = None,
     lut: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
+    calibration: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
     figures: bool = True,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -50,6 +51,8 @@ def export(
         mounting_angle: of the aperture's device, degrees: 45 for mirrors that tilt about their diagonal.
         offset: ROWSxCOLUMNS of device pixels by which the aperture is displaced from the device's middle.
         lut: CSV of grey level and light, or phase_rad, of the aperture's device.
+        calibration: of `tmca calibrate registration`, whose patterns had the aperture device's own pixels: codes are
+            placed so that they fall on the sensor pixels that the camera of SOURCE, a snapshot, was drawn with.
         figures: write overview.png.
     """
     from tmca.lab.devices import export_codes, read_planes
@@ -57,8 +60,13 @@ def export(
     own: dict[str, Any] = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
     own |= {"lut": None if lut is None else str(lut.absolute())}
     moved = size(offset, "--offset") or (0, 0)
+    devices = [_described(name, own) for name in device]
+    affine = None
+    if calibration is not None:
+        _refuse_beside(own, offset)
+        affine = _registered(source, calibration, devices)
     found = export_codes(
-        read_planes(source), [_described(name, own) for name in device], out, exposure=exposure,
+        read_planes(source), devices, out, exposure=exposure, affine=affine,
         code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
     )  # fmt: skip
@@ -68,6 +76,26 @@ def export(
 
         save_figure(export_figure(found.manifest, out), out / "overview.png", overwrite=True)
     _say(found.manifest, out, json)
+
+
+def _refuse_beside(own: dict[str, Any], offset: str | None) -> None:
+    beside = {"--macro-pixel": own["macro_pixel"], "--mounting-angle": own["mounting_angle_deg"], "--offset": offset}
+    for name, value in beside.items():
+        if value is not None:
+            raise SettingError(
+                name, f"{value} beside --calibration", "one of them: a registration says where codes lie"
+            )
+
+
+def _registered(source: Path, calibration: Path, devices: list[Any]) -> Any:
+    """Where codes lie on the aperture's device by a registration."""
+    from tmca.lab.calibration.calibration_file import load_calibration
+    from tmca.lab.devices.registered import registered_affine
+
+    showing = [device for device in devices if device.plane == "aperture"]
+    if not showing:
+        raise SettingError("--calibration", "no device of the aperture", "one whose pixels were registered")
+    return registered_affine(source, load_calibration(calibration), showing[0])
 
 
 def _described(name: str, changes: dict[str, Any]) -> Any:

@@ -65,7 +65,7 @@ def spectral_camera(camera: SpectralCamera, calibration: Calibration, sensor: Se
         raise SettingError("camera", "a dual disperser or coloured aperture", "a single disperser to calibrate")
     aperture, shutter = camera.codes()
     planes, light = _mixed(aperture, calibration)
-    registration, start = calibration.part("registration"), _reference(camera, calibration)
+    registration, start = calibration.part("registration"), reference_shift(camera, calibration)
     if registration is not None:
         # scene column n falls on sensor column n + start - origin at the registration's wavelength
         matrix = moved(registration.matrix, (0.0, camera.dispersion.origin - start))
@@ -84,7 +84,7 @@ def spectral_camera(camera: SpectralCamera, calibration: Calibration, sensor: Se
     )  # fmt: skip
 
 
-def _reference(camera: SpectralCamera, calibration: Calibration) -> float:
+def reference_shift(camera: SpectralCamera, calibration: Calibration) -> float:
     """Nominal displacement at the wavelength of the registration, pixels."""
     registration = calibration.part("registration")
     if registration is None:

@@ -18,7 +18,7 @@ from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.frames import write_frame
 from tmca.lab.devices.manifest import FORMAT, NAME, Timing, checksum, shown_files
 from tmca.lab.devices.mirror import table, terms_of
-from tmca.lab.devices.placement import Placement
+from tmca.lab.devices.placement import Affine, Placement
 from tmca.lab.devices.response import grey_of, response
 from tmca.lab.devices.sources import Planes, Size
 
@@ -54,6 +54,7 @@ def export_codes(
     code_size: Size | None = None,
     sensor_size: Size | None = None,
     offset: tuple[int, int] = (0, 0),
+    affine: Affine | None = None,
     overwrite: bool = False,
 ) -> Export:
     """Write what devices show.
@@ -66,6 +67,8 @@ def export_codes(
         code_size: (H, W) pixels of the aperture's code; the code's own, or as many as the device shows of a tile.
         sensor_size: (H, W) of the shutter, likewise; the shutter's own without.
         offset: (rows, columns) of device pixels by which the aperture is displaced from the device's middle.
+        affine: of ``registered_affine``, from code to device pixels of the aperture, in the place of its description's
+            macro-pixel, angle and flip and of the offset.
         overwrite: replace an export.
 
     Raises:
@@ -82,7 +85,11 @@ def export_codes(
     try:
         temporary.mkdir(parents=True)
         sizes = {"aperture": code_size, "shutter": sensor_size}
-        planes = [_plane(codes, one, sizes.get(one.plane), offset, timing, temporary) for one in devices]
+        places = {"aperture": (offset, affine)}
+        planes = [
+            _plane(codes, one, sizes.get(one.plane), places.get(one.plane, ((0, 0), None)), timing, temporary)
+            for one in devices
+        ]
         manifest = _manifest(codes, timing, planes)
         _write_manifest(manifest, temporary)
         if folder.exists():
@@ -110,7 +117,12 @@ def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: 
 
 
 def _plane(
-    codes: Planes, device: DeviceDescription, size: Size | None, offset: tuple[int, int], timing: Timing, folder: Path
+    codes: Planes,
+    device: DeviceDescription,
+    size: Size | None,
+    where: tuple[tuple[int, int], Affine | None],
+    timing: Timing,
+    folder: Path,
 ) -> dict[str, Any]:
     """Files of one device, and what the manifest says of them."""
     place = folder / device.plane
@@ -119,7 +131,9 @@ def _plane(
     if device.kind == "deformable-mirror":
         return about | _mirror(codes, device, timing, place, folder)
     plane = codes.full(device.plane, size or _shown_size(codes, device)).numpy()
-    placement = Placement.of(device, (plane.shape[1], plane.shape[2]), offset if device.plane == "aperture" else (0, 0))
+    code, (offset, affine) = (plane.shape[1], plane.shape[2]), where
+    placement = Placement.of(device, code, offset)
+    placement = placement if affine is None else Placement.by(affine, placement.device, code)
     frames = placement.shown(_levels(plane, device, codes.source))
     files = [write_frame(place / f"{device.plane}_{k:03d}.png", frame, device.bits) for k, frame in enumerate(frames)]
     return about | {

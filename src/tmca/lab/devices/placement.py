@@ -12,6 +12,8 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 
 _SLACK = 1e-9
+Size = tuple[int, int]
+Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -37,13 +39,19 @@ class Placement:
     lattice: str = "square"
     flip: tuple[str, ...] = ()
     offset: tuple[int, int] = (0, 0)
-    affine: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    affine: Affine | None = None
 
     @classmethod
     def of(cls, device: DeviceDescription, code: tuple[int, int], offset: tuple[int, int] = (0, 0)) -> Placement:
         """Of a code on a device as it is described; a sensor without a size has that of the code."""
         how = (device.macro_pixel, device.mounting_angle_deg, device.lattice, device.flip, offset)
         return cls(code, device.size or code, *how)
+
+    @classmethod
+    def by(cls, affine: Affine, device: Size, code: Size) -> Placement:
+        """Of a code whose place on a device was measured."""
+        scale = float(np.sqrt(abs(np.linalg.det(np.array(affine)[:, :2]))))
+        return cls(code, device, scale, affine=affine)
 
     def index(self) -> NDArray[np.int64]:
         """(R, C) index ``W·row + column`` of the code pixel that each device pixel shows; -1 for none.
@@ -116,6 +124,10 @@ class Placement:
         if owned.min() > 0:
             return
         row, column = divmod(int(np.argmin(owned)), self.code[1])
+        if self.affine is not None:
+            found = f"a place for {self.code[0]}×{self.code[1]} code pixels that leaves out ({row}, {column})"
+            wanted = f"all on the device, at {self.macro_pixel:.3g} of its pixels each (1 or more)"
+            raise SettingError("--calibration", found, wanted, "a smaller code, or other optics")
         shown = f"{self.code[0]}×{self.code[1]} code pixels at {self.macro_pixel:g} device pixels each"
         found = f"{shown}, of which ({row}, {column}) is not on the device"
         turned = self.angle % 90 != 0 or self.lattice == "diamond"
