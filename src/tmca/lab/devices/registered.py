@@ -44,8 +44,8 @@ def registered_affine(source: str | Path, calibration: Calibration, device: Devi
         raise DataError(calibration.where, f"a registration of {found} pixels", f"{device.name}'s {known}", remedy)
     wanted = _drawn(_camera(source), calibration)
     back = np.linalg.inv(registration.matrix[:, :2])
-    found = np.hstack([back @ wanted[:, :2], back @ (wanted[:, 2:] - registration.matrix[:, 2:])])
-    (a, b, c), (d, e, f) = found.tolist()
+    affine = np.hstack([back @ wanted[:, :2], back @ (wanted[:, 2:] - registration.matrix[:, 2:])])
+    (a, b, c), (d, e, f) = affine.tolist()
     return (a, b, c), (d, e, f)
 
 
