@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ from tmca.cli import spectral_depth
 from tmca.cli.numbers import MaybeWhole
 from tmca.cli.options import OutputOptions, TruthOptions, check_targets, warned
 from tmca.cli.progress import progress_bar
+from tmca.cli.way_back import WayBack
 from tmca.errors import SettingError
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
@@ -66,30 +68,27 @@ def reconstruct(
     if window is not None and usual != "likelihood":
         raise SettingError("--window", str(window), "none: spectral-depth snapshots alone have one", "leave it out")
     if taken.camera.application == "light-field":
-        found = _light_field(taken, snapshot, target, decoder, truth, reading, output, how | {"dictionary": dictionary})
+        way = _light_field(taken, reading, how | {"dictionary": dictionary})
     elif taken.camera.application == "spectral-depth":
         spectral_depth.refuse_reading(reading, dictionary=dictionary, tv_weight=tv_weight)
-        found = spectral_depth.reconstruct(taken, snapshot, target, decoder, truth, output, prior, weights, window)
+        way = spectral_depth.way_back(taken, {"prior": prior, "weights": weights, "window": window})
     elif dictionary is not None:
         raise SettingError(
             "--dictionary", str(dictionary), "none: only light fields are decoded by one", "leave it out"
         )
     else:
-        found = _spectral(taken, snapshot, target, decoder, truth, reading, output, how)
-    result, written = found
+        way = _spectral(taken, reading, how)
+    check_targets(way.files(target, output.figures), output.overwrite, snapshot)
+    scene = None if truth is None else way.truth(truth)
+    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
+        result = way.decode(decoder, truth=scene, progress=progress)
+    written = [result.save(target, overwrite=output.overwrite)]
+    if output.figures:
+        written += way.pictures(result, target, truth=scene, overwrite=output.overwrite)
     _say(result, target, written, output)
 
 
-def _spectral(
-    taken: Any,
-    snapshot: Path,
-    target: Path,
-    decoder: str,
-    truth: str | None,
-    reading: TruthOptions,
-    output: OutputOptions,
-    how: dict[str, Any],
-) -> tuple[Any, list[Path]]:
+def _spectral(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:
     from tmca.experiments.spectral.imaging import (
         reconstruct_snapshot,
         reconstruction_files,
@@ -97,42 +96,17 @@ def _spectral(
         true_scene,
     )
 
-    check_targets(reconstruction_files(target, output.figures), output.overwrite, snapshot)
-    scene = None if truth is None else true_scene(truth, taken, **reading.reading())
-    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        result = reconstruct_snapshot(taken, decoder, truth=scene, progress=progress, **how)
-    written = [result.save(target, overwrite=output.overwrite)]
-    if output.figures:
-        written += reconstruction_pictures(result, target, truth=scene, overwrite=output.overwrite)
-    return result, written
+    truth = partial(true_scene, snapshot=taken, **reading.reading())
+    return WayBack(reconstruction_files, truth, partial(reconstruct_snapshot, taken, **how), reconstruction_pictures)
 
 
-def _light_field(
-    taken: Any,
-    snapshot: Path,
-    target: Path,
-    decoder: str,
-    truth: str | None,
-    reading: TruthOptions,
-    output: OutputOptions,
-    how: dict[str, Any],
-) -> tuple[Any, list[Path]]:
-    from tmca.experiments.light_field.imaging import (
-        light_field_files,
-        light_field_pictures,
-        reconstruct_light_field,
-    )
+def _light_field(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:
+    from tmca.experiments.light_field.imaging import light_field_files, light_field_pictures, reconstruct_light_field
     from tmca.experiments.light_field.truth import true_light_field
 
-    check_targets(light_field_files(target, output.figures), output.overwrite, snapshot)
-    given = reading.views_reading()
-    scene = None if truth is None else true_light_field(truth, taken, told=warned, **given)
-    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        result = reconstruct_light_field(taken, decoder, truth=scene, progress=progress, **how)
-    written = [result.save(target, overwrite=output.overwrite)]
-    if output.figures:
-        written += light_field_pictures(result, target, snapshot=taken, truth=scene, overwrite=output.overwrite)
-    return result, written
+    truth = partial(true_light_field, snapshot=taken, told=warned, **reading.views_reading())
+    pictures = partial(light_field_pictures, snapshot=taken)
+    return WayBack(light_field_files, truth, partial(reconstruct_light_field, taken, **how), pictures)
 
 
 def _say(result: Any, target: Path, written: list[Path], output: OutputOptions) -> None:

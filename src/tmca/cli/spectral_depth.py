@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,6 +14,7 @@ from tmca.cli.hardware import HardwareOptions
 from tmca.cli.numbers import whole
 from tmca.cli.options import OutputOptions, SensorOptions, TruthOptions, check_targets, numbers, size
 from tmca.cli.progress import progress_bar
+from tmca.cli.way_back import WayBack
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -202,18 +204,8 @@ def refuse_reading(reading: TruthOptions, **others: Any) -> None:
             raise SettingError(f"--{name.replace('_', '-')}", str(value), known, "leave it out")
 
 
-def reconstruct(
-    taken: Any,
-    snapshot: Path,
-    target: Path,
-    decoder: str,
-    truth: str | None,
-    output: OutputOptions,
-    prior: Path | None,
-    weights: str | None = None,
-    window: int | None = None,
-) -> tuple[Any, list[Path]]:
-    """Cube and depth of a snapshot, and the files that were written."""
+def way_back(taken: Any, how: dict[str, Any]) -> WayBack:
+    """Cube and depth of a snapshot; ``how`` are options of the decoders."""
     from tmca.decoders.depth_likelihood import check_window
     from tmca.experiments.spectral_depth.imaging import (
         reconstruct_spectral_depth,
@@ -222,17 +214,11 @@ def reconstruct(
     )
     from tmca.experiments.spectral_depth.scenes import true_spectral_depth
 
-    check_targets(spectral_depth_files(target, output.figures), output.overwrite, snapshot)
-    if window is not None and weights is not None:
+    window = how["window"]
+    if window is not None and how["weights"] is not None:
         raise SettingError("--window", f"{window} beside weights", "none: a network brings its own", "leave it out")
     if window is not None:
         check_window(window, taken.camera, "--window")
-    scene = None if truth is None else true_spectral_depth(truth, taken)
-    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        result = reconstruct_spectral_depth(
-            taken, decoder, prior=prior, weights=weights, window=window, truth=scene, progress=progress
-        )
-    written = [result.save(target, overwrite=output.overwrite)]
-    if output.figures:
-        written += spectral_depth_pictures(result, target, snapshot=taken, truth=scene, overwrite=output.overwrite)
-    return result, written
+    decode = partial(reconstruct_spectral_depth, taken, **how)
+    pictures = partial(spectral_depth_pictures, snapshot=taken)
+    return WayBack(spectral_depth_files, partial(true_spectral_depth, taken=taken), decode, pictures)

@@ -16,7 +16,7 @@ from tmca.experiments.light_field.demo import demo_light_field
 from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import METRICS, mean_over_scenes
-from tmca.experiments.spectral.imaging import Reconstruction, reconstruct_snapshot, take_snapshot
+from tmca.experiments.spectral.imaging import SpectralReconstruction, reconstruct_snapshot, take_snapshot
 from tmca.experiments.spectral_depth.demo import demo_spectral_depth
 from tmca.sensor import Sensor
 
@@ -115,7 +115,7 @@ def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> 
 
 def _through(
     scene: xr.DataArray, settings: dict[str, Any], prior: Any, stem: Path, overwrite: bool
-) -> tuple[Snapshot[SpectralCamera], Reconstruction]:
+) -> tuple[Snapshot[SpectralCamera], SpectralReconstruction]:
     size, sensor = (scene.sizes["y"], scene.sizes["x"]), Sensor(read_noise=READ_NOISE)
     weights = find_weights(settings["weights"], settings["slots"]) if "weights" in settings else None
     if weights is None:
@@ -133,7 +133,7 @@ def _through(
     return snapshot, result
 
 
-def _row(scene: str, code: str, snapshot: Snapshot[SpectralCamera], result: Reconstruction) -> dict[str, Any]:
+def _row(scene: str, code: str, snapshot: Snapshot[SpectralCamera], result: SpectralReconstruction) -> dict[str, Any]:
     throughput = snapshot.camera.throughput()
     return {"code": code, "scene": scene, **result.metrics, "throughput": throughput, "seconds": result.seconds}
 
@@ -141,7 +141,7 @@ def _row(scene: str, code: str, snapshot: Snapshot[SpectralCamera], result: Reco
 def _section(
     name: str,
     scene: xr.DataArray,
-    results: dict[str, tuple[Snapshot[SpectralCamera], Reconstruction]],
+    results: dict[str, tuple[Snapshot[SpectralCamera], SpectralReconstruction]],
     out: Path,
     overwrite: bool,
 ) -> Section:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -21,7 +21,7 @@ from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field.animation import views_gif
 from tmca.experiments.light_field.figures import light_field_figure
 from tmca.experiments.light_field.refocus import focus_steps, refocus_strip
-from tmca.experiments.reconstructions import write_reconstruction
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.scenes import SceneWarning
 from tmca.experiments.snapshots import NOISE_STREAM
 
@@ -39,32 +39,20 @@ class UnevenGrid(SceneWarning):
 
 
 @dataclass
-class LightFieldReconstruction:
+class LightFieldReconstruction(Reconstruction):
     """A reconstructed light field with its coordinates.
 
     Args:
         light_field: (view_v, view_u, y, x) estimate, with colours first if there are any.
         deviation: of the same shape, predicted standard deviation, if known.
-        decoder: which one.
-        seconds: wall time.
-        metrics: against the truth, if it is known.
-        notes: settings and provenance, kept as attributes.
     """
 
     light_field: xr.DataArray
     deviation: xr.DataArray | None
-    decoder: str
-    seconds: float
-    metrics: dict[str, float] = field(default_factory=dict)
-    notes: dict[str, Any] = field(default_factory=dict)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``estimate`` and ``deviation`` to a NetCDF file.
-
-        Raises:
-            OutputError: the file exists, or cannot be written.
-        """
-        return write_reconstruction(self, self.light_field, path, overwrite)
+    def parts(self) -> Mapping[str, xr.DataArray | None]:
+        """``estimate`` and ``deviation``."""
+        return {"estimate": self.light_field, "deviation": self.deviation}
 
 
 def load_light_field(

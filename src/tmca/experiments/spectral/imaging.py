@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from tmca.decoders.spectral import decode
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure
-from tmca.experiments.reconstructions import write_reconstruction
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.scenes import centre_crop, load_scene
 from tmca.experiments.snapshots import NOISE_STREAM
 
@@ -30,32 +30,20 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Reconstruction:
+class SpectralReconstruction(Reconstruction):
     """A reconstructed cube with its coordinates.
 
     Args:
         cube: (wavelength, y, x) estimate.
         deviation: (wavelength, y, x) predicted standard deviation, if known.
-        decoder: which one.
-        seconds: wall time.
-        metrics: against the truth, if it is known.
-        notes: settings and provenance, kept as attributes.
     """
 
     cube: xr.DataArray
     deviation: xr.DataArray | None
-    decoder: str
-    seconds: float
-    metrics: dict[str, float] = field(default_factory=dict)
-    notes: dict[str, Any] = field(default_factory=dict)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``estimate`` and ``deviation`` to a NetCDF file.
-
-        Raises:
-            OutputError: the file exists, or cannot be written.
-        """
-        return write_reconstruction(self, self.cube, path, overwrite)
+    def parts(self) -> Mapping[str, xr.DataArray | None]:
+        """``estimate`` and ``deviation``."""
+        return {"estimate": self.cube, "deviation": self.deviation}
 
 
 def take_snapshot(
@@ -105,7 +93,7 @@ def reconstruct_snapshot(
     uncertainty: bool = False,
     truth: xr.DataArray | None = None,
     progress: Callable[..., None] | None = None,
-) -> Reconstruction:
+) -> SpectralReconstruction:
     """Recover the scene of a snapshot.
 
     Args:
@@ -168,7 +156,7 @@ def reconstruction_files(path: Path, figures: bool) -> list[Path]:
 
 
 def reconstruction_pictures(
-    result: Reconstruction, path: Path, *, truth: xr.DataArray | None = None, overwrite: bool = False
+    result: SpectralReconstruction, path: Path, *, truth: xr.DataArray | None = None, overwrite: bool = False
 ) -> list[Path]:
     """Composite, error and uncertainty maps and spectra as PNG beside a reconstruction file."""
     deviations = {} if result.deviation is None else {result.decoder: result.deviation.values}
@@ -250,7 +238,7 @@ def _estimate(path: str | Path, reading: dict[str, Any]) -> xr.DataArray:
 
 def _labelled(
     found: Decoded, decoder: str, snapshot: Snapshot[SpectralCamera], truth: xr.DataArray | None
-) -> Reconstruction:
+) -> SpectralReconstruction:
     import xarray as xr
 
     from tmca.metrics import all_metrics
@@ -265,7 +253,7 @@ def _labelled(
         attrs = {"quantity": "relative irradiance", "units": "1", "long_name": meaning}
         return xr.DataArray(values[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs)
 
-    return Reconstruction(
+    return SpectralReconstruction(
         cube=cube(found.estimate, f"scene estimated by {decoder}"),
         deviation=None if found.deviation is None else cube(found.deviation, "predicted standard deviation"),
         decoder=decoder,

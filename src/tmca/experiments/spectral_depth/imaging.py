@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from tmca.decoders.neural import same_bands
 from tmca.errors import SettingError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.experiments.figures import save_figure
-from tmca.experiments.reconstructions import write_parts
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
 from tmca.experiments.spectral_depth.scenes import READING, depth_tensor, middle_of
@@ -41,35 +41,22 @@ DEPTH_DECODERS = ("likelihood", "network")
 
 
 @dataclass
-class SpectralDepthReconstruction:
+class SpectralDepthReconstruction(Reconstruction):
     """A reconstructed cube and depth map with their coordinates.
 
     Args:
         cube: (wavelength, y, x) estimate.
         depth: (y, x) metres.
         confidence: (y, x) probability that the depth is right within one bin.
-        decoder: which one.
-        seconds: wall time.
-        metrics: against the truth, if it is known.
-        notes: settings and provenance, kept as attributes.
     """
 
     cube: xr.DataArray
     depth: xr.DataArray
     confidence: xr.DataArray
-    decoder: str
-    seconds: float
-    metrics: dict[str, float] = field(default_factory=dict)
-    notes: dict[str, Any] = field(default_factory=dict)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write ``radiance``, ``depth`` and ``confidence`` to a NetCDF file, notes and metrics as its attributes.
-
-        Raises:
-            OutputError: the file exists, or cannot be written.
-        """
-        parts = {"radiance": self.cube, "depth": self.depth, "confidence": self.confidence}
-        return write_parts(self, parts, path, overwrite)
+    def parts(self) -> Mapping[str, xr.DataArray | None]:
+        """``radiance``, ``depth`` and ``confidence``."""
+        return {"radiance": self.cube, "depth": self.depth, "confidence": self.confidence}
 
 
 def take_spectral_depth_snapshot(

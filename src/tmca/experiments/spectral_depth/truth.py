@@ -62,7 +62,8 @@ def stored_reconstruction(path: str | Path) -> tuple[SpectralDepthReconstruction
         raise DataError(path, f"no {PLANES} ({error})", "a file of `tmca reconstruct`", "reconstruct anew") from error
     decoder, seconds = str(stored.attrs.get("decoder", "estimate")), float(stored.attrs.get("seconds", 0.0))
     cube, depth, confidence = (stored[name] for name in _PARTS)
-    return SpectralDepthReconstruction(cube, depth, confidence, decoder, seconds, notes=dict(stored.attrs)), planes
+    known: dict[str, Any] = {"decoder": decoder, "seconds": seconds, "notes": dict(stored.attrs)}
+    return SpectralDepthReconstruction(cube, depth, confidence, **known), planes
 
 
 def _reading(notes: dict[str, Any], where: str | Path) -> dict[str, Any]:
