@@ -90,11 +90,18 @@ def test_frames_in_the_wrong_order_are_refused(taken):
         joined(folder, export, camera)
 
 
-def test_missing_frames_are_named(taken):
+def test_missing_frames_are_named_and_taken_again(taken):
     camera, export, folder = taken
+    kept = {file.name: file.read_bytes() for file in folder.glob("*.tif")}
     (folder / "slot_001.tif").unlink()
-    with pytest.raises(DataError, match=r"slot_001.tif: found no such file"):
+    with pytest.raises(DataError, match=r"slot_001.tif: found no such file.*takes it again"):
         joined(folder, export, camera)
+    bench = bench_of(camera)
+    capture(export, bench, folder)
+    assert bench.taken == 1
+    assert {file.name for file in folder.glob("*.tif")} == set(kept)
+    assert all((folder / name).read_bytes() == content for name, content in kept.items() if name != "slot_001.tif")
+    joined(folder, export, camera)
 
 
 def test_a_capture_is_of_one_export_and_one_camera(taken, tmp_path):

@@ -47,7 +47,8 @@ def exposed_whole(manifest: dict[str, Any]) -> bool:
 
 
 def kept_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
-    """What a folder holds of this export's capture; a new list where there is none.
+    """What a folder holds of this export's capture; a new list where there is none. Frames whose file is gone are to be
+    taken again.
 
     Raises:
         OutputError: the folder holds something else, or frames of another export.
@@ -58,7 +59,7 @@ def kept_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
         if folder.exists() and (folder.is_file() or any(folder.iterdir())):
             raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
         return {"export": str(export), "export_sha256": of, "frames": {}}
-    kept = read_captures(folder)
+    kept = read_captures(folder, whole=False)
     if kept["export_sha256"] != of:
         raise OutputError(folder, f"a capture of {kept['export']}", "one of this export", "choose another folder")
     return kept
@@ -79,8 +80,12 @@ def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: P
     write_json(kept, folder / CAPTURES, overwrite=True)
 
 
-def read_captures(folder: str | Path) -> dict[str, Any]:
-    """What was captured, every frame there and as it was written.
+def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
+    """What was captured, every frame as it was written.
+
+    Args:
+        folder: of the capture.
+        whole: refuse frames whose file is missing, instead of leaving them out.
 
     Raises:
         DataError: no capture, or a frame that is missing, changed, or in another's place.
@@ -88,18 +93,20 @@ def read_captures(folder: str | Path) -> dict[str, Any]:
     file = Path(folder) / CAPTURES
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-        frames = {name: (about["sha256"], about["of"]) for name, about in found["frames"].items()}
+        there = {name: a for name, a in found["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
+        frames = {name: (about["sha256"], about["of"]) for name, about in there.items()}
         found["export"], found["export_sha256"]
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
     for name, (known, _) in frames.items():
         _check_kept(Path(folder) / f"{name}.tif", known, frames)
-    return dict(found)
+    return {**found, "frames": there}
 
 
 def _check_kept(frame: Path, known: str, frames: dict[str, tuple[str, str]]) -> None:
     if not frame.is_file():
-        raise DataError(frame, "no such file", f"the frame {frame.stem}", "capture it again in a new folder")
+        remedy = "go on with `tmca capture`, which takes it again"
+        raise DataError(frame, "no such file", f"the frame {frame.stem}", remedy)
     there = checksum(frame)
     if there != known:
         other = [name for name, (value, _) in frames.items() if value == there]
