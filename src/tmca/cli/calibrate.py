@@ -77,7 +77,7 @@ def render(
         overwrite: replace the folder if it exists.
     """
     from tmca.data import check_target
-    from tmca.lab.calibration.bench import write_bench
+    from tmca.lab.calibration.rendered import write_bench
 
     check_target(folder, overwrite)
     asked = parsed_size(size) or (64, 80)

@@ -14,14 +14,14 @@ import torch
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.bench import write_bench
-from tmca.lab.calibration.bench_cameras import DEPTH, NAME, WAVES
-from tmca.lab.calibration.bench_truth import REFERENCE
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.optics_steps import dispersion_step, registration_step, shear_step, timing_step
 from tmca.lab.calibration.psf_step import psf_step
+from tmca.lab.calibration.rendered import write_bench
+from tmca.lab.calibration.rendered.cameras import DEPTH, NAME, WAVES
+from tmca.lab.calibration.rendered.known import true_calibration
+from tmca.lab.calibration.rendered.truth import REFERENCE
 from tmca.lab.calibration.sensor_steps import dark_step, flat_step, linearity_step
-from tmca.lab.calibration.true_calibration import true_calibration
 from tmca.lab.calibration.zernike_fit import wavefront_rms
 
 if TYPE_CHECKING:

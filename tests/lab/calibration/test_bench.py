@@ -7,11 +7,11 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralCamera
-from tmca.lab.calibration.bench_cameras import nominal_spectral, place_of_codes, spectral_truth
-from tmca.lab.calibration.bench_light import light_field_light, spectral_light
-from tmca.lab.calibration.bench_physics import BenchSensor, glass_shift, overlap_in_time, point_of, seen_by_rays
-from tmca.lab.calibration.bench_truth import BenchTruth
 from tmca.lab.calibration.registration import nominal_matrix
+from tmca.lab.calibration.rendered.cameras import nominal_spectral, place_of_codes, spectral_truth
+from tmca.lab.calibration.rendered.light import light_field_light, spectral_light
+from tmca.lab.calibration.rendered.physics import BenchSensor, glass_shift, overlap_in_time, point_of, seen_by_rays
+from tmca.lab.calibration.rendered.truth import BenchTruth
 from tmca.optics import PhaseMaskBench
 
 

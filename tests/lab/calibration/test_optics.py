@@ -5,12 +5,12 @@ import pytest
 
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.lab.calibration.bench_physics import point_of, seen_by_rays
 from tmca.lab.calibration.dispersion import measure_dispersion
 from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.patterns import calibration_patterns
 from tmca.lab.calibration.psf import measure_psf
 from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.rendered.physics import point_of, seen_by_rays
 from tmca.lab.calibration.shear import measure_shear
 from tmca.lab.calibration.zernike_fit import MODES, fit_zernike_psf, wavefront_rms
 from tmca.optics import PhaseMaskBench

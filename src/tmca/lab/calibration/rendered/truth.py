@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.bench_physics import BenchSensor, glass_shift
+from tmca.lab.calibration.rendered.physics import BenchSensor, glass_shift
 from tmca.lab.calibration.zernike_fit import MODES
 
 REFERENCE = 550e-9

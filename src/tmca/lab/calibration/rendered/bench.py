@@ -12,9 +12,9 @@ import numpy as np
 from tmca.data import atomic_path, write_dataset, write_json
 from tmca.errors import SettingError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.bench_cameras import WAVES, light_field_bench, spectral_bench, spectral_depth_bench
-from tmca.lab.calibration.bench_light import white_power
-from tmca.lab.calibration.bench_truth import REFERENCE, BenchTruth
+from tmca.lab.calibration.rendered.cameras import WAVES, light_field_bench, spectral_bench, spectral_depth_bench
+from tmca.lab.calibration.rendered.light import white_power
+from tmca.lab.calibration.rendered.truth import REFERENCE, BenchTruth
 
 _BENCHES = {"spectral": spectral_bench, "light-field": light_field_bench, "spectral-depth": spectral_depth_bench}
 

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.bench_physics import looked_up, on_pixels, overlap_in_time, rays_of, through
-from tmca.lab.calibration.bench_truth import REFERENCE, BenchTruth
+from tmca.lab.calibration.rendered.physics import looked_up, on_pixels, overlap_in_time, rays_of, through
+from tmca.lab.calibration.rendered.truth import REFERENCE, BenchTruth
 
 _RAYS = 6
 
