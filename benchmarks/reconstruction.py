@@ -81,7 +81,7 @@ class Clock:
 
 
 def one_row(kind: str, stage: str, name: str, options: argparse.Namespace) -> None:
-    """Measure a row in this process and print what is found, a line of JSON as soon as it is known."""
+    """Measure a row in this process; print what is found, a line of JSON as soon as it is known."""
     import torch
     from reconstruction_rows import case_of, decoder_of, prepare
 
@@ -179,13 +179,14 @@ def page(found: dict[str, dict[str, dict[str, Row]]], options: argparse.Namespac
     return "\n".join(lines)
 
 
-_WORDS = """*Floor* is one pass of the camera's operator forward and one of its adjoint. The *first frame* of a camera also
-loads what was learned and factors what depends on the camera alone; the *next frame*, with other noise, is what a
+_WORDS = """*Floor* is one pass of the camera's operator forward and one of its adjoint. The *first frame* of a camera
+also loads what was learned and factors what depends on the camera alone; the *next frame*, with other noise, is what a
 series costs; × floor is the next frame over the floor of the same process. *Peak* is all that the process held while
-it decoded, interpreter and libraries included. Networks have random weights: they are as fast as trained ones of their
-size. Every decoder is as in `tmca reconstruct`, standard deviations included where it gives them; the time of pictures
-and files is not in the table. Iterative decoders stop by themselves, sooner or later with the scene: here coffee,
-with read noise of 0.01."""
+it decoded, interpreter and libraries (0.4 GB) included. Networks have random weights: they are as fast as trained ones
+of their size. Every decoder is as in `tmca reconstruct`, standard deviations included where it gives them; the time of
+pictures and files is not in the table. Iterative decoders stop by themselves, sooner or later with the scene: here
+coffee, with read noise of 0.01. The spectral camera has random codes over the whole frame, K = 8, the light field's
+tiles of 16 pixels, K = 8, the spectral-depth camera the thesis' masks, K = 4; TSA-Net's has one mask and no shutter."""
 
 
 def _said_size(kind: str, size: str) -> str:
@@ -199,7 +200,7 @@ def _tables(rows: dict[str, dict[str, Row]]) -> list[str]:
     if rows["prepare"]:
         lines += ["| made once, before any frame | seconds | peak, GB |", "| --- | --- | --- |"]
         for name, row in rows["prepare"].items():
-            numbers = _fault(row) or f"{row['seconds']:.3g} | {row['gb']:.2f}"
+            numbers = _fault(row) or f"{_short(row['seconds'])} | {row['gb']:.2f}"
             lines.append(f"| {name} | {numbers} |")
         lines.append("")
     floors = [row["floor"] for row in rows["decode"].values() if "floor" in row]
@@ -211,11 +212,16 @@ def _tables(rows: dict[str, dict[str, Row]]) -> list[str]:
 
 def _numbers(row: Row) -> str:
     if "next" in row:
-        times = f"{row['first']:.3g} | {row['next']:.3g} | {row['next'] / row['floor']:.3g}"
+        ratio = row["next"] / row["floor"]
+        times = f"{_short(row['first'])} | {_short(row['next'])} | {_short(ratio)}"
         return f"{times} | {row['gb']:.2f}"
     if "first" in row:
-        return f"{row['first']:.3g} | {row['fault']} | | {row['gb']:.2f}"
+        return f"{_short(row['first'])} | {row['fault']} | | {row['gb']:.2f}"
     return f"{_fault(row)} | | |"
+
+
+def _short(number: float) -> str:
+    return f"{number:.3g}" if number < 100 else f"{number:.0f}"
 
 
 def _fault(row: Row) -> str:
