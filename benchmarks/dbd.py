@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from memory import peak_memory
 from threadpoolctl import threadpool_limits
 
 from tmca.dbd import simulate, solve
@@ -61,15 +61,6 @@ def large(name: str) -> dict[str, float]:
         seconds.append(time.perf_counter() - began)
         successes += recovery.score().success
     return {"successes": successes, "draws": draws, "max_s": max(seconds), "gb": peak_memory()}
-
-
-def peak_memory() -> float:
-    """GB that this process held at most; what `getrusage` tells of a child includes its parent's."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        (line,) = (line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
-        return int(line.split()[1]) / 1e6
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
 
 def page(found: dict[str, dict[str, float]], seeds: int) -> str:

@@ -89,6 +89,12 @@ class CodeOptions:
             given["slots"] = len(patterns[0])
         return given
 
+    def files(self) -> list[Path]:
+        """Files that the codes come from; weights that come with tmca are none, they may be of any camera."""
+        named = [getattr(self, name, None) for name in ("aperture", "shutter", "codes", "coloured", "weights")]
+        given = [Path(name) for name in named if name is not None]
+        return [path for path in given if path.suffix or path.is_dir()]
+
     def alone(self) -> None:
         """Raises SettingError if chosen codes stand beside learned ones."""
         others = sorted(set(self.chosen()) - {"slots", "seed"} | ({"preset"} if self.preset else set()))

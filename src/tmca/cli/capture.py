@@ -17,7 +17,7 @@ from tmca.errors import SettingError
 app = App(name="capture", help="Show an export on a bench, keep every frame, join them into a snapshot.")
 _BENCH = Group("Simulated bench", sort_key=1)
 _HARDWARE = HardwareOptions()
-_OF_ITS_OWN = ("noise_seed", "hardware", "motion_pixels")
+_OF_ITS_OWN = ("noise_seed", "hardware", "motion_pixels", "values", "codes_date", "simulated_calibration")
 """Notes of a simulated snapshot that a capture of the same camera does not share; how scenes are read it does."""
 
 

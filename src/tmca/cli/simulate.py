@@ -44,6 +44,7 @@ def spectral(
     reading: SceneOptions = _SCENE,
     camera: SpectralOptions = _CAMERA,
     sensor: SensorOptions = _SENSOR,
+    calibration: Path | None = None,
     hardware: HardwareOptions = _HARDWARE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -58,6 +59,8 @@ def spectral(
         all_bands: keep every band of the file instead.
         crop: HEIGHTxWIDTH, the middle of the scene.
         motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
+        calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
+            newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.experiments.scenes import load_scene
     from tmca.experiments.snapshots import snapshot_files
@@ -72,7 +75,8 @@ def spectral(
     known = spectral_camera(cube, camera, sensor)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures), output.overwrite, scenes[0])
-    taken = take_snapshot(cubes, known, seed=camera.seed, motion=moved, hardware=faults)
+    bench = _bench_of(known, calibration, camera.files())
+    taken = bench.recorded(take_snapshot(cubes, bench.camera, seed=camera.seed, motion=moved, hardware=faults))
     how = " -d admm-tv" if taken.camera.blurred else ""
     _write(taken, target, output, {"bands": taken.camera.bands}, f"{taken.camera.bands} bands", how)
 
@@ -87,6 +91,7 @@ def light_field(
     camera: LightFieldOptions = _MASK,
     bench: LightFieldBenchOptions = _PLACED,
     sensor: SensorOptions = _SENSOR,
+    calibration: Path | None = None,
     hardware: HardwareOptions = _HARDWARE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -98,6 +103,8 @@ def light_field(
     Args:
         scene: a folder of views, a lenslet picture, a labelled file, or a rendered scene such as coffee, or coffee:3.
         crop: HEIGHTxWIDTH, the middle of the scene; the size of a rendered one.
+        calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
+            newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.experiments.light_field.imaging import load_light_field, take_light_field_snapshot
     from tmca.experiments.snapshots import snapshot_files
@@ -107,7 +114,8 @@ def light_field(
     target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures, views=True), output.overwrite, scene)
     known = light_field_camera(field, camera, bench, sensor)
-    taken = take_light_field_snapshot(field, known, camera.seed, hardware.faults())
+    placed = _bench_of(known, calibration, camera.files())
+    taken = placed.recorded(take_light_field_snapshot(field, placed.camera, camera.seed, hardware.faults()))
     views = list(taken.camera.views)
     _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")
 
@@ -122,6 +130,7 @@ def spectral_depth(
     camera: SpectralDepthOptions = _BENCH,
     bench: BenchOptions = _OPTICS,
     sensor: SensorOptions = _SENSOR,
+    calibration: Path | None = None,
     hardware: HardwareOptions = _HARDWARE,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -134,10 +143,12 @@ def spectral_depth(
         scene: a rendered scene such as motorcycle, a file or folder with a cube and its depth, an RGB-D scene with
             --from-rgb, or a cube with --placed.
         crop: HEIGHTxWIDTH, the middle of the scene.
+        calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
+            newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_pictures
 
-    taken, target = take(scene, crop, reading, camera, bench, sensor, hardware, output)
+    taken, target = take(scene, crop, reading, camera, bench, sensor, hardware, output, calibration)
     about = {"bands": taken.camera.bands, "unknown_depth_pixels": taken.notes["unknown_depth_pixels"]}
     unknown, (height, width) = taken.notes["unknown_depth_pixels"], taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
@@ -156,6 +167,12 @@ def _mapped(taken: Any) -> str:
     own = [1 / value if value > 1e-9 else float("inf") for value in inverse]
     kept = f"{planes.near:g} to {planes.far:g} m (--metric-depth keeps metres)"
     return f", depths of {own[0]:.3g} to {own[1]:.3g} m mapped onto {kept}"
+
+
+def _bench_of(camera: Any, calibration: Path | None, codes: list[Path]) -> Any:
+    from tmca.lab.calibration.as_taken import bench_of
+
+    return bench_of(camera, calibration, codes)
 
 
 def _write(
@@ -181,6 +198,8 @@ def _write(
         "throughput": taken.camera.throughput(),
         "noise": vars(taken.camera.noise),
         "hardware": taken.notes.get("hardware", ""),
+        "calibration": taken.notes.get("simulated_calibration", ""),
+        "codes_date": taken.notes["codes_date"],
         "files": [str(file) for file in written],
     }
     if output.json:
@@ -189,4 +208,6 @@ def _write(
     print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}")
     if "hardware" in taken.notes:
         print(f"taken with faults that decoders are not told of: {taken.notes['hardware']}")
+    if "simulated_calibration" in taken.notes:
+        how += f" --calibration {taken.notes['simulated_calibration']}"
     print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")

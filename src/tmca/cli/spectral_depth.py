@@ -182,18 +182,22 @@ def take(
     sensor: SensorOptions,
     hardware: HardwareOptions,
     output: OutputOptions,
+    calibration: Path | None = None,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
     from tmca.cameras.presets import PROBE
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
+    from tmca.lab.calibration.as_taken import bench_of
 
     probe, faults = options.camera(sensor, bench, PROBE), hardware.faults()
     loaded = reading.load(scene, probe, size(crop, "--crop"))
     target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
     check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)
     camera = options.camera(sensor, bench, (loaded.sizes["y"], loaded.sizes["x"]))
+    placed = bench_of(camera, calibration, [] if options.codes is None else [options.codes])
     with progress_bar(f"simulate: {target.name}") as progress:
-        return take_spectral_depth_snapshot(loaded, camera, options.seed, progress, faults), target
+        taken = take_spectral_depth_snapshot(loaded, placed.camera, options.seed, progress, faults)
+    return placed.recorded(taken), target
 
 
 def refuse_reading(reading: TruthOptions, **others: Any) -> None:

@@ -27,9 +27,9 @@ def registered(codes, sensor, matrix, wavelength=550e-9, blur=0.0):
     return Registration(np.asarray(matrix, float), np.zeros((2, 3)), blur, 0.0, codes, sensor, wavelength)
 
 
-def dispersed(shifts, response=(1.0, 1.0, 1.0)):
+def dispersed(shifts, response=(1.0, 1.0, 1.0), wavelengths=WAVES):
     """A measured curve that goes through three shifts along x."""
-    waves = np.array(WAVES)
+    waves = np.array(wavelengths)
     powers = np.vander((waves - 550e-9) / 100e-9, 3, increasing=True)
     along = np.stack([np.zeros(3), np.linalg.solve(powers, np.array(shifts, float))], axis=1)
     seen = np.stack([np.zeros(3), np.array(shifts, float)], axis=1)

@@ -27,6 +27,7 @@ from tmca.experiments.design.checks import check_search, check_size
 from tmca.experiments.design.figures import gains_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import check_new, repository_commit
+from tmca.lab.codes_date import CODES_DATE, now
 
 FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc")
 COLUMNS = (
@@ -156,7 +157,7 @@ def _write_codes(camera: CodedCamera, out: Path, found: Mapping[str, Any], overw
     for name, tile in (("aperture", aperture), ("shutter", shutter)):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:
             tifffile.imwrite(temporary, 255 * tile.numpy().astype(np.uint8), imagej=True, metadata={"axes": "TYX"})
-    notes = {"advice": found["advice"], "sensor": found["sensor"]}
+    notes = {"advice": found["advice"], "sensor": found["sensor"], CODES_DATE: now()}
     period = (int(found["period"]), int(found["period"]))
     write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)
 

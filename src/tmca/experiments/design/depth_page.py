@@ -15,6 +15,7 @@ from tmca.experiments.figures import save_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import repository_commit
 from tmca.experiments.spectral_depth.figures import phase_codes_figure, psf_figure
+from tmca.lab.codes_date import CODES_DATE, now
 from tmca.priors import GaussianPrior
 
 if TYPE_CHECKING:
@@ -90,11 +91,11 @@ def write_design(advice: MaskAdvice, found: dict[str, Any], out: Path, overwrite
             f"psf_k{own.slots}.png": psf_figure(own.camera),
         }
     make_folder(out)
-    filters, channels = str(found["filters"]), str(found["channels"])
+    filters, channels, dated = str(found["filters"]), str(found["channels"]), {CODES_DATE: now()}
     for name, figure in figures.items():
         save_figure(figure, out / name, overwrite=overwrite)
     for own, row in zip(advice.candidates, found["designs"], strict=True):
-        notes = {"advice": found["advice"], "confusion": row["confusion"], "sensor": found["sensor"]}
+        notes = {"advice": found["advice"], "confusion": row["confusion"], "sensor": found["sensor"]} | dated
         for name in (row["codes"], *(["codes.nc"] if own is advice.best else [])):
             write_phase_codes(own.camera, out / name, filters, channels, notes, overwrite=overwrite)
     write_json(found, out / "design.json", overwrite=overwrite)

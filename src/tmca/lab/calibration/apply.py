@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from tmca.lab.calibration.measured_cameras import (
     spectral_depth_camera,
 )
 from tmca.lab.calibration.sensor_scale import from_digital_numbers, measured_sensor
+from tmca.lab.codes_date import CODES_DATE, parsed_date
 
 RAW = "digital numbers"
 """Attribute ``values`` of a snapshot that is not yet relative irradiance."""
@@ -51,7 +51,7 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         if own.get(what) and tuple(own[what]) != size:
             found, known = ("×".join(map(str, n)) for n in (own[what], size))
             _refuse(calibration, f"{what} of {found} pixels", f"{known}, those of the snapshot's camera")
-    _check_date(calibration, said.get("codes_date"))
+    _check_date(calibration, said.get(CODES_DATE))
 
 
 def _refuse(calibration: Calibration, found: str, expected: str) -> None:
@@ -61,11 +61,7 @@ def _refuse(calibration: Calibration, found: str, expected: str) -> None:
 def _check_date(calibration: Calibration, stated: object) -> None:
     if stated is None or calibration.created is None:
         return
-    try:
-        date = datetime.fromisoformat(str(stated))
-    except ValueError:
-        raise DataError("codes_date", repr(stated), "a date such as 2026-03-31T12:00:00+00:00") from None
-    date = date if date.tzinfo else date.replace(tzinfo=UTC)
+    date = parsed_date(stated)
     if calibration.created < date:
         found = f"a calibration of {calibration.created:%Y-%m-%d %H:%M}"
         known = f"one after the codes, which are of {date:%Y-%m-%d %H:%M}"
@@ -107,8 +103,12 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     all the time.
 
     Raises:
-        DataError: digital numbers without dark and flat, or see ``calibrated``.
+        DataError: digital numbers without dark and flat, a snapshot that is on these planes already, or see
+            ``calibrated``.
     """
+    if "calibration" in snapshot.notes:
+        found = f"a snapshot that {snapshot.notes['calibration']} was applied to"
+        raise DataError(calibration.where, found, "one of the camera as it was designed", "name no calibration")
     camera = calibrated(snapshot.camera, calibration, snapshot.notes)
     values = snapshot.values
     if snapshot.notes.get("values") == RAW:

@@ -74,7 +74,7 @@ class MeasuredDispersion:
         if asked.size and (asked.min() < low - slack or asked.max() > high + slack):
             found = f"bands from {asked.min() * 1e9:g} to {asked.max() * 1e9:g} nm"
             known = f"those measured, {low * 1e9:g} to {high * 1e9:g} nm"
-            raise SettingError("dispersion", found, known, "measure the dispersion over all bands")
+            raise SettingError("measured dispersion", found, known, "measure the dispersion over all bands")
 
 
 def measure_dispersion(

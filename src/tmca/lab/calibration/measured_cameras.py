@@ -55,6 +55,12 @@ class Columns:
         found[..., start:stop] = tensor[..., start - self.first : stop - self.first]
         return found
 
+    def cut(self, values: Any, nominal: int) -> Any:
+        """(…, nominal) the columns of the nominal snapshot of values (…, W) on the calibrated one; 0 where it has none.
+
+        The sensor has no other columns: what ``laid`` lays."""
+        return Columns(-self.first, nominal).laid(values)
+
 
 def columns_of(nominal: SpectralCamera, camera: SpectralCamera) -> Columns:
     return Columns(nominal.dispersion.origin - camera.dispersion.origin, camera.snapshot_shape[2])

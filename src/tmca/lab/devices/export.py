@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import tmca
 from tmca.errors import OutputError, SettingError
+from tmca.lab.codes_date import CODES_DATE, date_of_codes, now
 from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.frames import write_frame
 from tmca.lab.devices.manifest import FORMAT, NAME, Timing, checksum, shown_files
@@ -196,6 +197,7 @@ def _manifest(codes: Planes, timing: Timing, planes: list[dict[str, Any]]) -> di
     return {
         "format": FORMAT, "tmca": tmca.__version__, "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "source": codes.source, "camera": codes.application, "settings": dict(codes.settings or {}),
+        CODES_DATE: date_of_codes([codes.source]) if Path(codes.source).exists() else now(),
         "slots": timing.slots, "exposure_s": timing.exposure, "planes": planes,
     }  # fmt: skip
 

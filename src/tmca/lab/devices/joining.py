@@ -10,6 +10,7 @@ import torch
 
 from tmca.cameras import Camera, Snapshot
 from tmca.errors import DataError
+from tmca.lab.codes_date import CODES_DATE
 from tmca.lab.devices.captures import DARK, WHOLE, read_captures, read_tif, steps
 from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.manifest import NAME, checksum, read_manifest
@@ -51,6 +52,7 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
     about = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {"gain_per_digital_number": kept["gain"], "capture": str(folder), "export": str(export)}
+    about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from tmca.lab.calibration.rendered.light import light_field_light, spectral_ligh
 from tmca.lab.calibration.rendered.physics import glass_shift, overlap_in_time, point_of, seen_by_rays
 from tmca.lab.calibration.rendered.truth import REFERENCE, BenchTruth
 from tmca.lab.calibration.zernike_fit import MODES
+from tmca.lab.codes_date import CODES_DATE, now
 from tmca.optics import PhaseMaskBench
 from tmca.optics.zernike import zernike_modes
 
@@ -174,7 +174,7 @@ def _raw(camera: Camera, truth: BenchTruth, shares: Array, rng: Any) -> Snapshot
     notes = {
         "values": "digital numbers",
         "camera_name": NAME,
-        "codes_date": datetime.now(UTC).replace(microsecond=0).isoformat(),
+        CODES_DATE: now(),
         "scene": "coffee",
     }
     recorded = truth.sensor.recorded(shares, rng).astype(np.float32)

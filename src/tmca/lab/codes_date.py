@@ -1,0 +1,55 @@
+"""When codes were made, which a calibration must not be older than."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+
+from tmca.errors import DataError
+
+CODES_DATE = "codes_date"
+"""Attribute of files of codes, snapshots and exports: date of the codes, ISO 8601."""
+_LABELLED = (".nc", ".h5", ".zarr")
+
+
+def now() -> str:
+    """The date of codes that are made now, to the second, UTC."""
+    return datetime.now(UTC).replace(microsecond=0).isoformat()
+
+
+def parsed_date(stated: object, where: str | Path = CODES_DATE) -> datetime:
+    """A stated date; UTC where it names no zone.
+
+    Raises:
+        DataError: it is none.
+    """
+    try:
+        date = datetime.fromisoformat(str(stated))
+    except ValueError:
+        raise DataError(where, repr(stated), "a date such as 2026-03-31T12:00:00+00:00") from None
+    return date if date.tzinfo else date.replace(tzinfo=UTC)
+
+
+def date_of_codes(files: Iterable[str | Path]) -> str | None:
+    """The date of the codes in some files, the latest of them; None without files.
+
+    It is what a labelled file says of its codes, and else the time at which the file was last changed. Of the folder of
+    a run it is that of the weights in it.
+
+    Raises:
+        DataError: a file that is missing, or says something that is no date.
+    """
+    dates = [_date_of(Path(file)) for file in files]
+    return max(dates).isoformat() if dates else None
+
+
+def _date_of(path: Path) -> datetime:
+    from tmca.data import read_dataset
+
+    if path.suffix.lower() in _LABELLED and CODES_DATE in (attributes := read_dataset(path).attrs):
+        return parsed_date(attributes[CODES_DATE], f"{path}: {CODES_DATE}")
+    file = path / "weights.safetensors" if (path / "weights.safetensors").is_file() else path
+    if not file.exists():
+        raise DataError(path, "no such file", "codes", "check the path")
+    return datetime.fromtimestamp(file.stat().st_mtime, UTC).replace(microsecond=0)
