@@ -149,13 +149,45 @@ def test_a_crop_narrower_than_its_blur_is_refused(capsys, tmp_path):
     assert not list(tmp_path.glob("*_snapshot*"))
 
 
-def test_depth_outside_the_range_is_told(capsys, tmp_path):
-    arguments = ("chelsea", "--reduce", "8", "--crop", "32x32", "--metric-depth", "--no-figures")
-    main(["simulate", "spectral-depth", *arguments, "--depth", "1.3,1.6", "--focus", "1.4"])
-    assert "1024 of 1024 pixels of unknown depth" in capsys.readouterr().out
-    with xr.open_dataset("chelsea_snapshot.nc") as kept:
-        assert kept.attrs["unknown_depth_pixels"] == 1024
-        assert "inverse_depth_scale" not in kept.attrs
+def table(values, name="table.nc"):
+    """A file of a textured cube with these depths."""
+    cube = np.random.default_rng(0).random((8, *values.shape)) / 2
+    parts = {"radiance": (("wavelength", "y", "x"), cube), "depth": (("y", "x"), values)}
+    xr.Dataset(parts, {"wavelength": np.linspace(440e-9, 680e-9, 8)}).to_netcdf(name)
+    return ("simulate", "spectral-depth", name, "--metric-depth", "--no-figures")
+
+
+@pytest.mark.parametrize("reduce", [1, 2])
+def test_unknown_depth_is_told_by_kind_of_what_is_in_the_crop(capsys, reduce):
+    depth = np.full((40, 44), 1.0)
+    depth[4:8, 6:16] = [[0, np.nan, -1.0, np.inf, 9.0, 0.3, 2.0, 0.4, 0, 0]]
+    depth[:4] = 0  # beside the crop
+    crop = ("--crop", "32x32") if reduce == 1 else ("--crop", "32x32", "--reduce", "2")
+    main([*table(np.kron(depth, np.ones((reduce, reduce)))), *crop])
+    said = capsys.readouterr().out
+    assert ", 32 of 1024 pixels of unknown depth (12 zero, 4 negative, 8 not finite, 8 outside)" in said
+    with xr.open_dataset("table_snapshot.nc") as kept:
+        kinds = ("zero", "negative", "not_finite", "outside")
+        assert [int(kept.attrs[f"unknown_{kind}"]) for kind in kinds] == [12, 4, 8, 8]
+        assert kept.attrs["unknown_depth_pixels"] == 32
+
+
+def test_depth_just_outside_the_range_is_outside(capsys):
+    depth = np.full((32, 40), 2.6)  # within half a bin of the farthest of eight planes
+    depth[:, :20] = 1.0
+    main([*table(depth), "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert (told["unknown_depth_pixels"], told["unknown_outside"], told["unknown_zero"]) == (640, 640, 0)
+
+
+def test_a_scene_without_any_depth_in_the_range_is_refused(capsys, tmp_path):
+    asked = table(np.full((36, 40), 9.0))
+    said = refused(capsys, *asked)
+    assert "table: found 1440 of 1440 pixels of unknown depth (1440 outside), expected some within 0.4 to 2 m" in said
+    assert "--metric-depth" in said
+    assert not list(tmp_path.glob("*_snapshot*"))
+    main([*asked, "--depth", "3,12", "--focus", "5"])
+    assert "unknown" not in capsys.readouterr().out
 
 
 def test_a_scene_that_is_mapped_onto_the_range_is_told(capsys, tmp_path):
@@ -166,6 +198,8 @@ def test_a_scene_that_is_mapped_onto_the_range_is_told(capsys, tmp_path):
     assert "depths of 2 to 6 m mapped onto 0.4 to 2 m (--metric-depth keeps metres)" in capsys.readouterr().out
     main(["simulate", "spectral-depth", "room.nc", "--no-figures", "--metric-depth", "--overwrite"])
     assert "mapped" not in capsys.readouterr().out
+    with xr.open_dataset("room_snapshot.nc") as kept:
+        assert "inverse_depth_scale" not in kept.attrs
 
 
 def test_options_of_other_cameras_are_refused(capsys, prior):

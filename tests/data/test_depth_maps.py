@@ -12,7 +12,7 @@ from PIL import Image
 
 from tests.data.light_field_files import write_pfm
 from tmca.data import fitted_depth, label_depth, read_depth_map
-from tmca.data.depth_maps import disparity_to_depth
+from tmca.data.depth_maps import disparity_to_depth, unknown_kinds
 from tmca.errors import DataError, SettingError, ShapeError
 
 
@@ -155,3 +155,13 @@ def test_impossible_ranges_are_refused(settings):
 def test_impossible_percentiles_are_refused():
     with pytest.raises(SettingError, match="percentiles"):
         fitted_depth(label_depth(np.ones((2, 2)), "here"), 1, 2, percentiles=(50, 50))
+
+
+def test_kinds_of_unknown_pixels_stay_with_them():
+    depth = label_depth(np.array([[0.0, -1.0, np.nan, 1.0], [np.inf, 0.0, 2.0, -3.0]]), "map")
+    assert unknown_kinds(depth).tolist() == [[1, 2, 3, 0], [3, 1, 0, 2]]
+    part = depth.isel(x=slice(1, 3))
+    assert unknown_kinds(part).tolist() == [[2, 3], [1, 0]]
+    moved = depth.copy(data=np.where(depth.values == 2, np.nan, depth.values))
+    assert unknown_kinds(moved).tolist() == [[1, 2, 3, 0], [3, 1, 3, 2]]
+    assert "unknown" not in label_depth(np.array([[np.nan, 1.0]]), "map").coords

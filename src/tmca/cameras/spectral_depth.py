@@ -253,7 +253,7 @@ class SpectralDepthCamera(Camera):
         return framed(self.size, self.bench.window)
 
     def operator(self, depth: Tensor) -> LayeredOperator:
-        """The linear part at depth maps (B, 1, H, W) in metres; unknown depth is in the farthest plane."""
+        """The linear part at depth maps (B, 1, H, W) in metres, every pixel in its ``planes.nearest``."""
         weights = self.planes.weights(depth).to(self.response)
         return LayeredOperator(weights, self.transfer(), self.frame, self.colour(), self.shutter(), self.exposure)
 
@@ -295,8 +295,8 @@ class SpectralDepthCamera(Camera):
 
         Args:
             scene: (B, L, H, W) relative irradiance, or (B, K, L, H, W) where it changes from slot to slot.
-            depth: (B, 1, H, W) metres, or (B, K, 1, H, W) beside such a scene. What is unknown or outside the design
-                range (``planes.known``) is imaged in the farthest plane.
+            depth: (B, 1, H, W) metres, or (B, K, 1, H, W) beside such a scene. What lies outside the
+                design range is imaged in the plane of that end, what is no depth in the farthest (``planes.nearest``).
             generator: source of the sensor's randomness, or a seed.
             progress: told the share that is done, where the sensor is imaged in tiles.
 

@@ -147,12 +147,13 @@ def spectral_depth(
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_pictures
+    from tmca.experiments.spectral_depth.unknown import TOTAL, said_unknown
 
     taken, target = take(scene, crop, reading, camera, bench, sensor, hardware, output, calibration)
-    about = {"bands": taken.camera.bands, "unknown_depth_pixels": taken.notes["unknown_depth_pixels"]}
-    unknown, (height, width) = taken.notes["unknown_depth_pixels"], taken.camera.size
+    counts = {name: count for name, count in taken.notes.items() if name.startswith("unknown_")}
+    about, (height, width) = {"bands": taken.camera.bands, **counts}, taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
-    channels += f", {unknown} of {height * width} pixels of unknown depth" if unknown else ""
+    channels += f", {said_unknown(counts, height * width)}" if counts[TOTAL] else ""
     channels += _mapped(taken)
     _write(taken, target, output, about, channels, "", depth_snapshot_pictures)
 

@@ -16,6 +16,9 @@ from tmca.errors import DataError, SettingError, ShapeError
 if TYPE_CHECKING:
     import xarray as xr
 
+UNKNOWN = "unknown"
+"""Coordinate of a depth map: why a pixel is unknown, its place in ``UNKNOWN_KINDS``, 0 where it is known."""
+UNKNOWN_KINDS = ("zero", "negative", "not_finite")
 _UNITS = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "cm": 1e-2, "mm": 1e-3}
 
 
@@ -29,25 +32,49 @@ def label_depth(values: NDArray[Any], where: object, attrs: dict[str, Any] | Non
 
     Returns:
         dims ``(y, x)``, float32; attrs ``units``, ``unknown_pixels`` and of them ``unknown_zero``,
-        ``unknown_negative``, ``unknown_not_finite``.
+        ``unknown_negative``, ``unknown_not_finite``; where some are zero or negative also the coordinate ``unknown``
+        (y, x), 0 where depth is known, else 1 to 3 in this order, so that they can be counted in a part of the map.
 
     Raises:
         ShapeError: not two axes.
         DataError: no pixel is known.
     """
-    import xarray as xr
-
     if values.ndim != 2 or not values.size:
         raise ShapeError(where, f"a depth map of shape {values.shape}", "(H, W)")
     finite = np.isfinite(values)
-    known = finite & (values > 0)
+    kinds = np.select([values == 0, finite & (values < 0), ~finite], [1, 2, 3], 0).astype(np.int8)
+    return labelled_kinds(values, kinds, where, attrs)
+
+
+def labelled_kinds(
+    values: NDArray[Any], kinds: NDArray[np.int8], where: object, attrs: dict[str, Any] | None = None
+) -> xr.DataArray:
+    """As `label_depth`, of values whose kinds (H, W) are known already.
+
+    Raises:
+        DataError: no pixel is known.
+    """
+    import xarray as xr
+
+    known = kinds == 0
     if not known.any():
         raise DataError(where, f"no known depth in {values.size} pixels", "some positive, finite metres")
-    counts = {"unknown_zero": values == 0, "unknown_negative": finite & (values < 0), "unknown_not_finite": ~finite}
     about = {"units": "m", "long_name": "depth", "unknown_pixels": int(np.sum(~known))}
-    about |= {name: int(np.sum(which)) for name, which in counts.items()}
+    about |= {f"unknown_{name}": int(np.sum(kinds == place)) for place, name in enumerate(UNKNOWN_KINDS, 1)}
     depth = np.where(known, values, np.nan).astype(np.float32)
-    return xr.DataArray(depth, dims=("y", "x"), name="depth", attrs={**about, **(attrs or {})})
+    flags = {"long_name": "why depth is unknown", "flag_meanings": " ".join(("known", *UNKNOWN_KINDS))}
+    told = {UNKNOWN: (("y", "x"), kinds, flags)} if ((kinds == 1) | (kinds == 2)).any() else {}
+    return xr.DataArray(depth, told, dims=("y", "x"), name="depth", attrs={**about, **(attrs or {})})
+
+
+def unknown_kinds(depth: xr.DataArray) -> NDArray[np.int8]:
+    """(H, W) why pixels of a labelled depth map are unknown: 0 where known, else 1 and on (``UNKNOWN_KINDS``)."""
+    values = depth.values
+    own = np.select([values == 0, values < 0, ~np.isfinite(values)], [1, 2, 3], 0).astype(np.int8)
+    if UNKNOWN not in depth.coords:
+        return own
+    told = depth.coords[UNKNOWN].values.astype(np.int8)
+    return np.where((own == 3) & (told > 0), told, own)
 
 
 def disparity_to_depth(

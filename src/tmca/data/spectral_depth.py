@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.data.checks import Negative
 from tmca.data.cubes import read
-from tmca.data.depth_maps import label_depth, read_depth_map
+from tmca.data.depth_maps import UNKNOWN, labelled_kinds, read_depth_map, unknown_kinds
 from tmca.data.formats import envi
 from tmca.data.formats.opening import is_zarr, open_contents
 from tmca.data.light_fields import centre_window
@@ -107,7 +107,8 @@ def label_spectral_depth(cube: xr.DataArray, depth: xr.DataArray, attrs: dict[st
         sizes = [f"{height}×{width}" for height, width in (depth.shape, cube.shape[1:])]
         raise DataError(where, f"a depth map of {sizes[0]} pixels", f"{sizes[1]} as its cube has", "crop one of them")
     # The labels of the pixels are the cube's: a depth map of another file may count them differently.
-    plain = depth.drop_vars(list(depth.coords)).assign_coords({d: cube[d] for d in ("y", "x") if d in cube.coords})
+    plain = depth.drop_vars([name for name in depth.coords if name != UNKNOWN])
+    plain = plain.assign_coords({d: cube[d] for d in ("y", "x") if d in cube.coords})
     return xr.Dataset({"radiance": cube, "depth": plain}, attrs=attrs or {})
 
 
@@ -161,9 +162,10 @@ def reduced_scene(scene: xr.Dataset, by: int | None, where: str | Path) -> xr.Da
     window = scene.isel(y=rows, x=columns).drop_vars(["y", "x"], errors="ignore")
     size = window.sizes["y"] // by, window.sizes["x"] // by
     small = area_average(window["radiance"].values, size)
-    cube = window["radiance"].isel(y=slice(size[0]), x=slice(size[1])).copy(data=small)
-    depth = label_depth(nearest(window["depth"].values, size), where)
-    return label_spectral_depth(cube, depth, scene.attrs)
+    cube = window["radiance"].drop_vars(UNKNOWN, errors="ignore").isel(y=slice(size[0]), x=slice(size[1]))
+    kinds = nearest(unknown_kinds(window["depth"]), size)
+    depth = labelled_kinds(nearest(window["depth"].values, size), kinds, where)
+    return label_spectral_depth(cube.copy(data=small), depth, scene.attrs)
 
 
 def _made_up(path: Path, wavelengths: Sequence[float] | None, reduce: int | None, **settings: Any) -> xr.Dataset:

@@ -10,6 +10,9 @@ from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
 
+ROUNDING = 1e-6
+"""By how much of itself a depth may be beyond the range: what single precision makes of its ends."""
+
 
 @dataclass(frozen=True)
 class DepthPlanes:
@@ -60,19 +63,19 @@ class DepthPlanes:
         return 1 / (1 / self.far + share * (1 / self.near - 1 / self.far))
 
     def known(self, depth: Tensor) -> Tensor:
-        """Where depth is a number in the design range, half a bin of margin included; boolean, shape of ``depth``."""
-        inverse, margin = 1 / depth.double(), self.step / 2 * (1 + 1e-6)
-        inside = (inverse >= 1 / self.far - margin) & (inverse <= 1 / self.near + margin)
-        return torch.isfinite(depth) & (depth > 0) & inside
+        """Where depth is a number in the design range, rounding apart; boolean, shape of ``depth``."""
+        inside = (depth >= self.near * (1 - ROUNDING)) & (depth <= self.far * (1 + ROUNDING))
+        return torch.isfinite(depth) & inside
 
     def nearest(self, depth: Tensor) -> Tensor:
-        """Index of the plane nearest in inverse depth, int64; of unknown pixels (see ``known``) 0."""
+        """Index of the plane nearest in inverse depth, int64, beyond the range that of its end; of what is no depth
+        (not finite, zero, negative) 0."""
         place = (1 / depth.double() - 1 / self.far) / self.step if self.count > 1 else torch.zeros_like(depth).double()
-        place = torch.where(self.known(depth), place, torch.zeros_like(place))
-        return place.round().long().clamp(0, self.count - 1)
+        place = torch.where(torch.isfinite(depth) & (depth > 0), place, torch.zeros_like(place))
+        return place.clamp(0, self.count - 1).round().long()
 
     def weights(self, depth: Tensor) -> Tensor:
-        """ω (B, D, H, W): one in the plane of every pixel, zero in the others; unknown pixels are in the farthest.
+        """ω (B, D, H, W): one in the plane of every pixel (``nearest``), zero in the others.
 
         Args:
             depth: (B, 1, H, W) metres.

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import SettingError
+
+_Value = TypeVar("_Value", bound=np.generic)
 
 
 def centre_crop(shape: tuple[int, int], size: tuple[int, int] | None) -> tuple[slice, slice]:
@@ -41,7 +45,7 @@ def area_weights(old: int, new: int) -> NDArray[np.float32]:
     return (np.maximum(overlap, 0) * (new / old)).astype(np.float32)
 
 
-def nearest(image: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+def nearest(image: NDArray[_Value], size: tuple[int, int]) -> NDArray[_Value]:
     """``(H, W)`` sampled at the centres of the new pixels: depths across an edge are never mixed."""
     rows, columns = (((np.arange(m) + 0.5) * n / m).astype(int) for n, m in zip(image.shape, size, strict=True))
     return image[np.ix_(rows, columns)]

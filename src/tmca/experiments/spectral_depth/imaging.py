@@ -26,6 +26,7 @@ from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
 from tmca.experiments.spectral_depth.scenes import READING, depth_tensor, middle_of
+from tmca.experiments.spectral_depth.unknown import check_depth_known, unknown_depth
 from tmca.optics import DepthPlanes, stray_light
 
 if TYPE_CHECKING:
@@ -77,19 +78,20 @@ def take_spectral_depth_snapshot(
 
     Raises:
         SettingError: faults that this camera cannot have, or a frame narrower than the point spread functions.
+        DataError: a scene of which no depth is within the camera's range.
 
     Warns:
         StrayLight: point spread functions that do not fit their window.
     """
-    faults = hardware or Hardware()
+    faults, unknown = hardware or Hardware(), unknown_depth(scene["depth"], camera.planes)
+    check_depth_known(unknown, scene["depth"].size, camera.planes, str(scene.attrs.get("name", "scene")))
     check_holds(camera.size, camera.bench.window)
     stray_light(camera.spread)
     cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
     depth = depth_tensor(scene)
     with torch.no_grad():
         values = imperfect(camera, faults, seed)(cube, depth, NOISE_STREAM + seed, progress)
-    unknown = int((~camera.planes.known(depth)).sum())
-    notes = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, "unknown_depth_pixels": unknown}
+    notes: dict[str, Any] = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, **unknown}
     notes |= {name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}
     notes |= {"hardware": faults.said()} if faults.faults() else {}
     return Snapshot(values, camera, notes)
@@ -208,19 +210,16 @@ def spectral_depth_metrics(
 ) -> dict[str, float]:
     """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known.
 
-    ``known_depth`` is the share of pixels where it is, within the range of the planes.
+    ``known_depth`` is the share of pixels where it is, within the range of the planes. One plane has no bins.
     """
     from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
 
     known = planes.known(torch.from_numpy(np.array(truth["depth"].values)))
     real = np.where(known.numpy(), truth["depth"].values, np.nan)
-    found = dict(all_metrics(cube, truth["radiance"].values))
-    return found | {
-        "depth_mae": depth_mae(depth, real),
-        "depth_rmse": depth_rmse(depth, real),
-        "within_bin": within_bin(depth, real, planes.metres),
-        "known_depth": float(known.double().mean()),
-    }
+    found = {"depth_mae": depth_mae(depth, real), "depth_rmse": depth_rmse(depth, real)}
+    if planes.count > 1:
+        found["within_bin"] = within_bin(depth, real, planes.metres)
+    return {**all_metrics(cube, truth["radiance"].values), **found, "known_depth": float(known.double().mean())}
 
 
 def spectral_depth_files(path: Path, figures: bool) -> list[Path]:
