@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import torch
 
-from tmca.cameras import CodedCamera, LightFieldCamera
+from tmca.cameras import CodedCamera, LightFieldCamera, SpectralDepthCamera
 from tmca.data import atomic_path
 from tmca.decoders.depth_weights import DepthWeights
 from tmca.decoders.neural import Weights
@@ -22,6 +22,7 @@ from tmca.training.patches import Load, Patch
 from tmca.training.run import Prepared, Trained, train
 from tmca.training.scenes import SceneLists
 from tmca.training.spectral import SpectralApplication
+from tmca.training.tuned_depth import TunedDepth
 from tmca.training.tuned_imaging import TunedImaging
 from tmca.training.tuning_settings import WHOLE, TuningSettings
 
@@ -44,14 +45,14 @@ class Tuning:
         calibrated: whether ``camera`` is another one than the run's.
     """
 
-    weights: Weights
-    camera: CodedCamera
+    weights: Weights | DepthWeights
+    camera: CodedCamera | SpectralDepthCamera
     calibrated: bool = False
 
-    def tuned(self, folder: Path) -> Weights:
+    def tuned(self, folder: Path) -> Weights | DepthWeights:
         """A copy of the network with the camera of the captures, as weights in this folder."""
-        network = deepcopy(self.weights.network)
-        kept = replace(self.weights, network=network, path=folder / "weights.safetensors")
+        path = folder / "weights.safetensors"
+        kept: Weights | DepthWeights = replace(self.weights, network=deepcopy(self.weights.network), path=path)  # type: ignore[arg-type]
         return _behind(kept, self.camera) if self.calibrated else kept
 
 
@@ -77,7 +78,13 @@ def tune(tuning: Tuning, settings: TuningSettings, folder: Path, read: ReadPair,
 
 
 def _prepare(
-    tuning: Tuning, read: ReadPair, settings: TuningSettings, folder: Path, load: Load, lists: SceneLists, fabric: Fabric
+    tuning: Tuning,
+    read: ReadPair,
+    settings: TuningSettings,
+    folder: Path,
+    load: Load,
+    lists: SceneLists,
+    fabric: Fabric,
 ) -> Prepared:
     names = (*lists.train, *lists.validation)
     if fabric.is_global_zero:
@@ -89,9 +96,7 @@ def _prepare(
         captures.learned, captures.size, settings.data.patch or WHOLE, mixes_columns(tuning.camera),
         settings.data.batch, settings.seed,
     )  # fmt: skip
-    system = TunedImaging(
-        tuning.camera, tuned.network, tuned.load_prior(), captures, windows, loss=settings.optimiser.loss
-    )
+    system = _system(tuned, tuning.camera, captures, windows, settings)
 
     def patch(step: int, index: int) -> Patch:
         window = windows(step, index)
@@ -113,14 +118,35 @@ def _bring_prior(weights: Weights | DepthWeights, folder: Path) -> None:
         temporary.write_bytes((weights.path.parent / weights.prior).read_bytes())
 
 
-def mixes_columns(camera: CodedCamera) -> bool:
-    """Whether the optics lay light of a scene column on other columns of the sensor."""
+def _system(
+    tuned: Weights | DepthWeights,
+    camera: CodedCamera | SpectralDepthCamera,
+    captures: KeptCaptures,
+    windows: Windows,
+    settings: TuningSettings,
+) -> TunedImaging | TunedDepth:
+    chosen = settings.optimiser
+    if isinstance(tuned, DepthWeights):
+        assert isinstance(camera, SpectralDepthCamera)
+        how: dict[str, Any] = {"loss": chosen.loss, "depth_weight": chosen.depth_weight}
+        return TunedDepth(camera, tuned.network, tuned.load_prior(), captures, windows, **how)
+    assert isinstance(camera, CodedCamera)
+    return TunedImaging(camera, tuned.network, tuned.load_prior(), captures, windows, loss=chosen.loss)
+
+
+def mixes_columns(camera: CodedCamera | SpectralDepthCamera) -> bool:
+    """Whether the network needs whole rows, because the optics lay light of a scene column on other columns."""
+    if isinstance(camera, SpectralDepthCamera):
+        return False
     taps = camera.taps()
     return any(taps.offsets) or taps.snapshot_width != taps.scene_shape[2]
 
 
-def _behind(weights: Weights, camera: CodedCamera) -> Weights:
+def _behind(weights: Weights | DepthWeights, camera: CodedCamera | SpectralDepthCamera) -> Weights | DepthWeights:
     """Weights with another camera than they were trained for, whose codes do not repeat."""
+    if isinstance(weights, DepthWeights):
+        return replace(weights, camera=camera)  # type: ignore[arg-type]
+    assert isinstance(camera, CodedCamera)
     with torch.no_grad():
         aperture, shutter = (plane.detach().cpu().clone() for plane in camera.codes())
     wavelengths, optics = _APPLICATIONS[camera.application].stored(camera)

@@ -58,6 +58,8 @@ def check_camera(where: Path, camera: Any, weights: Weights | DepthWeights) -> N
     if camera.application != known:
         raise DataError(where, f"a capture of a {camera.application} camera", f"one of a {known} camera", remedy)
     if isinstance(weights, DepthWeights):
+        if not same_bands(weights.camera.wavelengths, camera.wavelengths):
+            raise DataError(where, "bands at other wavelengths than the run's", "the same, to a nanometre")
         if other := weights.differences(camera):
             raise DataError(where, f"a camera with other {', '.join(other)} than the run's", "the run's", remedy)
         return
@@ -121,4 +123,39 @@ def check_scale(where: Path, scene: xr.DataArray) -> None:
         raise DataError(where, found, "relative irradiance from 0 to 1", "divide it by the level of white")
 
 
-_TRUTHS: dict[str, Callable[[Path, Snapshot[Any]], NDArray[np.float32]]] = {"spectral": _true_cube}
+def _true_views(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
+    """(B, V·U, H, W), B the colours."""
+    from tmca.experiments.light_field.imaging import as_batch, load_light_field
+
+    camera = taken.camera
+    field = load_light_field(str(path), views=None, colour=len(taken.values) > 1)
+    views = (field.sizes["view_v"], field.sizes["view_u"])
+    if views != camera.views:
+        own, wanted = ("×".join(map(str, n)) for n in (views, camera.views))
+        raise DataError(path, f"a truth of {own} views", f"{wanted}, those of the camera")
+    check_size(path, field, camera.size)
+    check_scale(path, field)
+    return as_batch(field).flatten(1, 2).numpy()
+
+
+def _true_depth(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
+    """(1, L + 1, H, W), the last channel inverse depth."""
+    from tmca.experiments.spectral_depth.scenes import load_spectral_depth
+    from tmca.training.spectral_depth import channels_of
+
+    camera = taken.camera
+    near, far = camera.planes.near, camera.planes.far
+    scene = load_spectral_depth(str(path), camera.wavelengths, near=near, far=far, fitted=False)
+    check_size(path, scene, camera.size)
+    check_scale(path, scene["radiance"])
+    found = channels_of(scene, camera)
+    if not np.isfinite(found[-1]).any():
+        metres = scene["depth"].values
+        said = f"depths of {np.nanmin(metres):.3g} to {np.nanmax(metres):.3g} m"
+        raise DataError(path, said, f"some of the camera's {near:g} to {far:g} m", "capture nearer or farther scenes")
+    return found[None]
+
+
+_TRUTHS: dict[str, Callable[[Path, Snapshot[Any]], NDArray[np.float32]]] = {
+    "spectral": _true_cube, "light-field": _true_views, "spectral-depth": _true_depth,
+}  # fmt: skip
