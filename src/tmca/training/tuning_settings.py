@@ -8,8 +8,16 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from tmca.errors import SettingError
-from tmca.training.settings import CameraSettings, CodeSettings, NoiseSettings, OptimiserSettings, Pixels, Strict
-from tmca.training.settings import TrainSettings, parsed
+from tmca.training.settings import (
+    CameraSettings,
+    CodeSettings,
+    NoiseSettings,
+    OptimiserSettings,
+    Pixels,
+    Strict,
+    TrainSettings,
+    parsed,
+)
 
 WHOLE = 256
 """Rows up to which captures are taken whole where the settings do not say."""

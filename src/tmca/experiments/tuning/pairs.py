@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
-from tmca.cameras import CodedCamera, Snapshot, SpectralDepthCamera
+from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.decoders.decoding import same_codes
 from tmca.decoders.depth_weights import DepthWeights
 from tmca.decoders.neural import Weights, same_bands
