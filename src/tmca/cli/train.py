@@ -19,6 +19,52 @@ app = App(name="train", help="Learn a camera's codes and its decoder together.")
 _VIEWS = ViewFilesOptions()
 
 
+@app.default
+def fine_tune(
+    *,
+    from_: Annotated[str, Parameter(name="--from")],
+    captures: Path,
+    out: Path,
+    calibration: Path | None = None,
+    validation: list[str] | None = None,
+    steps: MaybeWhole = None,
+    rate: float | None = None,
+    batch: MaybeWhole = None,
+    patch: MaybeWhole = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    accelerator: str = "auto",
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Fine-tune the decoder of a trained run, of any camera, on captures with their truth. The same command goes on.
+
+    Codes, optics and calibration stay as they are. What is kept is never worse on the captures that are held out than
+    the decoder as it was. Writes into --out what a run writes, and before_after.png of a capture that was held out.
+
+    Args:
+        from_: the run: its folder, its weights file, or default.
+        captures: folder of snapshot files NAME.nc, each with its true scene NAME_truth.nc (or .mat, a folder, …).
+        out: folder of the run.
+        calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest; the run's
+            own operator without it.
+        validation: names of captures that are held out, or one share such as 0.2, which is the default.
+        steps: optimiser steps; 200 without it.
+        rate: learning rate; 1e-4 without it.
+        batch: windows of captures per step; 2 without it.
+        patch: rows of these windows; whole captures up to 256 rows without it.
+        set_: a setting of data, optimiser, precision, validate_every, checkpoint_every or seed, as optimiser.loss=l1.
+        accelerator: auto, cpu or cuda.
+        json: print the result as JSON.
+    """
+    from tmca.cli.tune import run_tuning
+    from tmca.experiments.tuning.run import prepared
+
+    changes = {name: value for name, value in map(_setting, set_ or ())}
+    named = {"optimiser.steps": steps, "optimiser.decoder_rate": rate, "data.batch": batch, "data.patch": patch}
+    changes |= {name: value for name, value in named.items() if value is not None}
+    ready = prepared(from_, captures, calibration, validation=validation, changes=changes)
+    run_tuning(ready, out, accelerator, json)
+
+
 @app.command
 def spectral(
     *,

@@ -13,6 +13,7 @@ from tmca.data import atomic_path, write_dataset, write_json
 from tmca.errors import SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.rendered.cameras import WAVES, light_field_bench, spectral_bench, spectral_depth_bench
+from tmca.lab.calibration.rendered.captures import write_captures
 from tmca.lab.calibration.rendered.light import white_power
 from tmca.lab.calibration.rendered.truth import REFERENCE, BenchTruth
 
@@ -27,6 +28,7 @@ def write_bench(
     slots: int = 4,
     snr_db: float = 40.0,
     seed: int = 0,
+    scenes: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Write a bench's captures, a snapshot of it and its truth; whole or not at all.
@@ -43,6 +45,8 @@ def write_bench(
         snr_db: of captures of patterns and points, root mean square over noise; other frames and the snapshot have
             the read and shot noise of the sensor.
         seed: of truth, codes and noise.
+        scenes: by name, at the camera's bands and size, whose captures are wanted too: ``captures/NAME.nc`` beside
+            ``captures/NAME_truth.nc``.
         overwrite: replace the folder.
 
     Returns:
@@ -67,6 +71,7 @@ def write_bench(
         snapshot.save(place / "snapshot.nc")
         write_dataset(scene, place / "scene.nc")
         write_json(about, place / "truth.json")
+        write_captures(place / "captures", snapshot.camera, truth, scenes or {}, seed)
     return about
 
 

@@ -75,7 +75,7 @@ def spectral_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) 
     whole = rendered_scene("coffee", size=(max(size), max(size)))["reflectance"]
     scene = nearest_bands(whole, camera.wavelengths)[:, : camera.size[0], : camera.size[1]]
     shares = spectral_light(camera, truth, scene.values.astype(np.float64))
-    return frames, _raw(camera, truth, shares[None], rng), scene, truth
+    return frames, raw_snapshot(camera, truth, shares[None], rng), scene, truth
 
 
 def light_field_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
@@ -95,7 +95,7 @@ def light_field_bench(size: tuple[int, int], slots: int, snr_db: float, seed: in
         frames["shear"][f"view_{v}_{u}"] = truth.sensor.recorded(_SHARE * share * seen, rng, snr_db)
     field = rendered_light_field("coffee", size=size, views=5)
     shares = light_field_light(camera, truth, field["light_field"].values.astype(np.float64))
-    return frames, _raw(camera, truth, shares[None], rng), field["light_field"], truth
+    return frames, raw_snapshot(camera, truth, shares[None], rng), field["light_field"], truth
 
 
 def spectral_depth_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) -> Made:
@@ -120,7 +120,7 @@ def spectral_depth_bench(size: tuple[int, int], slots: int, snr_db: float, seed:
     with torch.no_grad():
         shares = true.A(scene, depth)[0].double().numpy() / camera.full_scale
     blocks = label(scene[0].numpy(), np.array(camera.wavelengths))
-    return frames, _raw(camera, truth, shares, rng), blocks, truth
+    return frames, raw_snapshot(camera, truth, shares, rng), blocks, truth
 
 
 def _blocks(bands: int, size: tuple[int, int], seed: int) -> torch.Tensor:
@@ -169,13 +169,21 @@ def _pattern_frames(truth: BenchTruth, patterns: Array, matrix: Array, slots: in
     }
 
 
-def _raw(camera: Camera, truth: BenchTruth, shares: Array, rng: Any) -> Snapshot[Any]:
-    """A snapshot in digital numbers with the sensor's own noise, and the nominal camera."""
+def raw_snapshot(camera: Camera, truth: BenchTruth, shares: Array, rng: Any, scene: str = "coffee") -> Snapshot[Any]:
+    """A snapshot in digital numbers with the sensor's own noise, and the nominal camera.
+
+    Args:
+        camera: the nominal one.
+        truth: of the bench.
+        shares: (C, H, W') light, 1 for white with everything open.
+        rng: of the noise.
+        scene: its name.
+    """
     notes = {
         "values": "digital numbers",
         "camera_name": NAME,
         CODES_DATE: now(),
-        "scene": "coffee",
+        "scene": scene,
     }
     recorded = truth.sensor.recorded(shares, rng).astype(np.float32)
     return Snapshot(torch.from_numpy(recorded)[None], camera, notes)

@@ -1,0 +1,68 @@
+"""A capture that was held out, decoded before and after fine-tuning."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from torch import Tensor
+
+from tmca.cameras import CodedCamera, SpectralDepthCamera
+from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder
+from tmca.decoders.neural import NeuralDecoder, Weights
+from tmca.experiments.figures import save_figure
+from tmca.experiments.light_field.figures import light_field_figure
+from tmca.experiments.reconstruction_figures import reconstruction_figure
+from tmca.experiments.training_figures import training_pictures
+from tmca.experiments.tuning.depth_picture import depth_before_after
+from tmca.operators import TapOperator
+from tmca.training.captured import Pair
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tmca.experiments.tuning.run import Prepared
+
+BEFORE_AFTER = "before_after.png"
+
+
+def tuning_pictures(prepared: Prepared, folder: Path) -> list[Path]:
+    """Write ``before_after.png`` and what every run has into a run's folder, in the place of earlier ones."""
+    drawn = before_after(prepared, folder)
+    return [*training_pictures(folder), save_figure(drawn, folder / BEFORE_AFTER, overwrite=True)]
+
+
+def before_after(prepared: Prepared, folder: Path) -> Figure:
+    """The first capture that was held out, by the network as it was and as it is, through the same operator."""
+    pair, camera = prepared.read(prepared.settings.data.validation[0]), prepared.tuning.camera.cpu()
+    was = prepared.tuning.weights
+    if isinstance(camera, SpectralDepthCamera):
+        tuned = DepthWeights.load(folder)
+        networks = {"before": was.network, "fine-tuned": tuned.network}
+        camera.sensor, prior = pair.sensor, tuned.load_prior()
+        found = {name: TwoHeadedDecoder(one, camera, prior)(pair.values) for name, one in networks.items()}  # type: ignore[arg-type]
+        return depth_before_after(found, camera, pair.truth[0])
+    own = Weights.load(folder)
+    prior_of_cubes = own.load_prior()
+    estimates = {
+        name: decoded(NeuralDecoder(one, prior_of_cubes), pair, camera).numpy()  # type: ignore[arg-type]
+        for name, one in {"before": was.network, "fine-tuned": own.network}.items()
+    }
+    if camera.application == "spectral":
+        cubes = {name: found[0] for name, found in estimates.items()}
+        return reconstruction_figure(cubes, list(camera.wavelengths), pair.truth[0])
+    views = {name: _views(found, camera.views) for name, found in {"truth": pair.truth, **estimates}.items()}
+    return light_field_figure({name: views[name] for name in estimates}, views["truth"])
+
+
+def decoded(decoder: NeuralDecoder, pair: Pair, camera: CodedCamera) -> Tensor:
+    """(B, L, H, W) estimate of a capture, without negative irradiance."""
+    noise = pair.sensor.noise(camera.white, camera.exposures)
+    return decoder(pair.values, TapOperator(camera.taps()), noise).clamp_min(0)
+
+
+def _views(field: np.ndarray, views: tuple[int, int]) -> np.ndarray:
+    """(V, U, H, W), colours before them if there are some, of (B, V·U, H, W)."""
+    found = field.reshape(len(field), *views, *field.shape[2:])
+    return found if len(found) > 1 else found[0]
