@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import platform
+import shlex
 import statistics
 import subprocess
 import sys
@@ -166,7 +167,7 @@ def page(found: dict[str, dict[str, dict[str, Row]]], options: argparse.Namespac
     from tmca.experiments.results import repository_commit
 
     clock = Clock(options.device, options.threads).name
-    command = " ".join(["python", "benchmarks/reconstruction.py", *options.given])
+    command = shlex.join(["python", "benchmarks/reconstruction.py", *options.given])
     where = torch.cuda.get_device_name() if options.device.startswith("cuda") else platform.machine()
     threads = "one thread" if options.threads == 1 else f"{options.threads} threads"
     lines = ["# One frame by every decoder: seconds and memory", ""]

@@ -18,9 +18,9 @@ from tmca.experiments.spectral.own_camera import training_of
 from tmca.experiments.tuning.pairs import read_pair
 from tmca.experiments.tuning.pictures import decoded
 from tmca.experiments.tuning.run import Prepared, prepared
+from tmca.lab.calibration.calibration_file import Calibration, find_calibration, load_calibration
 from tmca.lab.calibration.rendered.bench import write_bench
 from tmca.lab.calibration.rendered.cameras import nominal_spectral
-from tmca.lab.calibration.calibration_file import Calibration, find_calibration, load_calibration
 from tmca.lab.calibration.sensor_scale import measured_sensor
 from tmca.training import settings_from, train_spectral
 
