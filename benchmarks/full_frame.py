@@ -19,9 +19,9 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.depth_likelihood import WINDOW, PatchLikelihood
-from tmca.decoders.depth_weights import TwoHeadedDecoder
-from tmca.decoders.two_headed import build_depth_network
+from tmca.decoders.networks.depth_weights import TwoHeadedDecoder
+from tmca.decoders.networks.two_headed import build_depth_network
+from tmca.decoders.patch_based.depth_likelihood import WINDOW, PatchLikelihood
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block

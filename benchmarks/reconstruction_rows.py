@@ -20,10 +20,10 @@ from tmca.data import rendered_light_field, rendered_scene, split_rendered_light
 from tmca.decoders import LIGHT_FIELD_METHODS, METHODS, NeuralDecoder, Weights, build_network, decode
 from tmca.decoders import decode_light_field as decode_views
 from tmca.decoders.decoding import needs_prior
-from tmca.decoders.depth_likelihood import PatchLikelihood
-from tmca.decoders.depth_prior import find_depth_prior
-from tmca.decoders.depth_weights import TwoHeadedDecoder
-from tmca.decoders.two_headed import DEPTH_STARTS, build_depth_network
+from tmca.decoders.networks.depth_weights import TwoHeadedDecoder
+from tmca.decoders.networks.two_headed import DEPTH_STARTS, build_depth_network
+from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import SettingError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.experiments.spectral_depth.scenes import depth_tensor

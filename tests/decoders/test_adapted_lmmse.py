@@ -7,7 +7,7 @@ import torch
 
 from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
 from tmca.decoders import AdaptedLMMSE, PatchLMMSE
-from tmca.decoders.adapted import Tiling
+from tmca.decoders.patch_based.adapted import Tiling
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.adaptation import error_moments, refitted
@@ -136,7 +136,7 @@ def test_tiles_share_out_the_blocks_and_cover_the_frame(size, side, counts):
 
 
 def test_tiles_follow_statistics_that_change_over_the_image(monkeypatch):
-    monkeypatch.setattr("tmca.decoders.adapted._MARGIN", 0)
+    monkeypatch.setattr("tmca.decoders.patch_based.adapted._MARGIN", 0)
     white = torch.rand(3, 48, 48, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     scene = torch.cat([0.3 + 0.01 * smooth_scene(48, 48, seed=20), white], dim=2)
     taps = camera("single disperser", 48, 96, seed=4)

@@ -5,8 +5,8 @@ import torch
 from small_cameras import BlurredCamera, TapCamera, blocky_scene, coded_camera, matrix, noisy, plain_camera
 
 from tmca.decoders import ADMMTV, Result, admm_tv, default_weight
-from tmca.decoders.data_step import DataStep, conjugate_gradient_gram
-from tmca.decoders.tv import tv_prox
+from tmca.decoders.iterative.data_step import DataStep, conjugate_gradient_gram
+from tmca.decoders.iterative.tv import tv_prox
 from tmca.errors import DataError, SettingError, ShapeError
 
 SHAPE = (3, 6, 7)

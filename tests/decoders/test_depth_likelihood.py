@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from tests.priors.test_spectral_depth import BENCH, camera, matrix, parts, prior_of
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.depth_likelihood import PatchLikelihood
+from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
 from tmca.errors import SettingError, ShapeError
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
@@ -161,7 +161,7 @@ def test_how_much_is_worked_on_together_changes_nothing(sensor, monkeypatch):
     decoder, taken = textured((26, 31), sensor)
     found = []
     for together in (1, 25, 2048):
-        monkeypatch.setattr("tmca.decoders.window_rows._BATCH", together)
+        monkeypatch.setattr("tmca.decoders.patch_based.window_rows._BATCH", together)
         found.append(decoder(taken))
         alone = decoder(taken[1:])
         torch.testing.assert_close(alone.depth, found[-1].depth[1:], atol=1e-6, rtol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tmca.decoders import DictionaryDecoder
-from tmca.decoders.overlaps import Overlaps, merged
+from tmca.decoders.patch_based.overlaps import Overlaps, merged
 from tmca.errors import SettingError, ShapeError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockGrid, BlockModel, PatchDictionary
@@ -88,7 +88,9 @@ def test_patches_that_share_a_code_give_what_each_alone_gives(method, monkeypatc
         dictionary, method, stride=(2, 3), tolerance=1e-5, max_iterations=600, dtype=torch.float64
     )
     shared = decoder(snapshot(taps, scene), taps, 0.05).estimate
-    monkeypatch.setattr("tmca.decoders.dictionary.equal_windows", lambda grid, code, places: [[p] for p in places])
+    monkeypatch.setattr(
+        "tmca.decoders.patch_based.dictionary.equal_windows", lambda grid, code, places: [[p] for p in places]
+    )
     alone = decoder(snapshot(taps, scene), taps, 0.05).estimate
     torch.testing.assert_close(shared, alone, atol=1e-4, rtol=0)
 

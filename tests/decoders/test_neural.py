@@ -5,8 +5,8 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import decode
-from tmca.decoders.network import build_network
-from tmca.decoders.neural import NeuralDecoder, Weights, same_bands
+from tmca.decoders.networks.network import build_network
+from tmca.decoders.networks.neural import NeuralDecoder, Weights, same_bands
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.sensor import Noise
 

@@ -88,7 +88,8 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
     decoder = PatchLMMSE(narrower(4, 12), stride=(3, 4), dtype=torch.float64)
     shared = decoder(y, taps, 0.02, uncertainty=True)
     monkeypatch.setattr(
-        "tmca.decoders.blending.equal_windows", lambda grid, code, places=None: [[p] for p in grid.positions]
+        "tmca.decoders.patch_based.blending.equal_windows",
+        lambda grid, code, places=None: [[p] for p in grid.positions],
     )
     alone = decoder(y, taps, 0.02, uncertainty=True)
     torch.testing.assert_close(shared.estimate, alone.estimate, atol=1e-9, rtol=0)
@@ -96,7 +97,7 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
 
 
 def test_a_tiled_code_is_factored_once_per_phase():
-    from tmca.decoders.blending import equal_windows
+    from tmca.decoders.patch_based.blending import equal_windows
     from tmca.priors import BlockGrid
 
     taps = camera("single disperser", 12, 100, period=(3, 4))

@@ -15,7 +15,7 @@ from tmca.decoders import (
     total_variation,
     tv_denoiser,
 )
-from tmca.decoders.pnp import sigma_schedule
+from tmca.decoders.iterative.pnp import sigma_schedule
 from tmca.errors import SettingError, ShapeError
 
 SHAPE = (3, 6, 7)

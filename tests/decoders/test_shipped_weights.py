@@ -6,7 +6,7 @@ import torch
 from tmca.cameras import Snapshot
 from tmca.data import rendered_scene, select_bands
 from tmca.decoders import Weights, decode, find_weights
-from tmca.decoders.shipped import FOLDER, SHIPPED
+from tmca.decoders.networks.shipped import FOLDER, SHIPPED
 from tmca.errors import DataError
 from tmca.metrics import psnr
 from tmca.sensor import Sensor

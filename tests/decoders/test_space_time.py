@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.space_time import slopes, slopes_adjoint, space_time_tv, space_time_variation
+from tmca.decoders.iterative.space_time import slopes, slopes_adjoint, space_time_tv, space_time_variation
 from tmca.errors import SettingError
 from tmca.operators import SlotwiseDisperser
 

@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch.nn.functional import conv2d
 
-from tmca.decoders.network import build_network
-from tmca.decoders.neural import NeuralDecoder
-from tmca.decoders.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
-from tmca.decoders.start import first_estimate
+from tmca.decoders.networks.network import build_network
+from tmca.decoders.networks.neural import NeuralDecoder
+from tmca.decoders.networks.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
+from tmca.decoders.networks.start import first_estimate
 from tmca.errors import SettingError, ShapeError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.operators import TapOperator, Taps

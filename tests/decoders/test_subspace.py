@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from tmca.decoders.subspace import subspace, subspace_denoiser
+from tmca.decoders.iterative.subspace import subspace, subspace_denoiser
 from tmca.errors import SettingError
 
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from skimage.restoration import denoise_tv_chambolle
 from small_cameras import blocky_scene
 
-from tmca.decoders.neumann import NeumannSolver
-from tmca.decoders.tv import divergence, gradient, project, shrink, total_variation, tv_prox
+from tmca.decoders.iterative.neumann import NeumannSolver
+from tmca.decoders.iterative.tv import divergence, gradient, project, shrink, total_variation, tv_prox
 from tmca.errors import SettingError, ShapeError
 
 

@@ -5,9 +5,15 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.depth_likelihood import PatchLikelihood
-from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder
-from tmca.decoders.two_headed import DepthEstimate, build_depth_network, first_likelihood, first_stage, white_level
+from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder
+from tmca.decoders.networks.two_headed import (
+    DepthEstimate,
+    build_depth_network,
+    first_likelihood,
+    first_stage,
+    white_level,
+)
+from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
 from tmca.errors import DataError, SettingError
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tmca.cli.calibrate_words import said_proof
+from tmca.cli.lab.calibrate_words import said_proof
 from tmca.experiments.calibration_proof import Proof, prove
 
 

@@ -8,7 +8,7 @@ import torch
 
 from tmca.cameras import LightFieldCamera
 from tmca.decoders import PatchLMMSE
-from tmca.decoders.mixture import MixtureLMMSE
+from tmca.decoders.patch_based.mixture import MixtureLMMSE
 from tmca.errors import ShapeError
 from tmca.priors import GaussianMixturePrior, GaussianPrior, cropped, pooled
 from tmca.priors.statistics import random_blocks

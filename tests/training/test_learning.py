@@ -6,9 +6,9 @@ import torch
 
 from tests.training import tiny
 from tmca.codes import CodePlane, hard_threshold
-from tmca.decoders.network import build_network
-from tmca.decoders.neural import NeuralDecoder, Weights
-from tmca.decoders.start import first_estimate
+from tmca.decoders.networks.network import build_network
+from tmca.decoders.networks.neural import NeuralDecoder, Weights
+from tmca.decoders.networks.start import first_estimate
 from tmca.design.throughput import hold_throughput
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.operators import single_disperser

@@ -11,8 +11,8 @@ import xarray as xr
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.data import label
-from tmca.decoders.depth_weights import DepthWeights
-from tmca.decoders.two_headed import DepthEstimate
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders.networks.two_headed import DepthEstimate
 from tmca.errors import SettingError
 from tmca.optics import PhaseMaskBench, RotationalProfile, StrayLight, Stroke, ZernikeHeights
 from tmca.sensor import Sensor
@@ -167,7 +167,7 @@ def test_channels_are_the_cube_and_the_share_of_the_range():
 
 
 def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
-    from tmca.decoders.two_headed import build_depth_network
+    from tmca.decoders.networks.two_headed import build_depth_network
     from tmca.training.depth_system import SURPRISE, DepthSystem
 
     camera = training_camera(settings())
@@ -183,7 +183,7 @@ def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
 
 
 def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
-    from tmca.decoders.two_headed import build_depth_network
+    from tmca.decoders.networks.two_headed import build_depth_network
     from tmca.training.depth_system import DepthSystem
 
     seen, camera = [], training_camera(settings(**{"data.margin": None}))

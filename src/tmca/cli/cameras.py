@@ -260,7 +260,7 @@ def check_memory(slots: int, size: tuple[int, ...]) -> None:
 def _learned_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor) -> SpectralCamera:
     """The camera of some weights, at the size of a scene that has their bands."""
     from tmca.decoders import find_weights
-    from tmca.decoders.neural import same_bands
+    from tmca.decoders.networks.neural import same_bands
 
     camera.alone()
     weights = _of_slots(find_weights(camera.weights or "", camera.slots or 8), camera)

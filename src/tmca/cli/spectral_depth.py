@@ -141,7 +141,7 @@ class SpectralDepthOptions:
 
     def _trained(self, sensor: SensorOptions, bench: BenchOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
         """The camera of a trained network, which nothing else may set."""
-        from tmca.decoders.depth_weights import DepthWeights
+        from tmca.decoders.networks.depth_weights import DepthWeights
         from tmca.sensor import Sensor
 
         plain = vars(SpectralDepthOptions())
@@ -210,7 +210,7 @@ def refuse_reading(reading: TruthOptions, **others: Any) -> None:
 
 def way_back(taken: Any, how: dict[str, Any]) -> WayBack:
     """Cube and depth of a snapshot; ``how`` are options of the decoders."""
-    from tmca.decoders.depth_likelihood import check_window
+    from tmca.decoders.patch_based.depth_likelihood import check_window
     from tmca.experiments.spectral_depth.imaging import (
         reconstruct_spectral_depth,
         spectral_depth_files,

@@ -12,13 +12,13 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera, Snapshot
-from tmca.decoders.adapted import AdaptedLMMSE
-from tmca.decoders.admm import admm_tv, default_weight
-from tmca.decoders.denoisers import nl_means_denoiser, tv_denoiser
-from tmca.decoders.lmmse import PatchLMMSE
-from tmca.decoders.mixture import MixtureLMMSE
-from tmca.decoders.neural import Weights
-from tmca.decoders.pnp import pnp_admm
+from tmca.decoders.iterative.admm import admm_tv, default_weight
+from tmca.decoders.iterative.denoisers import nl_means_denoiser, tv_denoiser
+from tmca.decoders.iterative.pnp import pnp_admm
+from tmca.decoders.networks.neural import Weights
+from tmca.decoders.patch_based.adapted import AdaptedLMMSE
+from tmca.decoders.patch_based.lmmse import PatchLMMSE
+from tmca.decoders.patch_based.mixture import MixtureLMMSE
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior

@@ -21,8 +21,8 @@ from tmca.decoders.decoding import (
     same_codes,
     tap_operator,
 )
-from tmca.decoders.dictionary import DictionaryDecoder
-from tmca.decoders.neural import NeuralDecoder, Weights
+from tmca.decoders.networks.neural import NeuralDecoder, Weights
+from tmca.decoders.patch_based.dictionary import DictionaryDecoder
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import PatchDictionary
 from tmca.priors.files import HOW_TO_LEARN

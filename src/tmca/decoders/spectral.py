@@ -23,7 +23,7 @@ from tmca.decoders.decoding import (
     same_codes,
     tap_operator,
 )
-from tmca.decoders.neural import NeuralDecoder, Weights, same_bands
+from tmca.decoders.networks.neural import NeuralDecoder, Weights, same_bands
 from tmca.errors import SettingError
 from tmca.priors import GaussianMixturePrior
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.depth_weights import DepthWeights
-from tmca.decoders.neural import Weights
-from tmca.decoders.weights_file import read_weights
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders.networks.neural import Weights
+from tmca.decoders.networks.weights_file import read_weights
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.figures import plain_axes, save_figure
 from tmca.experiments.spectral_depth.figures import phase_codes_figure, psf_figure

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 
 from tmca.cameras import Snapshot
 from tmca.data import atomic_path, check_target, make_folder, write_json
-from tmca.decoders.neural import Weights
+from tmca.decoders.networks.neural import Weights
 from tmca.errors import DataError, SettingError
 from tmca.lab.fixed_decoder import CameraDecoder
 from tmca.operators import TapOperator

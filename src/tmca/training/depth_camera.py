@@ -12,7 +12,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.checks import check_holds
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
-from tmca.decoders.depth_weights import DepthWeights
+from tmca.decoders.networks.depth_weights import DepthWeights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (
     FreeForm,

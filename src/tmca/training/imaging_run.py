@@ -13,9 +13,9 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.data import make_folder
-from tmca.decoders.network import Network, build_network
-from tmca.decoders.neural import Weights
-from tmca.decoders.start import NEED_PRIOR
+from tmca.decoders.networks.network import Network, build_network
+from tmca.decoders.networks.neural import Weights
+from tmca.decoders.networks.start import NEED_PRIOR
 from tmca.errors import DataError, SettingError
 from tmca.priors import Prior, load_prior
 from tmca.sensor import Sensor

@@ -12,9 +12,9 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import make_folder
-from tmca.decoders.depth_prior import find_depth_prior
-from tmca.decoders.depth_weights import DepthWeights
-from tmca.decoders.two_headed import TwoHeadedUNet, build_depth_network
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders.networks.two_headed import TwoHeadedUNet, build_depth_network
+from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import DataError
 from tmca.optics import stray_light
 from tmca.priors import GaussianPrior

@@ -9,7 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from tmca.codes import pattern, read_codes
-from tmca.decoders.neural import Weights
+from tmca.decoders.networks.neural import Weights
 from tmca.errors import DataError, SettingError
 from tmca.training.settings import TrainSettings
 

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.network import TILE, seen_by_tile
-from tmca.decoders.two_headed import DepthEstimate, TwoHeadedUNet
+from tmca.decoders.networks.network import TILE, seen_by_tile
+from tmca.decoders.networks.two_headed import DepthEstimate, TwoHeadedUNet
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 from tmca.training.captured import KeptCaptures, Window, Windows

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera
-from tmca.decoders.network import Network, seen_by_tile
+from tmca.decoders.networks.network import Network, seen_by_tile
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Sensor

@@ -13,8 +13,8 @@ import torch
 
 from tmca.cameras import CodedCamera, LightFieldCamera, SpectralDepthCamera
 from tmca.data import atomic_path
-from tmca.decoders.depth_weights import DepthWeights
-from tmca.decoders.neural import Weights
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders.networks.neural import Weights
 from tmca.training.captured import KeptCaptures, ReadPair, Windows
 from tmca.training.imaging_run import Application
 from tmca.training.light_field import LightFieldApplication

@@ -72,7 +72,7 @@ def coded_camera(file: str | Path, bands: int, settings: dict[str, Any]) -> Code
         DataError: none of these, or of a camera without binary aperture codes.
     """
     from tmca.data import read_dataset
-    from tmca.decoders.neural import Weights
+    from tmca.decoders.networks.neural import Weights
 
     path = Path(file)
     if path.suffix == ".safetensors" or path.is_dir():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Weights, decode, pnp_admm
 from tmca.decoders.decoding import Decoded
-from tmca.decoders.subspace import subspace_denoiser
+from tmca.decoders.iterative.subspace import subspace_denoiser
 from tmca.errors import SettingError
 
 REAL_DECODERS = ("admm-tv", "pnp", "network")

@@ -13,8 +13,8 @@ import torch
 from tmca.cameras import Snapshot, SpectralCamera, moving_scene
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.decoders.decoding import Decoded, needs_prior
-from tmca.decoders.neural import Weights
-from tmca.decoders.shipped import find_weights
+from tmca.decoders.networks.neural import Weights
+from tmca.decoders.networks.shipped import find_weights
 from tmca.decoders.spectral import decode
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure

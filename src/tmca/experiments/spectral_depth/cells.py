@@ -167,7 +167,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
 
 def _camera(cell: Settings, size: tuple[int, int]) -> SpectralDepthCamera:
     """That of the weights, of a file of codes, or of the code's settings."""
-    from tmca.decoders.depth_weights import DepthWeights
+    from tmca.decoders.networks.depth_weights import DepthWeights
 
     weights = cell.get("weights") or cell.get("camera_of")
     if weights:

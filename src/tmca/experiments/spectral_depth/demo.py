@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.depth_prior import find_depth_prior
+from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.experiments.figures import save_figure
 from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS

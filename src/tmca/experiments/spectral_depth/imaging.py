@@ -15,10 +15,10 @@ from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.cameras.checks import check_holds
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.decoders.decoding import OtherCodes
-from tmca.decoders.depth_likelihood import DepthDecoded, PatchLikelihood, check_window, usual_window
-from tmca.decoders.depth_prior import find_depth_prior
-from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
-from tmca.decoders.neural import same_bands
+from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
+from tmca.decoders.networks.neural import same_bands
+from tmca.decoders.patch_based.depth_likelihood import DepthDecoded, PatchLikelihood, check_window, usual_window
+from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import SettingError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.experiments.figures import save_figure

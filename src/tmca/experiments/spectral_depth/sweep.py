@@ -10,7 +10,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.hardware import Hardware
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import PROBE
-from tmca.decoders.depth_likelihood import check_window, usual_window
+from tmca.decoders.patch_based.depth_likelihood import check_window, usual_window
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.scenes import identity_of

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.depth_likelihood import DepthDecoded
+from tmca.decoders.patch_based.depth_likelihood import DepthDecoded
 from tmca.experiments.composite import rgb_composite, white_level
 from tmca.experiments.figures import add_bar, bare, grid, image
 

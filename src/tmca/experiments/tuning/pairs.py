@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.decoders.decoding import same_codes
-from tmca.decoders.depth_weights import DepthWeights
-from tmca.decoders.neural import Weights, same_bands
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders.networks.neural import Weights, same_bands
 from tmca.errors import DataError
 from tmca.experiments.tuning.folder import PairFiles
 from tmca.lab.calibration.apply import RAW, calibrated_snapshot

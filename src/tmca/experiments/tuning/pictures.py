@@ -9,8 +9,8 @@ import numpy as np
 from torch import Tensor
 
 from tmca.cameras import CodedCamera, SpectralDepthCamera
-from tmca.decoders.depth_weights import DepthWeights, TwoHeadedDecoder
-from tmca.decoders.neural import NeuralDecoder, Weights
+from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder
+from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field.figures import light_field_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.cameras import Snapshot
-from tmca.decoders.neural import NeuralDecoder, Weights
+from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.errors import SettingError
 from tmca.experiments.calibration_proof import calibrate_bench
 from tmca.experiments.scenes import at_bands, load_scene

@@ -9,10 +9,10 @@ from typing import Any
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import checksum_of
-from tmca.decoders.depth_weights import DepthWeights
-from tmca.decoders.neural import Weights
-from tmca.decoders.shipped import find_weights
-from tmca.decoders.weights_file import read_weights
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders.networks.neural import Weights
+from tmca.decoders.networks.shipped import find_weights
+from tmca.decoders.networks.weights_file import read_weights
 from tmca.errors import DataError, SettingError
 from tmca.experiments.tuning.folder import PairFiles, find_pairs, held_out
 from tmca.experiments.tuning.pairs import read_pair

@@ -13,9 +13,9 @@ from torch import Tensor
 from tmca.cameras import Camera, Snapshot, SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
-from tmca.decoders.depth_weights import DepthWeights
-from tmca.decoders.neural import Weights
-from tmca.decoders.weights_file import read_weights
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders.networks.neural import Weights
+from tmca.decoders.networks.weights_file import read_weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import family_parameters
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders.space_time import space_time_tv
+from tmca.decoders.iterative.space_time import space_time_tv
 from tmca.errors import SettingError
 from tmca.operators import SlotwiseDisperser
 

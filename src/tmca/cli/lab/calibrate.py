@@ -1,0 +1,137 @@
+"""``tmca calibrate``: from captures to a dated calibration of a coded camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from tmca.cli.numbers import Whole
+from tmca.cli.options import size as parsed_size
+
+app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
+for name, (place, text) in {
+    "dark": ("sensor", "Offset, read noise and hot pixels, from frames without light."),
+    "flat": ("sensor", "Response of every pixel, and the level of white, from frames of even light."),
+    "linearity": ("sensor", "Linearity, saturation and electrons per digital number, from a series of exposures."),
+    "registration": ("optics", "Where mask pixels fall on the sensor, from captures of known patterns."),
+    "dispersion": ("optics", "Displacement and response of every wavelength, from monochromatic captures."),
+    "shear": ("optics", "Pixels per view, and the light of views, from captures with one view open."),
+    "timing": ("optics", "Delay and duration of the shutter's slots, from captures with one slot open."),
+    "psf": ("optics", "Point spread functions and the wavefront of a mask, from captures of a point source."),
+}.items():
+    app.command(f"tmca.cli.lab.calibrate_{place}:{name}", name=name, help=text)
+
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+@app.default
+def guide() -> None:
+    """Print the order of the steps, and what to capture for each."""
+    from tmca.cli.lab.calibrate_words import GUIDE
+
+    print(GUIDE)
+
+
+@app.command
+def patterns(
+    folder: Path, /, *, device: str = "64x80", count: Whole = 2, seed: Whole = 0, overwrite: Flag = False
+) -> None:
+    """Write the patterns to show into FOLDER: open, dark and random ones, a PNG each.
+
+    Args:
+        folder: to make.
+        device: HEIGHTxWIDTH of the mask, pixels.
+        count: of random patterns.
+        seed: of them.
+        overwrite: replace the folder if it exists.
+    """
+    from tmca.lab.calibration.patterns import write_patterns
+
+    names = write_patterns(folder, parsed_size(device, "--device") or (64, 80), count, seed, overwrite=overwrite)
+    print(f"{folder}: {', '.join(names)}")
+
+
+@app.command
+def render(
+    folder: Path,
+    /,
+    *,
+    camera: Literal["spectral", "light-field", "spectral-depth"] = "spectral",
+    size: str = "64x80",
+    slots: Whole = 4,
+    snr: float = 40.0,
+    seed: Whole = 0,
+    overwrite: Flag = False,
+) -> None:
+    """Write a rendered bench into FOLDER: captures for every step, a raw snapshot, and the hidden truth.
+
+    Args:
+        folder: to make.
+        camera: which one.
+        size: HEIGHTxWIDTH of its scene, pixels.
+        slots: of its codes.
+        snr: of captures of patterns and points, dB.
+        seed: of the truth, the codes and the noise.
+        overwrite: replace the folder if it exists.
+    """
+    from tmca.data import check_target
+    from tmca.lab.calibration.rendered import write_bench
+
+    check_target(folder, overwrite)
+    asked = parsed_size(size) or (64, 80)
+    write_bench(folder, camera=camera, size=asked, slots=slots, snr_db=snr, seed=seed, overwrite=overwrite)
+    print(f"{folder}: {', '.join(sorted(entry.name for entry in folder.iterdir()))}")
+
+
+@app.command
+def show(calibration: Path, /, *, json: Flag = False) -> None:
+    """Say what CALIBRATION holds: of which camera, when measured, with which residuals, from what.
+
+    Args:
+        calibration: file, or its name without the date for the newest.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.lab.calibrate_words import said_all
+    from tmca.lab.calibration.calibration_file import load_calibration
+
+    said_all(load_calibration(calibration), json)
+
+
+@app.command
+def proof(
+    *,
+    seeds: Whole = 1,
+    size: str = "64x80",
+    snr: float = 40.0,
+    out: Path | None = None,
+    figure: Path | None = None,
+    overwrite: Flag = False,
+    json: Flag = False,
+) -> None:
+    """Calibrate rendered benches from their captures alone, and hold what was found against their hidden truth.
+
+    Args:
+        seeds: benches of each camera, from seed 0.
+        size: HEIGHTxWIDTH of the scenes, pixels.
+        snr: of the captures, dB.
+        out: JSON file of the results.
+        figure: picture of the spectral reconstructions (PNG).
+        overwrite: replace files that exist.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.lab.calibrate_words import said_proof
+    from tmca.cli.options import check_figure, check_targets
+    from tmca.data import write_json
+    from tmca.experiments.calibration_proof import prove, reconstructions_figure
+    from tmca.experiments.figures import save_figure
+
+    check_figure(figure, overwrite)
+    check_targets([] if out is None else [out], overwrite)
+    found = prove(seeds, parsed_size(size) or (64, 80), snr)
+    if out is not None:
+        write_json(found.stated(), out, overwrite=overwrite)
+    if figure is not None:
+        save_figure(reconstructions_figure(found), figure, overwrite=overwrite)
+    said_proof(found.stated(), json)

@@ -1,0 +1,153 @@
+"""``tmca capture``: an export on a bench, frame by frame, and the frames as a snapshot."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Group, Parameter
+
+from tmca.cli.hardware import HardwareOptions
+from tmca.cli.lab.export import named_export
+from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.progress import progress_bar
+from tmca.errors import SettingError
+
+app = App(name="capture", help="Show an export on a bench, keep every frame, join them into a snapshot.")
+_BENCH = Group("Simulated bench", sort_key=1)
+_HARDWARE = HardwareOptions()
+_OF_ITS_OWN = ("noise_seed", "hardware", "motion_pixels", "values", "codes_date", "simulated_calibration")
+"""Notes of a simulated snapshot that a capture of the same camera does not share; how scenes are read it does."""
+
+
+@app.default
+def capture(
+    export: Path,
+    /,
+    *,
+    device: str = "simulated",
+    out: Path = Path("captures"),
+    snapshot: Path | None = None,
+    like: Path | None = None,
+    repeat: Whole = 1,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    scene: Annotated[str | None, Parameter(group=_BENCH)] = None,
+    bits: Annotated[Whole, Parameter(group=_BENCH)] = 16,
+    seed: Annotated[Whole, Parameter(group=_BENCH)] = 0,
+    stops_after: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
+    hardware: HardwareOptions = _HARDWARE,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Capture EXPORT, a folder of `tmca export`: a dark frame, then one a slot, or one exposure of a coded shutter.
+
+    Frames are kept in --out as they come; a capture that was stopped goes on there. They become the snapshot file
+    SNAPSHOT, less the dark frame, masked by the shutter and averaged, for `tmca reconstruct`.
+
+    Args:
+        export: folder of the export.
+        device: simulated, or the name of a driver (entry points tmca.devices).
+        out: folder of frames.
+        snapshot: file to write; OUT.nc without it.
+        like: snapshot file whose camera this is; that of the export where it was made from a snapshot.
+        repeat: frames of each kind, which are averaged; more of them later add to those that are there.
+        set_: NAME=VALUE settings of a driver.
+        overwrite: replace the snapshot file.
+        scene: before the simulated bench: a file, or the name of a rendered scene.
+        bits: of its digital numbers.
+        seed: of its noise.
+        stops_after: frames after which it does not answer any more.
+        json: print what was written as JSON.
+    """
+    from tmca.lab.devices import check_camera, joined
+    from tmca.lab.devices.captures import kept_so_far
+
+    taken = _known(export, like)
+    check_camera(export, taken.camera)
+    target = snapshot or out.with_suffix(".nc")
+    if target.exists() and not overwrite:
+        from tmca.errors import OutputError
+
+        raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
+    faults = hardware.faults()
+    made: dict[str, Any] = {"bits": bits, "seed": seed, "stops_after": stops_after, "hardware": faults}
+    made["taken"] = len(kept_so_far(out, export)["frames"])
+    bench, gain = _bench(device, taken, scene, set_ or [], made)
+    _captured(export, bench, out, {"gain": gain, "repeats": repeat, "camera": taken.camera})
+    found = joined(out, export, taken.camera)
+    read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
+    found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.said()} if faults.faults() else {})
+    found.save(target, overwrite=overwrite)
+    _say(target, out, found, json)
+
+
+def _known(export: Path, like: Path | None) -> Any:
+    """The snapshot whose camera is known."""
+    from tmca.cameras import Snapshot
+
+    source = Path(like or named_export(export)["source"])
+    if like is None and not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
+        found = f"an export of {source}, which says codes alone"
+        raise SettingError("--like", found, "a snapshot file of its camera", "write one with `tmca simulate`")
+    return Snapshot.load(source)
+
+
+def _is_snapshot(source: Path) -> bool:
+    from tmca.data import read_dataset
+
+    return "snapshot" in read_dataset(source)
+
+
+def _bench(device: str, taken: Any, scene: str | None, settings: list[str], made: dict[str, Any]) -> tuple[Any, float]:
+    """A bench, and the snapshot units of its digital numbers."""
+    from tmca.cli.sweep import named_values
+    from tmca.lab.devices import find_device
+
+    given = {name: values[0] for name, values in named_values(settings, "--set").items()}
+    if device != "simulated":
+        bench = find_device(device, **given)
+        return bench, float(getattr(bench, "gain", taken.camera.full_scale / bench.saturation))
+    if given:
+        raise SettingError("--set", settings[0], "none: the simulated bench has options of its own")
+    if scene is None:
+        raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
+    bench = find_device("simulated", camera=taken.camera, scene=_scene(scene, taken), **made)
+    return bench, bench.gain  # type: ignore[attr-defined]
+
+
+def _scene(name: str, taken: Any) -> list[Any]:
+    """Tensors of a scene, as a camera takes them."""
+    import numpy as np
+    import torch
+
+    application = taken.camera.application
+    if application == "light-field":
+        from tmca.experiments.light_field.imaging import as_batch
+        from tmca.experiments.light_field.truth import true_light_field
+
+        return [as_batch(true_light_field(name, taken))[:1]]
+    if application == "spectral-depth":
+        from tmca.experiments.spectral_depth.scenes import depth_tensor, true_spectral_depth
+
+        scene = true_spectral_depth(name, taken)
+        return [torch.from_numpy(np.array(scene["radiance"].values, np.float32))[None], depth_tensor(scene)]
+    from tmca.experiments.spectral.imaging import true_scene
+
+    return [torch.from_numpy(np.array(true_scene(name, taken).values, np.float32))[None]]
+
+
+def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:
+    from tmca.lab.devices import capture as run
+
+    with progress_bar(f"capture: {out.name}") as told:
+        run(export, bench, out, **how, progress=lambda done, total, name: told(done / total, name))
+
+
+def _say(target: Path, out: Path, found: Any, as_json: bool) -> None:
+    shape = [int(n) for n in found.values.shape[-2:]]
+    if as_json:
+        print(json.dumps({"snapshot": str(target), "frames": str(out), "size": shape, "notes": found.notes}, indent=1))
+        return
+    print(f"{target}: {shape[0]}×{shape[1]} pixels of {found.notes['device']}, frames in {out}")
+    print(f"reconstruct it with: tmca reconstruct {target}")

@@ -1,0 +1,147 @@
+"""The spectra of ``tmca scan``, and the scene they make with a depth map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from tmca.cli.numbers import Whole
+from tmca.cli.options import check_figure, check_targets
+
+Flag = Annotated[bool, Parameter(negative="")]
+
+
+def spectra(
+    scene: Path,
+    /,
+    *,
+    dark: Path,
+    white: Path,
+    out: Path,
+    wavelengths: str | None = None,
+    saturation: float | None = None,
+    white_reflectance: str = "1",
+    read_noise: float | None = None,
+    gain: float = 0.0,
+    figure: Path | None = None,
+    overwrite: Flag = False,
+    json: Flag = False,
+) -> None:
+    """Reflectance of SCENE from a frame per wavelength of a tunable source, with its standard deviation.
+
+    Args:
+        scene: folder of frames with the wavelength in their names (scene_450nm.png), or in order, or a stack.
+        dark: dark frames, averaged; or one per wavelength.
+        white: frames of a white reference, one per wavelength.
+        out: NetCDF file to write.
+        wavelengths: asked for, in nm: FIRST:LAST:COUNT or a list; those of the names without it.
+        saturation: value from which on a pixel is saturated; an integer type's maximum without it.
+        white_reflectance: of the reference, a number or a text file of its spectrum.
+        read_noise: standard deviation of a frame, digital numbers; that of the dark frames without it.
+        gain: digital numbers per electron, for shot noise.
+        figure: write a picture of it (PNG).
+        overwrite: replace files that exist.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.lab.scan_words import said_spectra
+    from tmca.cli.wavelengths import metres
+    from tmca.data import write_dataset
+    from tmca.experiments.figures import save_figure
+    from tmca.lab.figures import reflectance_figure
+    from tmca.lab.spectral_scan import measure_reflectance, read_scan
+    from tmca.lab.spectral_scan.reflectance import white_of
+
+    check_figure(figure, overwrite)
+    check_targets([out], overwrite, scene)
+    asked = None if wavelengths is None else metres(wavelengths)
+    scan = read_scan(scene, dark, white, wavelengths=asked, saturation=saturation)
+    rho = white_of(white_reflectance, scan.nm)
+    measured = measure_reflectance(scan, white_reflectance=rho, read_noise=read_noise, gain=gain)
+    write_dataset(measured, out, overwrite=overwrite)
+    if figure is not None:
+        save_figure(reflectance_figure(measured, out.name), figure, overwrite=overwrite)
+    said_spectra(measured, out, json)
+
+
+def compare(
+    spectra: Path,
+    /,
+    *,
+    references: Path,
+    points: Annotated[list[str], Parameter(consume_multiple=True, negative="")],
+    box: Whole = 5,
+    bandwidth: float = 0.0,
+    filters: Path | None = None,
+    figure: Path | None = None,
+    overwrite: Flag = False,
+    json: Flag = False,
+) -> None:
+    """Spectral angle between points of SPECTRA and what a spectrometer measured there.
+
+    Args:
+        spectra: file of tmca scan spectra, or any cube.
+        references: text file: wavelength in nm, then a column for each reference.
+        points: NAME=ROW,COLUMN of each reference in the cube.
+        box: pixels along each side that are averaged.
+        bandwidth: full width at half maximum of the source in nm, by which the references are smoothed.
+        filters: text file of filter responses, through which both are seen too.
+        figure: write a picture of it (PNG).
+        overwrite: replace the picture if it exists.
+        json: print JSON instead of text.
+    """
+    from tmca.cli.lab.scan_words import places, said_comparison
+    from tmca.experiments.figures import save_figure
+    from tmca.lab.ground_truth import open_cube
+    from tmca.lab.spectral_scan import compare_spectra, read_spectra
+    from tmca.lab.spectral_scan.comparison import comparison_figure
+
+    check_figure(figure, overwrite, spectra)
+    responses = None if filters is None else read_spectra(filters)
+    compared = compare_spectra(
+        open_cube(spectra), read_spectra(references), places(points), box=box, width_nm=bandwidth, filters=responses
+    )
+    if figure is not None:
+        save_figure(comparison_figure(compared), figure, overwrite=overwrite)
+    said_comparison(compared, json)
+
+
+def join(
+    spectra: Path,
+    depth: Path,
+    /,
+    *,
+    out: Path,
+    wavelengths: str | None = None,
+    figure: Path | None = None,
+    overwrite: Flag = False,
+) -> None:
+    """Join SPECTRA and DEPTH of one camera into the scene file that the spectral-depth camera reads.
+
+    Args:
+        spectra: file of tmca scan spectra.
+        depth: file of tmca scan depth.
+        out: NetCDF file to write.
+        wavelengths: of the scene's bands, in nm, FIRST:LAST:COUNT or a list: a camera's; the scan's own without it.
+        figure: write a picture of it (PNG).
+        overwrite: replace files that exist.
+    """
+    from tmca.cli.wavelengths import metres
+    from tmca.data import write_dataset
+    from tmca.experiments.pictures import picture_of
+    from tmca.lab.ground_truth import DEPTH, SPECTRA, join_ground_truth, open_part
+
+    check_figure(figure, overwrite)
+    for source in (spectra, depth):
+        check_targets([out], overwrite, source)
+    parts = open_part(spectra, SPECTRA, "tmca scan spectra"), open_part(depth, DEPTH, "tmca scan depth")
+    scene = join_ground_truth(*parts, name=out.stem, wavelengths=None if wavelengths is None else metres(wavelengths))
+    write_dataset(scene, out, overwrite=overwrite)
+    if figure is not None:
+        picture_of(out, figure, overwrite=overwrite)
+    unknown, about = scene["depth"].attrs["unknown_pixels"], scene.attrs
+    print(
+        f"{out}: {scene.sizes['wavelength']} bands, {scene.sizes['y']}×{scene.sizes['x']} pixels, {unknown} of unknown "
+        f"depth; {about['interpolated']} values interpolated, {about['clipped']} clipped"
+    )

@@ -1,0 +1,1 @@
+"""Decoders that iterate on the operator of the whole frame."""

@@ -1,0 +1,45 @@
+"""A denoiser of cubes in the subspace of their own spectra, for plug-and-play reconstruction.
+
+Spectra of a scene lie close to a subspace of few dimensions. The cube is projected onto the leading eigenvectors of
+its own second moments, and every component picture is denoised by itself: the other dimensions are taken for noise.
+Source: Zhuang and Bioucas-Dias, IEEE JSTARS 11, 730 (2018), FastHyDe.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from tmca.decoders.iterative.denoisers import ImageDenoiser, per_band
+from tmca.decoders.iterative.pnp import Denoiser
+from tmca.errors import SettingError
+
+
+def subspace(cube: Tensor, rank: int) -> Tensor:
+    """(L, rank) orthonormal basis of the spectra of a cube (L, H, W) with most energy."""
+    spectra = cube.flatten(1).double()
+    values, vectors = torch.linalg.eigh(spectra @ spectra.T)
+    return vectors[:, values.argsort(descending=True)[:rank]].to(cube)
+
+
+def subspace_denoiser(denoise_image: ImageDenoiser, rank: int = 5) -> Denoiser:
+    """Denoise the components of a cube in its own spectral subspace.
+
+    Args:
+        denoise_image: takes a component picture (H, W) and sigma, returns it denoised; white noise keeps its sigma in
+            every component, for the basis is orthonormal.
+        rank: dimensions of the subspace; all bands where there are fewer.
+
+    Raises:
+        SettingError: a rank below 1.
+    """
+    if rank < 1:
+        raise SettingError("rank", str(rank), "1 or more")
+    denoise = per_band(denoise_image)
+
+    def of_one(cube: Tensor, sigma: float) -> Tensor:
+        basis = subspace(cube, min(rank, cube.shape[0]))
+        components = torch.einsum("lr,lhw->rhw", basis, cube)
+        return torch.einsum("lr,rhw->lhw", basis, denoise(components[None], sigma)[0])
+
+    return lambda cubes, sigma: torch.stack([of_one(cube, sigma) for cube in cubes])

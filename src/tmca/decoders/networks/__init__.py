@@ -1,0 +1,1 @@
+"""Trained decoders, and their files."""

@@ -1,0 +1,1 @@
+"""Decoders by priors of small blocks of the scene."""
