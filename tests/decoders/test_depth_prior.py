@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tests.priors.test_spectral_depth import BENCH, camera, prior_of
-from tmca.decoders import depth_prior
+from tmca.decoders.patch_based import depth_prior
 from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import DataError
 from tmca.priors import GaussianMixturePrior
