@@ -8,6 +8,13 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
+import torch
+
+
+@pytest.fixture(autouse=True)
+def seeded() -> None:
+    """Every test draws the same numbers whichever ran before it."""
+    torch.manual_seed(0)
 
 
 @pytest.fixture(scope="session")
