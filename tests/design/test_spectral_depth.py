@@ -9,7 +9,6 @@ from tmca.design.spectral_depth import (
     bhattacharyya,
     confusion,
     design_masks,
-    fisher_information,
     foretell,
     kullback_leibler,
     window_covariance,
@@ -35,18 +34,6 @@ def test_distances_are_the_expectations_they_stand_for():
             ratio = torch.from_numpy(other.logpdf(drawn) - own.logpdf(drawn))
             assert float(found[d, e]) == pytest.approx(-float(ratio.mean()), rel=0.02, abs=0.01)
             assert float(distance[d, e]) == pytest.approx(-float((ratio / 2).exp().mean().log()), abs=0.02)
-
-
-@pytest.mark.parametrize("n", [3, 6])
-def test_fisher_information_is_the_curvature_of_the_distance(n):
-    base, turn = gaussians(1, n)[0], gaussians(1, n, seed=4)[0]
-    step = 1e-3
-    line = torch.stack([base + step * k * turn for k in (-1, 0, 1)])
-    distance = kullback_leibler(line)[1]
-    expected = (distance[0] + distance[2]) / step**2
-    assert float(fisher_information(line, step)[1]) == pytest.approx(float(expected), rel=1e-2)
-    scale = torch.stack([base * (1 + step * k) for k in (-1, 0, 1)])
-    assert float(fisher_information(scale, step)[1]) == pytest.approx(n / 2, rel=1e-4)
 
 
 def test_confusion_bounds_the_error_of_the_most_likely_plane():
@@ -105,5 +92,3 @@ def test_what_cannot_be_searched_is_refused():
     prior = prior_of(needed_block(4, BENCH.window))
     with pytest.raises(SettingError, match="learnable"):
         design_masks(camera(4), prior, window=4)
-    with pytest.raises(SettingError, match="3 or more"):
-        fisher_information(gaussians(2), 0.1)

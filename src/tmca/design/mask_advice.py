@@ -8,7 +8,7 @@ from typing import Any
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.design.spectral_depth import confusion, drawn_error, fisher_information
+from tmca.design.spectral_depth import confusion, drawn_error
 
 WORTH = 0.1
 """Share of the static mask's error that more slots have to save."""
@@ -21,8 +21,9 @@ class MaskCandidate:
     Args:
         camera: that shows them.
         covariance: (D, n, n) of windows at every plane.
+        information: (D,) of ``depth_information``.
         random: camera with the first random masks.
-        random_covariance: the same of it.
+        random_covariance, random_information: the same of it.
         start: which descent found them.
         seconds: CPU time of the search.
         history: confusion after every step of that descent.
@@ -31,8 +32,10 @@ class MaskCandidate:
 
     camera: SpectralDepthCamera
     covariance: Tensor = field(repr=False)
+    information: Tensor = field(repr=False)
     random: SpectralDepthCamera
     random_covariance: Tensor = field(repr=False)
+    random_information: Tensor = field(repr=False)
     start: str
     seconds: float
     history: tuple[float, ...] = field(repr=False)
@@ -55,15 +58,14 @@ class MaskCandidate:
 
     def row(self) -> dict[str, Any]:
         """For tables and files."""
-        step, judged = self.camera.planes.step, self.judged or (None, None)
+        judged = self.judged or (None, None)
         return {
             "judged": judged[0], "random_judged": judged[1],
             "slots": self.slots, "confusion": self.confusion,
             "random_confusion": float(confusion(self.random_covariance)),
             "error": drawn_error(self.covariance), "random_error": drawn_error(self.random_covariance),
             "throughput": self.camera.throughput(), "start": self.start, "seconds": self.seconds,
-            "fisher": fisher_information(self.covariance, step).tolist(),
-            "random_fisher": fisher_information(self.random_covariance, step).tolist(),
+            "fisher": self.information.tolist(), "random_fisher": self.random_information.tolist(),
         }  # fmt: skip
 
 

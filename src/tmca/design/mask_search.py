@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.design.depth_information import depth_information
 from tmca.design.mask_advice import MaskAdvice, MaskCandidate
 from tmca.design.spectral_depth import confusion, design_masks, window_covariance
 from tmca.errors import SettingError
@@ -122,6 +123,11 @@ class MaskTask:
         with torch.no_grad():
             return window_covariance(camera, prior, self.window)
 
+    def information(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
+        """(D,) of ``depth_information``, without gradients."""
+        with torch.no_grad():
+            return depth_information(camera, prior, self.window)
+
 
 def search_masks(
     task: MaskTask,
@@ -193,7 +199,8 @@ class _Search:
             judged = self._judged(runs, lambda share: told(searching + (1 - searching) * share))
             best, errors = runs[judged.index(min(judged))], (min(judged), judged[-1])
         seconds, seen = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
-        return MaskCandidate(best.camera, seen, random, drawn, best.start, seconds, best.history, errors)
+        own, others = (self.task.information(camera, self.prior) for camera in (best.camera, random))
+        return MaskCandidate(best.camera, seen, own, random, drawn, others, best.start, seconds, best.history, errors)
 
     def _descents(self, slots: int, static: MaskCandidate | None, told: Callable[[float], None]) -> list[_Run]:
         """One from every start, and the static mask in all slots as it is."""

@@ -1,4 +1,4 @@
-"""How well a snapshot tells depths apart, without any decoder: Fisher information and distances between depths.
+"""How well a snapshot tells depths apart, without any decoder: distances between depths, and masks that keep them.
 
 Under the patch prior the snapshot of a window is Gaussian at every depth, with zero mean and the second moments of
 ``snapshot_moments`` (its brightness is part of them, so that brightness is no cue). All figures are differentiable in
@@ -150,27 +150,6 @@ def drawn_error(covariance: Tensor, draws: int = 500, seed: int = 0) -> float:
         misfit = torch.linalg.solve_triangular(factors, factor @ own, upper=False).square().sum(-2) / 2
         total += float(((misfit + level[:, None]).argmin(0) - plane).abs().double().mean())
     return total / len(factors)
-
-
-def fisher_information(covariance: Tensor, step: float) -> Tensor:
-    """(D,) information of a window about inverse depth, squares of metres: ``½ tr(C⁻¹ C′ C⁻¹ C′)``.
-
-    C is that of the plane, C′ a difference over two bins: ``(C_{d+1} - C_{d-1}) / 2 step`` inside, at the ends
-    ``(4 C_{d±1} - 3 C_d - C_{d±2}) / ±2 step``, the slope there of a parabola through three planes. Moments bend within
-    a bin, so this is not the local information, but off by tens of per cent to either side.
-
-    Args:
-        covariance: (D, n, n), D ≥ 3, of planes evenly spaced in inverse depth.
-        step: between planes, inverse metres.
-
-    Raises:
-        SettingError: fewer than three planes.
-    """
-    if len(covariance) < 3:
-        raise SettingError("depth planes", str(len(covariance)), "3 or more for a derivative")
-    slope = torch.gradient(covariance, spacing=step, dim=0, edge_order=2)[0]
-    relative = torch.linalg.solve(covariance, slope)
-    return 0.5 * (relative * relative.mT).sum((-2, -1))
 
 
 @dataclass(frozen=True)

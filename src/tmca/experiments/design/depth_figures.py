@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tmca.design.mask_advice import MaskCandidate
-from tmca.design.spectral_depth import bhattacharyya, fisher_information, kullback_leibler
+from tmca.design.spectral_depth import bhattacharyya, kullback_leibler
 from tmca.experiments.figures import add_bar, bare, grid, plain_axes
 
 if TYPE_CHECKING:
@@ -26,11 +26,11 @@ def fisher_figure(candidates: Sequence[MaskCandidate]) -> Figure:
     figure = Figure(figsize=(6.4, 3.8), layout="constrained")
     axis = figure.add_subplot()
     for colour, own in zip(_COLOURS, candidates, strict=False):
-        inverse, step = own.camera.planes.inverse.numpy(), own.camera.planes.step
-        for covariance, style, name in ((own.random_covariance, "--", "random"), (own.covariance, "-", "designed")):
-            values = fisher_information(covariance, step).numpy()
+        inverse = own.camera.planes.inverse.numpy()
+        for values, style, name in ((own.random_information, "--", "random"), (own.information, "-", "designed")):
             label = f"K = {own.slots}, {name}" if own.slots > 1 else f"static, {name}"
-            axis.plot(inverse, values, style, marker="o", markersize=3, color=colour, label=label, linewidth=1.3)
+            look = {"marker": "o", "markersize": 3, "linewidth": 1.3, "color": colour}
+            axis.plot(inverse, values.numpy(), style, label=label, **look)
     axis.set_yscale("log")
     planes = candidates[0].camera.planes
     metres = axis.secondary_xaxis("top")

@@ -46,7 +46,7 @@ def coded_camera(cell: Settings, size: tuple[int, int], codes: str | None = None
 def search(cell: Settings, folder: Path) -> Measured:
     """Masks that are searched under one noise; how well they and random ones tell depths apart."""
     from tmca.design.mask_search import MaskEffort, MaskTask, search_masks
-    from tmca.design.spectral_depth import fisher_information, kullback_leibler
+    from tmca.design.spectral_depth import kullback_leibler
     from tmca.priors import load_prior
 
     probe, settings = coded_camera(cell, SIZE), CODES[cell["code"]]
@@ -61,8 +61,8 @@ def search(cell: Settings, folder: Path) -> Measured:
     file = folder / f"codes-{cell_key(cell)}.nc"
     write_phase_codes(found.camera, file, settings["filters"], "rgb", overwrite=True)
     told = {}
-    for name, covariance in (("optimised", found.covariance), ("random", found.random_covariance)):
-        fisher = fisher_information(covariance, probe.planes.step)
+    drawn = (found.random_covariance, found.random_information)
+    for name, (covariance, fisher) in (("optimised", (found.covariance, found.information)), ("random", drawn)):
         told[name] = {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
     return {"codes": str(file), "foretold": told, "seconds": found.seconds, "confusion": found.confusion}
 
@@ -87,7 +87,8 @@ def _reading(cell: Settings) -> dict[str, Any]:
 
 def foretold(cell: Settings, folder: Path) -> Measured:
     """What the prior says of a code under a noise, before any scene is seen."""
-    from tmca.design.spectral_depth import confusion, fisher_information, foretell, kullback_leibler
+    from tmca.design.depth_information import depth_information
+    from tmca.design.spectral_depth import confusion, foretell, kullback_leibler
     from tmca.priors import load_prior
 
     camera, prior = _camera(cell, SIZE), cast("GaussianPrior", load_prior(cell["prior"]))
@@ -97,7 +98,7 @@ def foretold(cell: Settings, folder: Path) -> Measured:
         return {"figures": {
             **_on_examples(cell, camera, prior),
             "confusion": float(confusion(found.covariance)),
-            "fisher": float(fisher_information(found.covariance, camera.planes.step).log().mean().exp()),
+            "fisher": float(depth_information(camera, prior, cell["window"]).log().mean().exp()),
             "kullback_leibler": float(distance.min(1).values.mean()),
             "psnr": -10 * float(found.spectral_error.mean().log10()),
         }}  # fmt: skip
