@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -122,10 +123,11 @@ def main() -> None:
     found = measure_light(arguments.repeats) | measure_layers(arguments.repeats)
     if arguments.json:
         print(json.dumps({"found": found, "bounds": BOUNDS}, indent=1))
-        return
-    for name, value in found.items():
-        bound = BOUNDS.get(name)
-        print(f"{name:24s} {value:8.2f}" + (f"  (bound {bound:g})" if bound else ""))
+    else:
+        for name, value in found.items():
+            bound = BOUNDS.get(name)
+            print(f"{name:24s} {value:8.2f}" + (f"  (bound {bound:g})" if bound else ""))
+    sys.exit(0 if all(found[name] <= bound for name, bound in BOUNDS.items()) else 1)
 
 
 if __name__ == "__main__":

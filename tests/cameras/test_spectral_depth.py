@@ -278,3 +278,9 @@ def test_a_snapshot_file_without_a_part_is_refused(tmp_path, missing):
     dataset.to_netcdf(tmp_path / "other.nc")
     with pytest.raises(DataError, match=missing):
         Snapshot.load(tmp_path / "other.nc")
+
+
+def test_one_hot_slots_need_a_pixel_each():
+    assert bool((camera(shutter="one-hot", slots=4, period=2).shutter().sum((1, 2)) > 0).all())
+    with pytest.raises(SettingError, match="one-hot"):
+        camera(shutter="one-hot", slots=5, period=2)

@@ -104,11 +104,14 @@ def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
         (("--channels", "cmyk"), "rgb"),
         (("--shutter", "slow"), "one-hot"),
         (("--slots", "0"), "slots"),
-        (("--reduce", "0"), "--reduce"),
         (("--placed", "upside-down"), "slanted"),
         (("--read-noise", "-1"), "--read-noise"),
-        (("--psf-window", "12"), "odd"),
-        (("--aperture", "-1"), "diameter"),
+        (("--aperture", "-1"), "--aperture: found"),
+        (("--psf-window", "12"), "--psf-window: found"),
+        (("--rms-nm", "inf"), "--rms-nm: found"),
+        (("--rms-nm", "1e300"), "--rms-nm: found"),
+        (("--slots", "20", "--shutter", "one-hot"), "slots: found 20"),
+        (("--reduce", "0"), "--reduce: found 0,"),
         (("--focus", "1", "--no-lens"), "--no-lens"),
         (("--mask", "lens"), "a lens on a bench with a lens"),
         (("--mask", "flat", "--rms-nm", "50"), "--rms-nm"),
@@ -130,7 +133,8 @@ def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, mes
     scene = "chelsea" if given[0] != "--placed" else str(tmp_path / "cube.nc")
     if given[0] == "--placed":
         write_dataset(rendered_scene("chelsea", size=(60, 70))[["radiance"]], scene)
-    said = refused(capsys, "simulate", "spectral-depth", scene, "--reduce", "8", "--crop", "32x32", *given)
+    smaller = () if given[0] == "--reduce" else ("--reduce", "8")
+    said = refused(capsys, "simulate", "spectral-depth", scene, *smaller, "--crop", "32x32", *given)
     assert message in said
     assert not list(tmp_path.glob("*_snapshot*"))
 

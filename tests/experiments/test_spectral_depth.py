@@ -1,5 +1,7 @@
 """Scenes with depth → snapshot → cube and depth, with files and pictures."""
 
+import warnings
+
 import numpy as np
 import pytest
 import torch
@@ -10,13 +12,15 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene, write_dataset
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure, spread_points
+from tmca.experiments.scenes import SceneWarning
 from tmca.experiments.spectral_depth.figures import psf_figure
 from tmca.experiments.spectral_depth.imaging import (
     reconstruct_spectral_depth,
     spectral_depth_pictures,
     take_spectral_depth_snapshot,
 )
-from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
+from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of, true_spectral_depth
+from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
@@ -37,7 +41,10 @@ def prior():
     return GaussianPrior.learn([torch.from_numpy(cube)], needed_block(8, (11, 11)), wavelengths=WAVES)
 
 
-pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # a narrow window is a fast one
+pytestmark = [  # a narrow window is a fast one, and so are few mask pixels
+    pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight"),
+    pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled"),
+]
 
 
 def scene_of(source="coffee", **how):
@@ -141,3 +148,17 @@ def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch)
     coarse = spread_points(cube)  # 4800 pixels: every third
     assert len(set(coarse)) == 3
     assert coarse == [(3 * row, 3 * column) for row, column in spread_points(cube[:, ::3, ::3])]
+
+
+def test_the_truth_of_another_scene_is_told(tmp_path, camera, prior):
+    taken = take_spectral_depth_snapshot(scene_of(), camera)
+    with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
+        true_spectral_depth("rocket", taken)
+    found = reconstruct_spectral_depth(taken, "likelihood", prior=prior, window=8)
+    found.save(tmp_path / "found.nc")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SceneWarning)
+        same = evaluate_spectral_depth(tmp_path / "found.nc", "coffee")
+    with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
+        other = evaluate_spectral_depth(tmp_path / "found.nc", "rocket")
+    assert same["psnr"] > other["psnr"]

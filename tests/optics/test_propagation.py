@@ -1,5 +1,6 @@
 """Propagation matches the Airy disk, defocus, the Gaussian beam, and a slow sum over spherical waves."""
 
+import warnings
 from math import pi
 
 import numpy as np
@@ -174,3 +175,20 @@ def test_impossible_numbers_are_refused():
         spherical_wave((4, 4), 1e-6, [GREEN], 1.0, focus=-1)
     with pytest.raises(SettingError, match="wavelengths"):
         radians_per_metre([0.0], None)
+
+
+@pytest.mark.parametrize(("distance", "padding"), [(5.0, 2.0), (0.4, 2.0), (0.05, 1.0)])
+def test_distances_that_the_grid_cannot_follow_are_warned_of(distance, padding):
+    with pytest.warns(Undersampled, match="frequencies follow"):
+        AngularSpectrum((64, 64), 10e-6, [550e-9], distance, padding)
+
+
+@pytest.mark.parametrize("size", [(64, 64), (65, 70)])
+def test_where_it_does_not_warn_it_agrees_with_one_fresnel_step(size):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        free = AngularSpectrum(size, 10e-6, [550e-9], 0.1)
+    field = circular_aperture(size).to(torch.complex64)[None]
+    step = FocalPlane(size, 10e-6, [550e-9], 0.1, size, 10e-6)
+    found, expected = (part / part.sum() for part in (free(field).abs().square(), step(field).abs().square()))
+    assert float((found - expected).abs().sum()) < 0.05

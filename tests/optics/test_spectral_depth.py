@@ -15,7 +15,9 @@ from tmca.optics import (
     StrayLight,
     Stroke,
     Undersampled,
+    check_mask,
     mask_heights,
+    steep_share,
     stray_light,
 )
 from tmca.optics.phase import pixel_places
@@ -163,3 +165,38 @@ def test_repeated_maps_are_those_of_their_family():
         torch.testing.assert_close(again().detach(), maps().expand(3, -1, -1))
         with pytest.raises(ShapeError, match="as many as there are maps"):
             again.repeated(2)
+
+
+def test_masks_steeper_than_their_pixels_are_warned_of():
+    planes, wide = DepthPlanes(0.4, 2.0, 2), {"rms": 0.2e-6, "seed": 0}
+    fine = spread(PhaseMaskBench(mask_pixels=192), planes, "zernike", **wide)
+    coarse = spread(PhaseMaskBench(mask_pixels=48), planes, "zernike", **wide)
+    error = (coarse() - fine()).abs().sum((-2, -1)).max()
+    assert float(error) > 0.04
+    with pytest.warns(Undersampled, match="half a wave") as told:
+        check_mask(coarse)
+    assert len([one for one in told if one.category is Undersampled]) == 1
+    assert steep_share(fine.heights, fine.per_metre) < 0.01 < steep_share(coarse.heights, coarse.per_metre)
+
+
+@pytest.mark.parametrize("pixels", [24, 25])
+def test_the_steep_share_is_that_of_a_slow_count(pixels):
+    made = spread(PhaseMaskBench(mask_pixels=pixels), DepthPlanes(0.4, 2.0, 2), "zernike", rms=0.3e-6)
+    phase = made.heights()[0] * 4 * torch.pi / GREEN  # a mirror: there and back
+    y, x = (torch.arange(pixels) + 0.5 - pixels / 2).expand(pixels, pixels).T, torch.arange(pixels) + 0.5 - pixels / 2
+    inside = (y**2 + x**2).sqrt() <= pixels / 2
+    steep = count = 0
+    for i in range(pixels):
+        for j in range(pixels):
+            for k, m in ((i + 1, j), (i, j + 1)):
+                if k < pixels and m < pixels and inside[i, j] and inside[k, m]:
+                    count, steep = count + 1, steep + bool(abs(phase[i, j] - phase[k, m]) > torch.pi)
+    assert steep_share(made.heights, made.per_metre) == pytest.approx(steep / count)
+
+
+@pytest.mark.parametrize("height", [float("nan"), float("inf"), 1.0])
+def test_heights_that_are_none_are_refused(height):
+    with pytest.raises(SettingError, match="heights"):
+        FreeForm(torch.full((1, 4, 4), height))
+    with pytest.raises(SettingError, match="rms"):
+        mask_heights("zernike", 1, PhaseMaskBench(), rms=height)

@@ -85,8 +85,8 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
     changes = {
         "camera.learn": list(learn),
         "camera.filters": "gaussian",
-        "optimiser.code_rate": 0.5,
-        "optimiser.mask_rate": 0.5,
+        "optimiser.code_rate": 2.0,
+        "optimiser.mask_rate": 0.005,
     }
     found = train(tmp_path, **changes, **{"codes.frozen": 0.0, "codes.slope": [1.0, 2.0]})
     before, after = training_camera(settings(**changes)), DepthWeights.load(found.weights).camera
@@ -95,8 +95,7 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
         "shutter": not torch.equal(before.tile()[1], after.tile()[1]),
         "filters": not torch.equal(before.filters.cells(), after.filters.cells()),
     }
-    assert {name for name, is_moved in moved.items() if is_moved} <= set(learn)
-    assert moved["mask"] == ("mask" in learn)
+    assert {name for name, is_moved in moved.items() if is_moved} == set(learn)
     assert set(after.tile()[1].unique().tolist()) <= {0.0, 1.0}
 
 
@@ -108,7 +107,7 @@ def test_masks_that_learn_to_send_light_away_are_told(tmp_path):
 
 def test_the_first_stage_follows_codes_that_learn(tmp_path):
     decoder = {**TINY["decoder"], "start": "likelihood"}
-    changes = {"decoder": decoder, "camera.learn": ["mask"], "optimiser.mask_rate": 0.1, "codes.frozen": 0.5}
+    changes = {"decoder": decoder, "camera.learn": ["mask"], "optimiser.mask_rate": 0.01, "codes.frozen": 0.5}
     found = train(tmp_path, **changes, **{"data.pool": 8, "optimiser.steps": 4, "validate_every": 2})
     weights = DepthWeights.load(found.weights)
     assert weights.prior == "prior.nc"
@@ -243,6 +242,7 @@ def test_codes_bring_the_camera_they_were_made_for(tmp_path):
         spectral_depth_settings(None, None, free | {"camera.bench": {"pitch": 5e-6}})
 
 
+@pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")
 @pytest.mark.parametrize(("family", "kept"), [("zernike", ZernikeHeights), ("rotational", RotationalProfile)])
 def test_masks_go_on_in_their_family(tmp_path, family, kept):
     first = {"camera.mask": family, "camera.shutter": "one-hot", "optimiser.steps": 2, "validate_every": 2}

@@ -65,7 +65,7 @@ _THESIS_DEPTH: dict[str, Any] = {
 }
 _NOTHING_ELSE: dict[str, Any] = {"slots": 1, "shutter": "open", "filters": "clear"}
 _QUICK_DEPTH: dict[str, Any] = {
-    # a step of training takes under a second on a processor
+    # a step of training takes about a second on a processor, less where codes are fixed
     "bands": tuple((440 + 240 / 7 * band) * 1e-9 for band in range(8)),
     "size": (96, 96),
     "bench": PhaseMaskBench(),

@@ -112,6 +112,9 @@ class SpectralDepthCamera(Camera):
             shutter, slots, self.size, period=tile, seed=2 * seed + 1, learnable="shutter" in learned, name="shutter"
         )
         if isinstance(shutter, str) and shutter == "one-hot":
+            if slots > period**2:
+                found, known = f"{slots} with a one-hot shutter", f"at most {period**2}, the pixels of its period"
+                raise SettingError("slots", found, known, "take a longer period or another shutter")
             self.shutter.show(one_hot_planes(balanced_choice(slots, (period, period), 2 * seed + 1), slots))
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):

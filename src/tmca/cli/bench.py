@@ -50,8 +50,12 @@ class BenchOptions:
         """Arguments of `PhaseMaskBench`.
 
         Raises:
-            SettingError: a focus without a lens.
+            SettingError: a focus without a lens, an aperture or a window that cannot be.
         """
+        if self.aperture is not None and not 0 < self.aperture < float("inf"):
+            raise SettingError("--aperture", f"{self.aperture:g} m", "finite metres above 0")
+        if self.psf_window is not None and (self.psf_window < 1 or self.psf_window % 2 == 0):
+            raise SettingError("--psf-window", str(self.psf_window), "an odd number of pixels")
         given = {name: value for name, value in vars(self).items() if value is not None and name != "lens"}
         if not self.lens:
             if self.focus is not None:

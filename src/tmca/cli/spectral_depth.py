@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _SCENE = Group("Reading the scene", sort_key=0)
 _CAMERA = Group("Camera", sort_key=1)
+_MOST_NM = 1e5
+"""Of random heights: a tenth of a millimetre."""
 
 
 @Parameter(name="*")
@@ -48,9 +50,9 @@ class DepthSceneOptions:
         """The scene at bands and depth range of a camera."""
         from tmca.experiments.spectral_depth.scenes import load_spectral_depth
 
-        if self.reduce < 1 or self.scene_seed < 0:
-            found = f"{self.reduce}, {self.scene_seed}"
-            raise SettingError("--reduce, --scene-seed", found, "1 or more, and 0 or more")
+        for name, value, least in (("--reduce", self.reduce, 1), ("--scene-seed", self.scene_seed, 0)):
+            if value < least:
+                raise SettingError(name, str(value), f"{least} or more")
         self._check_pairs()
         return load_spectral_depth(
             source, camera.wavelengths, near=camera.planes.near, far=camera.planes.far, size=crop,
@@ -135,8 +137,8 @@ class SpectralDepthOptions:
                 raise SettingError(option, found, "a random mask that has it", "leave one of the two out")
         if self.rms_nm is None:
             return {}
-        if not self.rms_nm >= 0:
-            raise SettingError("--rms-nm", f"{self.rms_nm:g} nm", "0 or more")
+        if not 0 <= self.rms_nm <= _MOST_NM:
+            raise SettingError("--rms-nm", f"{self.rms_nm:g} nm", f"0 to {_MOST_NM:g}")
         return {"rms": self.rms_nm * 1e-9}
 
     def _trained(self, sensor: SensorOptions, bench: BenchOptions, crop: tuple[int, int]) -> SpectralDepthCamera:

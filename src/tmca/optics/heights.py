@@ -14,6 +14,9 @@ from tmca.optics.materials import Material
 from tmca.optics.phase import pixel_places
 from tmca.optics.zernike import Mode, pupil_coordinates, zernike_modes
 
+HIGHEST = 1e-2
+"""Metres that no phase mask is high."""
+
 
 @dataclass(frozen=True)
 class Stroke:
@@ -254,8 +257,14 @@ def fresnel_lens(
 
 
 def _unit(values: Tensor) -> float:
-    """A micrometre, or what is largest: parameters near 1 suit every optimiser."""
-    return max(1e-6, float(values.detach().abs().max())) if values.numel() else 1e-6
+    """A micrometre, or what is largest: parameters near 1 suit every optimiser.
+
+    Raises SettingError for what is no number or no height.
+    """
+    largest = float(values.detach().abs().max()) if values.numel() else 0.0
+    if not largest <= HIGHEST:
+        raise SettingError("heights", f"{largest:g} m", f"finite heights up to {HIGHEST:g} m", "give metres")
+    return max(1e-6, largest)
 
 
 def _check_dims(name: str, values: Any, dims: int, wanted: str, least: int = 1) -> None:

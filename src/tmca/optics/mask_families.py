@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError
-from tmca.optics.heights import FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
+from tmca.optics.heights import HIGHEST, FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
 from tmca.optics.zernike import noll, noll_index, pupil_coordinates
 
 if TYPE_CHECKING:
@@ -51,16 +51,16 @@ def mask_heights(
         learnable: whether they are learned.
 
     Raises:
-        SettingError: unknown family, no modes, a negative rms, or a lens on a bench that has one.
+        SettingError: unknown family, no modes, a negative or huge rms, or a lens on a bench that has one.
     """
     if family not in FAMILIES:
         raise SettingError("mask", repr(family), f"one of {', '.join(FAMILIES)}")
     if family == "lens" and bench.focus is not None:
         known = f"one of {', '.join(FAMILIES[:-1])}"
         raise SettingError("mask", "a lens on a bench with a lens", known, "or set no focus, for a bench without")
-    if slots < 1 or modes < 1 or not rms >= 0:
+    if slots < 1 or modes < 1 or not 0 <= rms <= HIGHEST:
         found = f"{slots} slots, {modes} modes, {rms:g} m rms"
-        raise SettingError("mask", found, "a slot and a mode or more, rms ≥ 0")
+        raise SettingError("mask", found, f"a slot and a mode or more, an rms of 0 to {HIGHEST:g} m")
     size, generator = bench.mask_size, torch.Generator().manual_seed(seed)
     if family == "flat":
         middle = 0.0 if stroke is None else min(max(0.0, stroke.low), stroke.high)
@@ -69,7 +69,7 @@ def mask_heights(
         heights = fresnel_lens(size, bench.mask_pitch, bench.distance, wavelength, bench.phase_material(), slots)
         return FreeForm(_within(heights, stroke), stroke, learnable=learnable)
     if family == "rotational":
-        radii = torch.randn(slots, _RADII, generator=generator)
+        radii = 1e-6 * torch.randn(slots, _RADII, generator=generator)
         seen = RotationalProfile(radii, size).profile()[:, pupil_coordinates(size)[0] <= 1].std(1, correction=0)
         return RotationalProfile(radii * (rms / seen)[:, None], size, stroke=stroke, learnable=learnable)
     drawn = torch.randn(slots, modes, generator=generator)

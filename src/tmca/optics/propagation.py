@@ -13,6 +13,10 @@ from torch import Tensor, nn
 from tmca.errors import SettingError, ShapeError
 from tmca.optics.phase import pixel_places
 
+LEAST_KEPT = 16
+"""Frequencies along a side that ``AngularSpectrum`` needs: with fewer the light behind a round aperture is off by more
+than a twentieth (against ``FocalPlane``, grids of 64 to 128 pixels, padding 2)."""
+
 
 class Undersampled(UserWarning):
     """A field whose phase turns faster than its pixels can follow."""
@@ -57,6 +61,9 @@ class AngularSpectrum(nn.Module):
 
     Raises:
         SettingError: impossible numbers.
+
+    Warns:
+        Undersampled: fewer than ``LEAST_KEPT`` frequencies along a side are left, or some are cut that would arrive.
     """
 
     transfer: Tensor
@@ -72,6 +79,26 @@ class AngularSpectrum(nn.Module):
         self.padded = (round(self.size[0] * padding), round(self.size[1] * padding))
         self.pitch, self.wavelengths, self.distance = float(pitch), tuple(map(float, wavelengths)), float(distance)
         self.register_buffer("transfer", self._transfer().to(torch.complex64), persistent=False)
+        self._check_kept()
+
+    def _check_kept(self) -> None:
+        """Light that turns more than the padded grid can follow is cut: most of it beyond a distance."""
+        wave = max(self.wavelengths)
+        for padded, own in zip(self.padded, self.size, strict=True):
+            kept = 2 * self._limit(torch.tensor(wave), padded).item() * padded * self.pitch
+            if kept < padded and (kept < LEAST_KEPT or padded < 2 * own):
+                warn(
+                    f"angular spectrum: {kept:.0f} of {padded} frequencies follow {wave * 1e9:.0f} nm over "
+                    f"{abs(self.distance):.4g} m, {LEAST_KEPT} and a padding of 2 are needed; take more padding, or "
+                    "FocalPlane",
+                    Undersampled,
+                    stacklevel=3,
+                )
+                return
+
+    def _limit(self, waves: Tensor, padded: int) -> Tensor:
+        """Highest frequency that a padded side follows, 1/m."""
+        return 1 / (waves * ((2 * self.distance / (padded * self.pitch)) ** 2 + 1) ** 0.5)
 
     def _transfer(self) -> Tensor:
         """(L, H', W'), without the phase of the axis."""
@@ -80,7 +107,7 @@ class AngularSpectrum(nn.Module):
         sine = waves**2 * (fy[:, None] ** 2 + fx**2)
         cosine = torch.sqrt((1 - sine).clamp(min=0))
         phase = -2 * pi * self.distance / waves * sine / (1 + cosine)
-        limits = [1 / (waves * ((2 * self.distance / (n * self.pitch)) ** 2 + 1) ** 0.5) for n in self.padded]
+        limits = [self._limit(waves, n) for n in self.padded]
         kept = (fy[:, None].abs() <= limits[0]) & (fx.abs() <= limits[1]) & (sine < 1)
         return torch.polar(kept.double(), phase)
 

@@ -20,10 +20,6 @@ from tmca.optics.point_spread import PointSpread
 from tmca.optics.propagation import FocalPlane, Undersampled, check_sampling
 
 
-class StrayLight(UserWarning):
-    """A window that holds too little of a point's light."""
-
-
 @dataclass(frozen=True)
 class PhaseMaskBench:
     """Distances, pitches and sizes of the bench, metres and pixels.
@@ -172,17 +168,3 @@ def changed_bench(bench: PhaseMaskBench, changes: Mapping[str, Any]) -> PhaseMas
             raise SettingError("bench", name, f"some of {', '.join(known)}")
     given = {**changes, **({"window": tuple(changes["window"])} if "window" in changes else {})}
     return replace(bench, **given)
-
-
-def stray_light(spread: PointSpread) -> Tensor:
-    """(K, D, L) share of the light behind the aperture that misses the window; it is lost with ``energy="aperture"``.
-
-    Warns:
-        StrayLight: more than a tenth, of any slot, depth and wavelength.
-    """
-    with torch.no_grad():
-        missed = 1 - spread.arrived()
-    if float(missed.max()) > 0.1:
-        found = f"the window misses up to {float(missed.max()):.0%} of a point's light; "
-        warn(found + "take a larger one, or a mask of coarser structures", StrayLight, stacklevel=2)
-    return missed

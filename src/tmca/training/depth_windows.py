@@ -23,8 +23,10 @@ SIDE = 8
 class DepthWindows:
     """How likely the patch likelihood holds every plane, differentiable in masks, shutter and filters.
 
-    The same estimate as `PatchLikelihood` makes, of windows that stand side by side: under the patch prior the
-    covariances of windows follow the codes, and so do the windows themselves.
+    The estimate that `PatchLikelihood` makes, of windows that stand side by side: under the patch prior the covariances
+    of windows follow the codes, and so do the windows themselves. Without shot noise it is the same; with it all
+    windows here have the noise of their mean brightness, where the decoder gives each its own. Of a 1 000 e⁻ full well
+    half of the windows are likeliest at another plane for that, as often a better one as a worse.
 
     Args:
         prior: stationary Gaussian prior of the camera's bands, its blocks at least ``needed_block``.

@@ -16,7 +16,7 @@ from tmca.decoders.networks.depth_weights import DepthWeights
 from tmca.decoders.networks.two_headed import TwoHeadedUNet, build_depth_network
 from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import DataError
-from tmca.optics import stray_light
+from tmca.optics import check_mask
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import learn_depth_prior
 from tmca.sensor import Sensor
@@ -56,11 +56,11 @@ def train_spectral_depth(settings: SpectralDepthTrainSettings, folder: Path, loa
         how: see ``train``.
 
     Warns:
-        StrayLight: learned masks send light beside their windows.
+        StrayLight, Undersampled: learned masks send light beside their windows, or are steeper than their pixels.
     """
     found = train(_prepare, settings, folder, load, **how)
     if "mask" in settings.camera.learn:
-        stray_light(DepthWeights.load(found.weights).camera.spread)
+        check_mask(DepthWeights.load(found.weights).camera.spread)
     return found
 
 

@@ -21,7 +21,7 @@ from tmca.experiments.design.depth_page import described, design_files, write_de
 from tmca.experiments.design.example_scenes import JUDGING, judge_on
 from tmca.experiments.results import check_new
 from tmca.experiments.scenes import at_bands
-from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench
+from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
 
@@ -84,6 +84,10 @@ def design_spectral_depth(
     Raises:
         SettingError, ShapeError, DataError: what cannot be searched, or scenes or a prior that do not fit.
         OutputError: files exist, or none can be written.
+
+    Warns:
+        StrayLight, Undersampled: recommended masks that send light beside their windows, or are steeper than their
+            pixels.
     """
     from tmca.data import check_folder
 
@@ -115,6 +119,7 @@ def design_spectral_depth(
     advice = search_masks(task, known, counts, effort, lambda share, step: told(0.3 + 0.68 * share, step), judge)
     found = described(advice, task, effort, known, {"preset": preset, "sensor": asdict(sheet)}, command)
     write_design(advice, found, out, overwrite)
+    check_mask(advice.best.camera.spread)
     return advice, found
 
 

@@ -27,7 +27,7 @@ from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
 from tmca.experiments.spectral_depth.scenes import READING, depth_tensor, middle_of
 from tmca.experiments.spectral_depth.unknown import check_depth_known, unknown_depth
-from tmca.optics import DepthPlanes, stray_light
+from tmca.optics import DepthPlanes, check_mask
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,12 +81,12 @@ def take_spectral_depth_snapshot(
         DataError: a scene of which no depth is within the camera's range.
 
     Warns:
-        StrayLight: point spread functions that do not fit their window.
+        StrayLight, Undersampled: point spread functions that do not fit their window, masks steeper than their pixels.
     """
     faults, unknown = hardware or Hardware(), unknown_depth(scene["depth"], camera.planes)
     check_depth_known(unknown, scene["depth"].size, camera.planes, str(scene.attrs.get("name", "scene")))
     check_holds(camera.size, camera.bench.window)
-    stray_light(camera.spread)
+    check_mask(camera.spread)
     cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
     depth = depth_tensor(scene)
     with torch.no_grad():

@@ -6,13 +6,14 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from tmca.errors import DataError
-from tmca.experiments.scenes import at_bands
+from tmca.experiments.scenes import SceneWarning, at_bands
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -207,10 +208,20 @@ def _kind_and_side(source: str) -> tuple[str, int]:
 
 def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.Dataset:
     """The true scene of a snapshot, read as it was for the snapshot."""
-    camera, kept = taken.camera, json.loads(str(taken.notes.get(READING, "{}")))
-    how = {name: value for name, value in kept.items() if name != "source"}
+    camera, how = taken.camera, json.loads(str(taken.notes.get(READING, "{}")))
+    compare_source(how.pop("source", truth), truth)
     near, far = camera.planes.near, camera.planes.far
     return load_spectral_depth(truth, camera.wavelengths, near=near, far=far, size=camera.size, **how)
+
+
+def compare_source(source: str, truth: str) -> None:
+    """Warns where a truth is another scene than the one that was read for the snapshot.
+
+    Warns:
+        SceneWarning: their names differ.
+    """
+    if Path(source).stem != Path(truth).stem:
+        warn(f"truth: {truth} is beside a snapshot of {source}; is that the same scene?", SceneWarning, stacklevel=3)
 
 
 def middle_of(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:

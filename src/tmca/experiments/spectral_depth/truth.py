@@ -10,7 +10,7 @@ from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.spectral_depth.figures import depth_figure
 from tmca.experiments.spectral_depth.imaging import PLANES, SpectralDepthReconstruction, spectral_depth_metrics
-from tmca.experiments.spectral_depth.scenes import READING, load_spectral_depth
+from tmca.experiments.spectral_depth.scenes import READING, compare_source, load_spectral_depth
 from tmca.optics import DepthPlanes
 
 if TYPE_CHECKING:
@@ -38,7 +38,8 @@ def evaluate_spectral_depth(
         raise SettingError("--figure", str(figure), "another file than the estimate")
     own, planes = stored_reconstruction(estimate)
     size = (own.cube.sizes["y"], own.cube.sizes["x"])
-    how = {name: value for name, value in _reading(own.notes, estimate).items() if name != "source"}
+    how = _reading(own.notes, estimate)
+    compare_source(how.pop("source", truth), truth)
     wavelengths = own.cube["wavelength"].values.tolist()
     scene = load_spectral_depth(truth, wavelengths, near=planes.near, far=planes.far, size=size, **how)
     found = spectral_depth_metrics(own.cube.values, own.depth.values, scene, planes)
