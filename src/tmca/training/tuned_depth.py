@@ -52,7 +52,7 @@ class TunedDepth(DepthSystem):
         super().__init__(
             camera, network, (camera.sensor,), prior, (), loss=loss, depth_weight=depth_weight, seed=windows.seed
         )
-        self.captures, self.windows, self.frozen = captures, windows, True
+        self.captures, self.drawn, self.frozen = captures, windows, True
 
     def forward(
         self, patches: Sequence[Patch], step: int, indexes: Sequence[int], start: Tensor | None = None
@@ -60,7 +60,7 @@ class TunedDepth(DepthSystem):
         """Mean loss of a batch: ``patches`` hold the truth of its windows; ``start`` is not used."""
         device = self.camera.response.device
         losses = [
-            self._loss(self.estimate(self.windows(step, index)), patch.truth.to(device))
+            self._loss(self.estimate(self.drawn(step, index)), patch.truth.to(device))
             for patch, index in zip(patches, indexes, strict=True)
         ]
         return torch.stack(losses).mean()
@@ -92,7 +92,7 @@ class TunedDepth(DepthSystem):
         values = self.captures.values[which].to(self.camera.response.device)
         cube = values.new_zeros(len(values), self.network.bands, height, width)
         logits = values.new_zeros(len(values), self.network.planes, height, width)
-        for window in self.windows.covering(which, TILE):
+        for window in self.drawn.covering(which, TILE):
             found = self.estimate(window)
             cube[window.place], logits[window.place] = found.cube.float(), found.logits.float()
         return DepthEstimate(cube, logits)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from torch import Tensor
@@ -35,7 +35,8 @@ def tuning_pictures(prepared: Prepared, folder: Path) -> list[Path]:
 
 def before_after(prepared: Prepared, folder: Path) -> Figure:
     """The first capture that was held out, by the network as it was and as it is, through the same operator."""
-    pair, camera = prepared.read(prepared.settings.data.validation[0]), prepared.tuning.camera.cpu()
+    pair = prepared.read(prepared.settings.data.validation[0])
+    camera: Any = prepared.tuning.camera.cpu()
     was = prepared.tuning.weights
     if isinstance(camera, SpectralDepthCamera):
         tuned = DepthWeights.load(folder)

@@ -148,8 +148,8 @@ class TuningProof:
 
     def _judge(self, run: Prepared, tuned: Weights, network: Any, held: list[str], judged: list[str]) -> dict[str, Any]:
         """PSNR of captures that chose the step, and of those that nothing learned from."""
-        decoder, camera = NeuralDecoder(network, tuned.load_prior()), run.tuning.camera.cpu()
-        found = {}
+        decoder, found = NeuralDecoder(network, tuned.load_prior()), {}
+        camera: Any = run.tuning.camera.cpu()
         for name in (*held, *judged):
             pair, _ = read_pair(run.pairs[name], run.tuning.weights, run.calibration)
             error = np.square(decoded(decoder, pair, camera).numpy() - pair.truth).mean()
