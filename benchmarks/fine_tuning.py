@@ -26,8 +26,9 @@ def page(found: dict[str, Any], command: str) -> str:
     first, then = found["steps"]
     lines = ["# Fine-tuning a decoder on captures of its bench", ""]
     lines += [f"Command: `{command}` at commit `{repository_commit()}`.", ""]
-    lines += [f"{found['size'][0]}×{found['size'][1]} pixels, K = {found['slots']}; {first} steps in simulation, {then} "
-              f"of fine-tuning at a rate of {found['rate']:g}. Mean PSNR of {len(found['held_out'])} captures that "
+    size = "×".join(map(str, found["size"]))
+    lines += [f"{size} pixels, K = {found['slots']}; {first} steps in simulation, {then} of "
+              f"fine-tuning at a rate of {found['rate']:g}. Mean PSNR of {len(found['held_out'])} captures that "
               f"choose the step, and of {len(found['judged'])} of scenes that nothing learns from.", ""]  # fmt: skip
     lines += ["| operator | captures learned from | step kept | held out, dB | judged, dB |"]
     lines += ["| --- | --- | --- | --- | --- |"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,7 @@ def fisher_figure(candidates: Sequence[MaskCandidate]) -> Figure:
         inverse = own.camera.planes.inverse.numpy()
         for values, style, name in ((own.random_information, "--", "random"), (own.information, "-", "designed")):
             label = f"K = {own.slots}, {name}" if own.slots > 1 else f"static, {name}"
-            look = {"marker": "o", "markersize": 3, "linewidth": 1.3, "color": colour}
+            look: Any = {"marker": "o", "markersize": 3, "linewidth": 1.3, "color": colour}
             axis.plot(inverse, values.numpy(), style, label=label, **look)
     axis.set_yscale("log")
     planes = candidates[0].camera.planes
