@@ -1,0 +1,123 @@
+"""``tmca train --from`` as a user meets it, for every camera."""
+
+import json
+
+import pytest
+import torch
+
+from tests.cli.refusals import refused
+from tmca.cameras import Snapshot
+from tmca.cli import main
+from tmca.data import write_dataset
+from tmca.decoders import Weights
+from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.experiments.light_field.imaging import load_light_field
+from tmca.experiments.scenes import at_bands, load_scene
+from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
+
+SIZE = (24, 32)
+UNROLLED = "decoder={kind: unrolled, stages: 1, widths: [4], blocks: 1, start: dagger}"
+TWO_HEADS = "decoder={kind: two-headed, start: snapshot, widths: [6, 8], blocks: 1, window: 4}"
+BENCH = "camera.bench={window: [11, 11], mask_pixels: 32}"
+SMALL = ("camera.size=[24, 32]", "camera.slots=2", "camera.period=8", UNROLLED)
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight"),
+    pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled"),
+]
+
+
+def train(kind, scene, *given):
+    told = [word for one in (*given, "data.patch=16", "data.batch=2") for word in ("--set", one)]
+    main(["train", kind, "--train", scene, "--preset", "quick", "--steps", "2", *told, "--accelerator", "cpu", "--out",
+          "run"])  # fmt: skip
+
+
+def capture(camera, *scene, name):
+    with torch.no_grad():
+        Snapshot(camera(*scene), camera).save(f"captures/{name}.nc")
+
+
+def tune(*more):
+    main(["train", "--from", "run", "--captures", "captures", "--steps", "2", "--accelerator", "cpu", "--json", "--out",
+          "tuned", *more])  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "captures").mkdir()
+    return tmp_path
+
+
+def report(capsys):
+    said = json.loads(capsys.readouterr().out)
+    assert said["held_out"] == ["rocket"]
+    assert {"psnr"} <= set(said["before"]) <= set(said["best"])
+    assert said["best"]["psnr"] >= said["before"]["psnr"] or said["best"].get("score", 0) >= said["before"].get(
+        "score", 0
+    )
+    return said
+
+
+def test_a_spectral_decoder(capsys, folder):
+    train("spectral", "chelsea", *SMALL, "data.bands=3")
+    camera = Weights.load("run").coded_camera(SIZE)
+    for name in ("coffee", "rocket"):
+        cube = at_bands(load_scene(name, bands=None), camera.wavelengths)[:, : SIZE[0], : SIZE[1]]
+        capture(camera, torch.from_numpy(cube.values.copy())[None], name=name)
+        write_dataset(cube.to_dataset(name="radiance"), folder / "captures" / f"{name}_truth.nc")
+    capsys.readouterr()
+    tune("--validation", "rocket")
+    said = report(capsys)
+    assert (folder / "tuned" / "before_after.png").exists()
+    main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
+    assert (folder / "found.nc").exists()
+    assert said["calibration"] is None
+
+
+def test_a_light_field_decoder(capsys, folder):
+    train("light-field", "chelsea:1", *SMALL, "camera.views=3")
+    camera = Weights.load("run").coded_camera(SIZE)
+    for name in ("coffee", "rocket"):
+        field = load_light_field(f"{name}:1", views=3)[..., : SIZE[0], : SIZE[1]]
+        capture(camera, torch.from_numpy(field.values.copy())[None], name=name)
+        write_dataset(field.to_dataset(name="light_field"), folder / "captures" / f"{name}_truth.nc")
+    capsys.readouterr()
+    tune("--validation", "rocket")
+    report(capsys)
+    assert (folder / "tuned" / "before_after.png").exists()
+    main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
+
+
+def test_a_spectral_depth_decoder(capsys, folder):
+    train(
+        "spectral-depth", "chelsea", "camera.size=[16, 16]", "camera.planes=3", "camera.period=2", "camera.slots=2",
+        BENCH, "camera.filters=clear", "camera.channels=monochrome", "data.margin=0", TWO_HEADS,
+    )  # fmt: skip
+    camera = DepthWeights.load("run").sized_camera(SIZE)
+    how = {"near": camera.planes.near, "far": camera.planes.far, "reduce": 4}
+    for name in ("coffee", "rocket"):
+        scene = middle_of(load_spectral_depth(name, camera.wavelengths, **how), SIZE, name)
+        depth = torch.from_numpy(scene["depth"].values.copy())[None, None]
+        capture(camera, torch.from_numpy(scene["radiance"].values.copy())[None], depth.float(), name=name)
+        write_dataset(scene, folder / "captures" / f"{name}_truth.nc")
+    capsys.readouterr()
+    tune("--validation", "rocket")
+    said = report(capsys)
+    assert said["best"]["depth_mae"] > 0
+    assert (folder / "tuned" / "before_after.png").exists()
+    main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--from", "nowhere", "--captures", "captures"], "nowhere: found no such"),
+        (["--from", "default", "--captures", "none"], "none: found no such folder"),
+        (["--from", "default", "--captures", "captures"], "captures: found no captures"),
+        (["--from", "default", "--captures", "captures", "--rate", "-1"], "captures: found no captures"),
+    ],
+)
+def test_what_is_missing_is_said_in_one_line(capsys, folder, more, words):
+    assert words in refused(capsys, "train", *more, "--out", "tuned")
+    assert not (folder / "tuned").exists()

@@ -1,0 +1,193 @@
+"""A decoder that goes on learning from captures: what moves, what stays, and that it never gets worse."""
+
+import numpy as np
+import pytest
+import torch
+
+from tests.lab.calibration.test_apply import dispersed, registered, with_parts
+from tests.training import tiny
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import write_dataset
+from tmca.decoders import Weights
+from tmca.errors import DataError, SettingError
+from tmca.experiments.tuning.run import prepared
+from tmca.lab.calibration.as_taken import bench_of
+from tmca.sensor import Sensor
+from tmca.training.captured import Window, Windows
+from tmca.training.tuning import _prepare
+
+SIZE, NAMES = (24, 32), ("first", "second", "third", "fourth")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A decoder trained in simulation for a few steps."""
+    folder = tmp_path_factory.mktemp("tuning") / "run"
+    changes = {"decoder.start": "dagger", "noise": [{"read_noise": 0.01}], "optimiser.steps": 4}
+    return tiny.train(folder, **changes).weights
+
+
+@pytest.fixture(scope="module")
+def captures(run, tmp_path_factory):
+    """Snapshots of the run's camera, and what they show."""
+    return taken(run, tmp_path_factory.mktemp("captures"))
+
+
+def taken(run, folder, calibration=None):
+    camera = Weights.load(run).coded_camera(SIZE, sensor=Sensor(read_noise=0.01))
+    bench = bench_of(camera, calibration)
+    for seed, name in enumerate(NAMES):
+        cube = tiny.load(name)[:, : SIZE[0], : SIZE[1]]
+        with torch.no_grad():
+            values = bench.camera(torch.from_numpy(cube.values.copy())[None], seed)
+        bench.recorded(Snapshot(values, bench.camera)).save(folder / f"{name}.nc", overwrite=True)
+        write_dataset(cube.to_dataset(name="radiance"), folder / f"{name}_truth.nc", overwrite=True)
+    return folder
+
+
+def ready(run, captures, calibration=None, **changes):
+    own = {"optimiser.steps": 6, "validate_every": 3, "checkpoint_every": 2, "optimiser.decoder_rate": 0.003}
+    return prepared(run, captures, calibration, validation=["fourth"], changes=own | changes)
+
+
+def tuned(run, captures, folder, calibration=None, progress=None, **changes):
+    found = ready(run, captures, calibration, **changes)
+    return found.run(folder, accelerator="cpu", progress=progress)
+
+
+def same(one, other):
+    pairs = zip(one.network.parameters(), other.network.parameters(), strict=True)
+    return all(torch.equal(a, b) for a, b in pairs)
+
+
+def system_of(tuning, folder):
+    from lightning_fabric import Fabric
+
+    from tmca.training.scenes import SceneLists
+
+    data = tuning.settings.data
+    lists = SceneLists(data.train, data.validation)
+    fabric = Fabric(accelerator="cpu", devices=1)
+    return _prepare(tuning.tuning, tuning.read, tuning.settings, folder, tuning.read, lists, fabric).system
+
+
+def test_the_decoder_alone_moves_and_is_not_worse_on_what_is_held_out(run, captures, tmp_path):
+    found = tuned(run, captures, tmp_path / "tuned")
+    before, after = Weights.load(run), Weights.load(found.weights)
+    torch.testing.assert_close(after.aperture, before.aperture)
+    torch.testing.assert_close(after.shutter, before.shutter)
+    moved = [
+        not torch.equal(a, b) for a, b in zip(before.network.parameters(), after.network.parameters(), strict=True)
+    ]
+    assert found.best["step"] > 0
+    assert any(moved)
+    rows = (tmp_path / "tuned" / "log.csv").read_text().splitlines()
+    first = dict(zip(rows[0].split(","), rows[1].split(","), strict=True))
+    assert first["step"] == "0"
+    assert found.best["psnr"] > float(first["psnr"])
+    assert after.card["tuning"]["data"]["validation"] == ["fourth"]
+    assert len(after.card["tuning"]["captures"]["first"]["capture"]["sha256"]) == 64
+
+
+def test_steps_that_make_it_worse_are_not_kept(run, captures, tmp_path):
+    found = tuned(run, captures, tmp_path / "tuned", **{"optimiser.decoder_rate": 0.3})
+    assert found.best["step"] == 0
+    for a, b in zip(
+        Weights.load(run).network.parameters(), Weights.load(found.weights).network.parameters(), strict=True
+    ):
+        torch.testing.assert_close(a, b)
+
+
+def test_a_window_gives_what_the_whole_capture_gives(run, captures, tmp_path):
+    system = system_of(ready(run, captures), tmp_path)
+    system.eval()
+    whole = system.whole(1)
+    for window in (Window(1, 3, 20, 0, 32), Window(1, 0, 24, 0, 32), Window(1, 17, 24, 0, 32)):
+        with torch.no_grad():
+            part = system.estimate(window).clamp_min(0)
+        torch.testing.assert_close(part, whole[window.place], atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("size", "side"), [((24, 32), 10), ((25, 31), 9)])
+def test_windows_draw_every_capture_as_often_and_cover_it(size, side):
+    windows = Windows(3, size, side, False, 2, 5)
+    drawn = [windows(step, index) for step in range(6) for index in range(2)]
+    assert [sorted(w.which for w in drawn[i : i + 3]) for i in (0, 3, 6, 9)] == [[0, 1, 2]] * 4
+    assert {(w.bottom - w.top, w.right - w.left) for w in drawn} == {(side, side)}
+    seen = np.zeros(size, int)
+    for window in windows.covering(0, side):
+        seen[window.place] += 1
+    assert (seen == 1).all()
+    wide = Windows(3, size, side, True, 2, 5)(0, 0)
+    assert (wide.left, wide.right) == (0, size[1])
+
+
+def test_a_run_that_is_stopped_ends_as_one_that_is_not(run, captures, tmp_path):
+    whole = tuned(run, captures, tmp_path / "whole")
+
+    def stop(done, *_):
+        if done >= 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tuned(run, captures, tmp_path / "stopped", progress=stop)
+    resumed = tuned(run, captures, tmp_path / "stopped")
+    assert resumed.best == whole.best
+    assert same(Weights.load(whole.weights), Weights.load(resumed.weights))
+
+
+def test_a_calibrated_operator_is_what_it_learns_behind_and_is_kept(run, tmp_path):
+    camera = Weights.load(run).coded_camera(SIZE)
+    span = camera.snapshot_shape[2] - SIZE[1]
+    place = registered(SIZE, camera.snapshot_shape[1:], [[1, 0.01, 0.4], [0, 1, span / 2 + 0.3]])
+    calibration = with_parts(registration=place, dispersion=dispersed([-1.0, 0.0, 1.0])).save(tmp_path / "cam")
+    (tmp_path / "captures").mkdir()
+    folder = taken(run, tmp_path / "captures", calibration.path)
+    as_drawn = tuned(run, folder, tmp_path / "drawn", **{"optimiser.decoder_rate": 1e-9})
+    found = tuned(run, folder, tmp_path / "tuned", calibration.path)
+    assert found.best["psnr"] > as_drawn.best["psnr"] + 1
+    kept = Weights.load(found.weights)
+    assert not set(kept.aperture.unique().tolist()) <= {0.0, 1.0}  # grey: the registered mask
+    assert kept.card["tuning"]["calibration"]["sha256"]
+
+
+def test_what_cannot_be_learned_from_is_refused(run, captures, tmp_path):
+    with pytest.raises(SettingError, match="no_such"):
+        prepared(run, captures, validation=["no_such"])
+    with pytest.raises(SettingError, match=r"decoder\.kind"):
+        ready(run, captures, **{"decoder.kind": "unet"})
+    first = Snapshot.load(captures / "first.nc")
+    others = SpectralCamera(first.camera.wavelengths, SIZE, 2, dispersion=first.camera.dispersion, seed=99)
+    for name, spoiled, words in (
+        ("codes", Snapshot(first.values, others), "other codes than the run's"),
+        ("dark", Snapshot(torch.zeros_like(first.values), first.camera), "without light"),
+    ):
+        folder = tmp_path / name
+        folder.mkdir()
+        for file in captures.iterdir():
+            (folder / file.name).write_bytes(file.read_bytes())
+        spoiled.save(folder / "second.nc", overwrite=True)
+        with pytest.raises(DataError, match=words):
+            ready(run, folder)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda folder: (folder / "second_truth.nc").unlink(), "without its truth"),
+        (lambda folder: (folder / "second.nc").unlink(), "without a capture"),
+        (lambda folder: [file.unlink() for file in folder.iterdir()], "no captures"),
+        (lambda folder: write_dataset(
+            tiny.load("second")[:, :20, :32].to_dataset(name="radiance"), folder / "second_truth.nc", overwrite=True
+        ), "20×32 pixels"),
+    ],
+)  # fmt: skip
+def test_folders_that_do_not_fit_are_refused(run, captures, tmp_path, spoil, words):
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    for file in captures.iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    spoil(folder)
+    with pytest.raises(DataError, match=words):
+        tuned(run, folder, tmp_path / "tuned")
+    assert not (tmp_path / "tuned" / "weights.safetensors").exists()
