@@ -50,8 +50,8 @@ def main() -> None:
     learned, judged = ["astronaut", "chelsea", "rocket", "retina", "motorcycle"], ["coffee"]
     if given.data:
         lists = given.data / "splits"
-        cubes, judged = ([str(p) for p in read_split(lists / f"spectral_{part}.txt")] for part in ("train", "val"))
-        learned = [*cubes, *learned[:3]]
+        cubes, apart = ([str(p) for p in read_split(lists / f"spectral_{part}.txt")] for part in ("train", "val"))
+        learned, judged = [*cubes, *learned[:3]], [*apart, "coffee", "motorcycle"]
     counts, steps = (tuple(map(int, text.split(","))) for text in (given.counts, given.steps))
     proof = TuningProof(given.work, learned, judged, counts=counts, steps=(steps[0], steps[1]), rate=given.rate)
     found = proof.run(lambda said: print(said, flush=True))

@@ -8,10 +8,9 @@ import torch
 from tests.cli.refusals import refused
 from tmca.cameras import Snapshot
 from tmca.cli import main
-from tmca.data import write_dataset
+from tmca.data import rendered_light_field, write_dataset
 from tmca.decoders import Weights
 from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.experiments.light_field.imaging import load_light_field
 from tmca.experiments.scenes import at_bands, load_scene
 from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
 
@@ -75,11 +74,16 @@ def test_a_spectral_decoder(capsys, folder):
     assert said["calibration"] is None
 
 
+def views_of(name):
+    return rendered_light_field(name, views=3, size=SIZE)["light_field"]
+
+
 def test_a_light_field_decoder(capsys, folder):
-    train("light-field", "chelsea:1", *SMALL, "camera.views=3")
+    write_dataset(views_of("chelsea").to_dataset(name="light_field"), folder / "chelsea.nc")
+    train("light-field", "chelsea.nc", *SMALL, "camera.views=3")
     camera = Weights.load("run").coded_camera(SIZE)
     for name in ("coffee", "rocket"):
-        field = load_light_field(f"{name}:1", views=3)[..., : SIZE[0], : SIZE[1]]
+        field = views_of(name)
         capture(camera, torch.from_numpy(field.values.copy())[None], name=name)
         write_dataset(field.to_dataset(name="light_field"), folder / "captures" / f"{name}_truth.nc")
     capsys.readouterr()
