@@ -116,6 +116,8 @@ def test_a_spectral_depth_decoder(capsys, folder):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
+        ([], "train: found no camera, and no --from"),
+        (["--from", "default"], "train: found no camera, and no --captures"),
         (["--from", "nowhere", "--captures", "captures"], "nowhere: found no such"),
         (["--from", "default", "--captures", "none"], "none: found no such folder"),
         (["--from", "default", "--captures", "captures"], "captures: found no captures"),
@@ -123,5 +125,5 @@ def test_a_spectral_depth_decoder(capsys, folder):
     ],
 )
 def test_what_is_missing_is_said_in_one_line(capsys, folder, more, words):
-    assert words in refused(capsys, "train", *more, "--out", "tuned")
+    assert words in refused(capsys, "train", *more, *(("--out", "tuned") if more else ()))
     assert not (folder / "tuned").exists()

@@ -14,7 +14,7 @@ COMMANDS = {
     "simulate": ("simulate:app", "Take a coded snapshot of a scene."),
     "reconstruct": ("reconstruct:app", "Recover the scene from a snapshot file."),
     "evaluate": ("evaluate:app", "Compare an estimate with the truth, by every metric."),
-    "train": ("train:app", "Learn a camera's codes and its decoder together."),
+    "train": ("train:app", "Learn a camera's codes and its decoder together, or fine-tune on captures."),
     "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
     "sweep": ("sweep:app", "Every combination of some settings, over test scenes."),
     "design": ("design:app", "Find codes for a sensor, and say what they gain before anything is built."),

@@ -15,16 +15,19 @@ from tmca.cli.numbers import MaybeWhole
 from tmca.cli.options import ViewFilesOptions
 from tmca.errors import SettingError
 
-app = App(name="train", help="Learn a camera's codes and its decoder together.")
+app = App(
+    name="train",
+    help="Learn a camera's codes and its decoder together; or, with --from, fine-tune a trained decoder on captures.",
+)
 _VIEWS = ViewFilesOptions()
 
 
 @app.default
 def fine_tune(
     *,
-    from_: Annotated[str, Parameter(name="--from")],
-    captures: Path,
-    out: Path,
+    from_: Annotated[str | None, Parameter(name="--from")] = None,
+    captures: Path | None = None,
+    out: Path | None = None,
     calibration: Path | None = None,
     validation: list[str] | None = None,
     steps: MaybeWhole = None,
@@ -55,6 +58,11 @@ def fine_tune(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
+    if from_ is None or captures is None or out is None:
+        asked = {"--from": from_, "--captures": captures, "--out": out}
+        missing = [name for name, given in asked.items() if given is None]
+        known = "spectral, light-field or spectral-depth; or --from RUN, --captures and --out to fine-tune"
+        raise SettingError("train", f"no camera, and no {missing[0]}", known, "tmca train --help says more")
     from tmca.cli.tune import run_tuning
     from tmca.experiments.tuning.run import prepared
 
