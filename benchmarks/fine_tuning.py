@@ -17,6 +17,7 @@ from typing import Any
 
 from tmca.data import write_json, write_text
 from tmca.data.splits import read_split
+from tmca.experiments.figures import save_figure
 from tmca.experiments.results import repository_commit
 from tmca.experiments.tuning.proof import TuningProof
 
@@ -35,6 +36,7 @@ def page(found: dict[str, Any], command: str) -> str:
     for row in found["rows"]:
         how = row["captures"] or "none, as trained in simulation"
         lines.append(f"| {row['operator']} | {how} | {row['step']} | {row['held_out']:.2f} | {row['judged']:.2f} |")
+    lines += ["", "![A scene that nothing learned from, decoded by every operator before and after](fine-tuning.png)"]
     return "\n".join([*lines, ""])
 
 
@@ -42,7 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder with splits/ and cubes; rendered scenes without")
     parser.add_argument("--work", type=Path, default=Path("runs/fine-tuning"))
-    parser.add_argument("--out", type=Path, default=Path("runs/fine-tuning.md"), help="page; .json beside it")
+    parser.add_argument("--out", type=Path, default=Path("runs/fine-tuning.md"), help="page; .json and .png beside it")
     parser.add_argument("--counts", default="1,4,12", help="captures that are learned from")
     parser.add_argument("--steps", default="400,200", help="in simulation, and of fine-tuning")
     parser.add_argument("--rate", type=float, default=1e-4)
@@ -54,9 +56,10 @@ def main() -> None:
         learned, judged = [*cubes, *learned[:3]], [*apart, "coffee", "motorcycle"]
     counts, steps = (tuple(map(int, text.split(","))) for text in (given.counts, given.steps))
     proof = TuningProof(given.work, learned, judged, counts=counts, steps=(steps[0], steps[1]), rate=given.rate)
-    found = proof.run(lambda said: print(said, flush=True))
+    found, figure = proof.run(lambda said: print(said, flush=True))
     text = page(found, shlex.join(["python", "benchmarks/fine_tuning.py", *sys.argv[1:]]))
     write_text(text, given.out, overwrite=True)
+    save_figure(figure, given.out.with_suffix(".png"), overwrite=True)
     write_json(found, given.out.with_suffix(".json"), overwrite=True)
     print(text)
 

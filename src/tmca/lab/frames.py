@@ -21,7 +21,8 @@ class Frames:
     """Grey frames in digital numbers.
 
     ``values`` is ``(N, H, W)`` float32, ``saturated`` ``(N, H, W)``, ``names`` say which frame is which (the file's
-    name without its suffix, or the number in a stack), ``step`` is one digital number (0 of floats).
+    name without its suffix, or the number in a stack), ``step`` is one digital number (0 of floats), ``top`` the value
+    from which on a pixel is saturated.
     """
 
     source: Path
@@ -29,6 +30,7 @@ class Frames:
     values: NDArray[np.float32]
     saturated: NDArray[np.bool_]
     step: float = 1.0
+    top: float = np.inf
 
 
 def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
@@ -109,7 +111,8 @@ def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: f
     colours = raw[..., : 1 if raw.shape[-1] == 2 else 3] if raw.ndim == 4 else raw[..., None]
     top = saturation if saturation is not None else _full_scale(raw)
     values = colours.mean(axis=-1, dtype=np.float64).astype(np.float32)
-    return Frames(path, names, values, np.asarray((colours >= top).any(axis=-1)), 1.0 if whole else 0.0)
+    saturated = np.asarray((colours >= top).any(axis=-1))
+    return Frames(path, names, values, saturated, 1.0 if whole else 0.0, top)
 
 
 def _full_scale(raw: NDArray[Any]) -> float:

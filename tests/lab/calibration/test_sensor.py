@@ -59,6 +59,8 @@ def test_dark_and_flat_refuse_what_they_are_not():
     dark = measure_dark(frames(0.0, 8))
     with pytest.raises(DataError, match="two or more"):
         measure_dark(frames(0.0, 1))
+    with pytest.raises(DataError, match="without light"):
+        measure_dark(frames(200_000.0, 4), top=65535)
     with pytest.raises(DataError, match="ten times its noise"):
         measure_flat(frames(20.0, 8), dark)
     with pytest.raises(DataError, match="as the dark"):

@@ -7,6 +7,7 @@ from typing import Literal
 
 from tmca.cli.lab.calibrate_words import CalibrationOptions, finished, started
 from tmca.cli.numbers import Whole
+from tmca.errors import SettingError
 
 _USUAL = CalibrationOptions()
 
@@ -34,6 +35,8 @@ def registration(
     from tmca.data import nm_to_metres
     from tmca.lab.calibration.optics_steps import registration_step
 
+    if wavelength is not None and not 100 <= wavelength <= 20000:
+        raise SettingError("--wavelength", f"{wavelength:g}", "nanometres of light, 100 to 20000")
     metres = None if wavelength is None else float(nm_to_metres(wavelength))
     found = registration_step(
         started(how), captures, patterns, wavelength=metres, scale=scale, device=size(device, "--device"),

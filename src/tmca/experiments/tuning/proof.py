@@ -13,6 +13,7 @@ from tmca.cameras import Snapshot
 from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.errors import SettingError
 from tmca.experiments.calibration_proof import calibrate_bench
+from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.scenes import at_bands, load_scene
 from tmca.experiments.spectral.own_camera import training_of
 from tmca.experiments.tuning.pairs import read_pair
@@ -26,6 +27,7 @@ from tmca.training import settings_from, train_spectral
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 SENSOR = ("dark", "flat", "linearity")
 """What is measured of the sensor alone; all else is as drawn."""
@@ -60,8 +62,8 @@ class TuningProof:
     rate: float = 1e-4
     seed: int = 0
 
-    def run(self, told: Told = print) -> dict[str, Any]:
-        """Render, calibrate, train, fine-tune, judge; JSON values.
+    def run(self, told: Told = print) -> tuple[dict[str, Any], Figure]:
+        """Render, calibrate, train, fine-tune, judge: JSON values, and a picture of the first scene that is judged.
 
         Raises:
             DataError, SettingError: scenes that cannot be used, or too few.
@@ -76,12 +78,16 @@ class TuningProof:
         calibration = self._bench({**parts, **apart})
         told("training in simulation")
         weights = self._trained(calibration)
-        rows = []
+        rows, estimates = [], dict[str, Any]()
         for operator, own in {"as drawn": calibration.only(*SENSOR), "calibrated": calibration}.items():
             for count in self.counts:
                 told(f"{operator}, {count} captures")
-                rows += self._tuned(weights, operator, own, list(parts)[:count], held, list(apart))
-        return {"rows": _once(rows), "held_out": held, "judged": list(apart), **self._stated()}
+                run = self._ready(weights, own, list(parts)[:count], held)
+                tuned = self._tuned(run, operator)
+                rows += self._rows(run, tuned, operator, held, list(apart))
+            estimates |= self._decoded(run, tuned, operator, next(iter(apart)))
+        found = {"rows": _once(rows), "held_out": held, "judged": list(apart), **self._stated()}
+        return found, self._figure(estimates, apart)
 
     def _stated(self) -> dict[str, Any]:
         return {
@@ -126,25 +132,45 @@ class TuningProof:
 
         return Weights.load(train_spectral(settings, self.work / "simulated", load).weights)
 
-    def _tuned(
-        self, weights: Weights, operator: str, calibration: Calibration, names: list[str], held: list[str],
-        judged: list[str],
-    ) -> list[dict[str, Any]]:  # fmt: skip
-        """Rows before and after fine-tuning on some captures."""
+    def _ready(self, weights: Weights, calibration: Calibration, names: list[str], held: list[str]) -> Prepared:
+        """Fine-tuning on some captures."""
         assert weights.path is not None
         changes = {"data.train": names, "optimiser.steps": self.steps[1], "optimiser.decoder_rate": self.rate}
-        run = prepared(
-            weights.path, self.work / "bench" / "captures", calibration, validation=held,
-            changes={**changes, "seed": self.seed},
-        )  # fmt: skip
-        folder = self.work / f"{operator.replace(' ', '-')}-{len(names)}"
-        best = run.run(folder).best
-        tuned, about = Weights.load(folder), {"operator": operator}
+        changes |= {"seed": self.seed}
+        captures = self.work / "bench" / "captures"
+        return prepared(weights.path, captures, calibration, validation=held, changes=changes)
+
+    def _tuned(self, run: Prepared, operator: str) -> Weights:
+        """The weights that come out, made once."""
+        folder = self.work / f"{operator.replace(' ', '-')}-{len(run.settings.data.train)}"
+        run.run(folder)
+        return Weights.load(folder)
+
+    def _rows(
+        self, run: Prepared, tuned: Weights, operator: str, held: list[str], judged: list[str]
+    ) -> list[dict[str, Any]]:
+        """Before and after."""
+        before: Any = run.tuning.weights
+        count, step = len(run.settings.data.train), tuned.card["best"]["step"]
         return [
-            {**about, "captures": 0, "step": 0, **self._judge(run, tuned, weights.network, held, judged)},
-            {**about, "captures": len(names), "step": best["step"],
-             **self._judge(run, tuned, tuned.network, held, judged)},
-        ]  # fmt: skip
+            {"operator": operator, "captures": own, "step": at, **self._judge(run, tuned, network, held, judged)}
+            for own, at, network in ((0, 0, before.network), (count, step, tuned.network))
+        ]
+
+    def _decoded(self, run: Prepared, tuned: Weights, operator: str, name: str) -> dict[str, Any]:
+        """Estimates (L, H, W) of a capture before and after, by what they are called."""
+        before: Any = run.tuning.weights
+        camera: Any = run.tuning.camera.cpu()
+        pair, _ = read_pair(run.pairs[name], before, run.calibration)
+        networks = {"": before.network, f"\ntuned on {len(run.settings.data.train)} captures": tuned.network}
+        return {
+            f"{operator}{how}": decoded(NeuralDecoder(one, tuned.load_prior()), pair, camera).numpy()[0]
+            for how, one in networks.items()
+        }
+
+    def _figure(self, estimates: Mapping[str, Any], scenes: Mapping[str, xr.DataArray]) -> Figure:
+        truth = next(iter(scenes.values()))
+        return reconstruction_figure(estimates, truth["wavelength"].values.tolist(), truth.values)
 
     def _judge(self, run: Prepared, tuned: Weights, network: Any, held: list[str], judged: list[str]) -> dict[str, Any]:
         """PSNR of captures that chose the step, and of those that nothing learned from."""

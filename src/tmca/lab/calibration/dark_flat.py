@@ -15,6 +15,8 @@ HOT, DEAD = 1, 2
 _OUTLIER = 8.0
 _DEAD = (0.5, 1.5)
 _ORDER = 4
+_BRIGHT = 0.25
+"""Share of saturation above which frames are no dark ones."""
 _UNSTEADY, _MANY = 0.2, 0.05
 """Shares beyond which frames are no flat field: noise of a pixel over the level, and dead pixels."""
 
@@ -63,21 +65,26 @@ class FlatField:
     frames: int
 
 
-def measure_dark(frames: ArrayLike, *, source: object = "dark") -> DarkField:
+def measure_dark(frames: ArrayLike, *, top: float = np.inf, source: object = "dark") -> DarkField:
     """Mean and standard deviation of every pixel of frames without light.
 
     Args:
         frames: (N, H, W), N ≥ 2, digital numbers.
+        top: value of a saturated pixel.
         source: named in errors.
 
     Raises:
-        DataError: fewer than two frames, or more than a tenth of the pixels hot: light came in.
+        DataError: fewer than two frames, more than a tenth of the pixels hot, or a level above a quarter of saturation:
+            light came in.
     """
     values = np.asarray(frames, dtype=np.float64)
     if values.ndim != 3 or len(values) < 2:
         found = f"{len(values) if values.ndim == 3 else 1} dark frame"
         raise DataError(source, found, "two or more, for the read noise", "capture more")
     mean, noise = values.mean(axis=0), values.std(axis=0, ddof=1)
+    if np.median(mean) > _BRIGHT * top:
+        found, known = f"a level of {np.median(mean):.4g} without light", f"{_BRIGHT:.0%} of {top:g} at most"
+        raise DataError(source, found, known, "cover the lens; give --saturation where the sensor's top is another")
     hot = _far(mean, values.shape[0]) | (_far(noise, values.shape[0]) & (noise > np.median(noise)))
     if hot.mean() > 0.1:
         raise DataError(source, f"{hot.mean():.0%} hot pixels", "10% at most", "cover the lens; even light is no dark")

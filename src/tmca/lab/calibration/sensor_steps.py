@@ -27,7 +27,7 @@ def dark_step(calibration: Calibration, path: str | Path, *, saturation: float |
         DataError: one frame, another size than before, or light in them.
     """
     frames = read_captures(path, saturation=saturation, sensor=sensor_size(calibration))
-    found = measure_dark(frames.values, source=path)
+    found = measure_dark(frames.values, top=frames.top, source=path)
     residuals = {
         "offset_dn": float(found.mean.mean()),
         "read_noise_dn": found.noise,
