@@ -86,8 +86,8 @@ class TuningProof:
                 tuned = self._tuned(run, operator)
                 rows += self._rows(run, tuned, operator, held, list(apart))
             estimates |= self._decoded(run, tuned, operator, next(iter(apart)))
-        found = {"rows": _once(rows), "held_out": held, "judged": list(apart), **self._stated()}
-        return found, self._figure(estimates, apart)
+        result = {"rows": _once(rows), "held_out": held, "judged": list(apart), **self._stated()}
+        return result, self._figure(estimates, apart)
 
     def _stated(self) -> dict[str, Any]:
         return {
