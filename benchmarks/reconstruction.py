@@ -153,8 +153,13 @@ def all_rows(options: argparse.Namespace) -> dict[str, dict[str, dict[str, Row]]
 
 
 def shown(kind: str, stage: str, name: str, options: argparse.Namespace) -> Row:
-    """A row, printed as it comes."""
-    row = measured(kind, stage, name, options)
+    """A row, printed as it comes, and kept: one that was measured before is not measured again."""
+    file, key = options.folder / "rows.json", f"{kind} {options.sizes[kind]}: {stage} {name}"
+    kept: dict[str, Row] = json.loads(file.read_text()) if file.exists() else {}
+    if key not in kept:
+        kept[key] = measured(kind, stage, name, options)
+        file.write_text(json.dumps(kept, indent=1))
+    row = kept[key]
     numbers = ", ".join(f"{key} {value if isinstance(value, str) else f'{value:.3g}'}" for key, value in row.items())
     print(f"{kind}: {stage} {name}: {numbers}", flush=True)
     return row
@@ -239,6 +244,7 @@ def _parsed() -> argparse.Namespace:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--limit", type=float, default=3600.0, help="seconds after which a row is stopped")
     parser.add_argument("--out", type=Path, help="a page of the results, Markdown")
+    parser.add_argument("--work", type=Path, help="folder that keeps rows and what was learned; gone on with")
     parser.add_argument("--row", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -258,7 +264,8 @@ def main() -> None:
         return
     load = os.getloadavg()
     with tempfile.TemporaryDirectory() as folder:
-        options.folder = Path(folder)
+        options.folder = options.work or Path(folder)
+        options.folder.mkdir(parents=True, exist_ok=True)
         found = all_rows(options)
     if options.out:
         from tmca.data import write_text
