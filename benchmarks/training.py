@@ -18,9 +18,9 @@ from tmca.decoders.networks.two_headed import build_depth_network
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
 from tmca.training import spectral_depth_settings
-from tmca.training.depth_camera import training_camera
-from tmca.training.depth_system import DepthSystem
 from tmca.training.patches import Patch
+from tmca.training.spectral_depth.camera import training_camera
+from tmca.training.spectral_depth.system import DepthSystem
 
 BANDS, BATCH, PATCH = 12, 8, 64
 

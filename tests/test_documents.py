@@ -9,8 +9,8 @@ import pytest
 from tmca.cameras.presets import LIGHT_FIELD_PRESETS as CAMERAS
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.experiments.light_field.tables import markdown
-from tmca.training.depth_settings import SPECTRAL_DEPTH_TRAININGS
 from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
+from tmca.training.spectral_depth.settings import SPECTRAL_DEPTH_TRAININGS
 
 ROOT = Path(__file__).parents[1]
 ERRATA = (ROOT / "docs" / "errata.md").read_text()

@@ -12,6 +12,7 @@ from tmca.errors import OutputError, SettingError
 from tmca.experiments.design.spectral_depth import design_spectral_depth
 from tmca.priors.spectral_depth import needed_block
 
+pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")  # few mask pixels are fast ones
 TINY = {"bench": {"window": (5, 7), "mask_pixels": 24, "diameter": 1e-3}, "camera": {"planes": 3}, "bands": 2}
 
 

@@ -13,7 +13,10 @@ from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
 from tmca.experiments.spectral_depth.sweep import of_contrast
 
-pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # strong masks on a narrow window
+pytestmark = [  # strong masks on a narrow window, of few pixels
+    pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight"),
+    pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled"),
+]
 SMALL = {"channels": "monochrome", "filters": "clear", "planes": 3, "rms": 1.5e-7}
 
 

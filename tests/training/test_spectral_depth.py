@@ -17,11 +17,11 @@ from tmca.errors import SettingError
 from tmca.optics import PhaseMaskBench, RotationalProfile, StrayLight, Stroke, ZernikeHeights
 from tmca.sensor import Sensor
 from tmca.training import spectral_depth_settings, train_spectral_depth
-from tmca.training.depth_camera import training_camera
-from tmca.training.depth_patches import DepthPatchSource
 from tmca.training.loop import Stopped
 from tmca.training.patches import CubeStore, Patch
-from tmca.training.spectral_depth import channels_of
+from tmca.training.spectral_depth.camera import training_camera
+from tmca.training.spectral_depth.patches import DepthPatchSource
+from tmca.training.spectral_depth.run import channels_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # windows of 11 pixels
 TINY = {
@@ -167,7 +167,7 @@ def test_channels_are_the_cube_and_the_share_of_the_range():
 
 def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
     from tmca.decoders.networks.two_headed import build_depth_network
-    from tmca.training.depth_system import SURPRISE, DepthSystem
+    from tmca.training.spectral_depth.system import SURPRISE, DepthSystem
 
     camera = training_camera(settings())
     network = build_depth_network(TINY["decoder"], camera)
@@ -183,7 +183,7 @@ def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
 
 def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
     from tmca.decoders.networks.two_headed import build_depth_network
-    from tmca.training.depth_system import DepthSystem
+    from tmca.training.spectral_depth.system import DepthSystem
 
     seen, camera = [], training_camera(settings(**{"data.margin": None}))
     assert camera.size == (24 + 2 * 6, 24 + 2 * 6)  # half of 11 pixels, in whole tiles of 2

@@ -13,8 +13,8 @@ from tmca.errors import DataError, SettingError
 from tmca.experiments.tuning.run import prepared
 from tmca.lab.calibration.as_taken import bench_of
 from tmca.sensor import Sensor
-from tmca.training.captured import Window, Windows
-from tmca.training.tuning import _prepare
+from tmca.training.tuning.captured import Window, Windows
+from tmca.training.tuning.run import _prepare
 
 SIZE, NAMES = (24, 32), ("first", "second", "third", "fourth")
 

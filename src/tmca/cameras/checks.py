@@ -61,3 +61,10 @@ def check_holds(size: tuple[int, int], window: tuple[int, int]) -> None:
     if min(size) < max(window):
         found, known = f"{size[0]}×{size[1]} pixels", f"at least {max(window)}, the width of the point spread functions"
         raise SettingError("size", found, known, "take a larger crop or patch")
+
+
+def check_one_hot(slots: int, period: int) -> None:
+    """Raises SettingError where a tile has fewer pixels than there are slots, so that some would never be seen."""
+    if slots > period**2:
+        found, known = f"{slots} with a one-hot shutter", f"at most {period**2}, the pixels of its period"
+        raise SettingError("slots", found, known, "take a longer period or another shutter")

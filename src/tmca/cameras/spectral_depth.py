@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, choice, learned_parts
+from tmca.cameras.checks import band_wavelengths, check_one_hot, choice, learned_parts
 from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
 from tmca.codes import CodePlane, balanced_choice, one_hot_planes
@@ -112,9 +112,7 @@ class SpectralDepthCamera(Camera):
             shutter, slots, self.size, period=tile, seed=2 * seed + 1, learnable="shutter" in learned, name="shutter"
         )
         if isinstance(shutter, str) and shutter == "one-hot":
-            if slots > period**2:
-                found, known = f"{slots} with a one-hot shutter", f"at most {period**2}, the pixels of its period"
-                raise SettingError("slots", found, known, "take a longer period or another shutter")
+            check_one_hot(slots, period)
             self.shutter.show(one_hot_planes(balanced_choice(slots, (period, period), 2 * seed + 1), slots))
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):

@@ -196,7 +196,7 @@ def spectral_depth(
     """
     from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
     from tmca.training import spectral_depth_settings, train_spectral_depth
-    from tmca.training.depth_camera import training_camera
+    from tmca.training.spectral_depth.camera import training_camera
 
     changes = _changes(set_, train, validation, steps)
     changes |= {"data.from_rgb": True} if from_rgb else {}

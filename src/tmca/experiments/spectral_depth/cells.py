@@ -114,7 +114,7 @@ def _on_examples(cell: Settings, camera: SpectralDepthCamera, prior: GaussianPri
 def train(cell: Settings, folder: Path) -> Measured:
     """Train a row's network in a folder of its own, or go on with it."""
     from tmca.training import spectral_depth_settings, train_spectral_depth
-    from tmca.training.depth_camera import training_camera
+    from tmca.training.spectral_depth.camera import training_camera
 
     settings = spectral_depth_settings(None, None, cell["training"])
     camera = training_camera(settings)

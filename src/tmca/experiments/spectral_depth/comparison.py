@@ -149,7 +149,7 @@ def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
 
 def _check_side(own: Sizes, decoders: Sequence[str]) -> None:
     """Raises SettingError where scenes may be too small for what is measured, or for what networks learn from."""
-    from tmca.training.depth_settings import usual_margin
+    from tmca.training.spectral_depth.settings import usual_margin
 
     margin = usual_margin(preset_bench(own.preset).window, SPECTRAL_DEPTH_PRESETS[own.preset]["period"])
     least = max(min(own.crop), own.patch + 2 * margin if {*decoders} & {*NETWORKS} else 1)

@@ -17,7 +17,7 @@ from tmca.errors import DataError
 from tmca.experiments.tuning.folder import PairFiles
 from tmca.lab.calibration.apply import RAW, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.training.captured import Pair
+from tmca.training.tuning.captured import Pair
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -140,7 +140,7 @@ def _true_views(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
 def _true_depth(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
     """(1, L + 1, H, W), the last channel inverse depth."""
     from tmca.experiments.spectral_depth.scenes import load_spectral_depth
-    from tmca.training.spectral_depth import channels_of
+    from tmca.training.spectral_depth.run import channels_of
 
     camera = taken.camera
     near, far = camera.planes.near, camera.planes.far

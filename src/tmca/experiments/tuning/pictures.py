@@ -17,7 +17,7 @@ from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.training_figures import training_pictures
 from tmca.experiments.tuning.depth_picture import depth_before_after
 from tmca.operators import TapOperator
-from tmca.training.captured import Pair
+from tmca.training.tuning.captured import Pair
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,16 +15,16 @@ from tmca.cameras import CodedCamera, LightFieldCamera, SpectralDepthCamera
 from tmca.data import atomic_path
 from tmca.decoders.networks.depth_weights import DepthWeights
 from tmca.decoders.networks.neural import Weights
-from tmca.training.captured import KeptCaptures, ReadPair, Windows
 from tmca.training.imaging_run import Application
 from tmca.training.light_field import LightFieldApplication
 from tmca.training.patches import Load, Patch
 from tmca.training.run import Prepared, Trained, train
 from tmca.training.scenes import SceneLists
 from tmca.training.spectral import SpectralApplication
-from tmca.training.tuned_depth import TunedDepth
-from tmca.training.tuned_imaging import TunedImaging
-from tmca.training.tuning_settings import WHOLE, TuningSettings
+from tmca.training.tuning.captured import KeptCaptures, ReadPair, Windows
+from tmca.training.tuning.imaging import TunedImaging
+from tmca.training.tuning.settings import WHOLE, TuningSettings
+from tmca.training.tuning.spectral_depth import TunedDepth
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric

@@ -20,15 +20,15 @@ from tmca.optics import check_mask
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import learn_depth_prior
 from tmca.sensor import Sensor
-from tmca.training.depth_camera import training_camera
-from tmca.training.depth_patches import DepthPatchSource
-from tmca.training.depth_settings import SpectralDepthTrainSettings
-from tmca.training.depth_system import DepthSystem
-from tmca.training.depth_windows import SIDE
 from tmca.training.faults import DrawnFaults
 from tmca.training.patches import CubeStore, Load
 from tmca.training.run import Prepared, Trained, card_of, steps_of, train
 from tmca.training.scenes import RENDERED, SceneLists
+from tmca.training.spectral_depth.camera import training_camera
+from tmca.training.spectral_depth.patches import DepthPatchSource
+from tmca.training.spectral_depth.settings import SpectralDepthTrainSettings
+from tmca.training.spectral_depth.system import DepthSystem
+from tmca.training.spectral_depth.windows import SIDE
 from tmca.training.starts import KeptStarts, Pool
 
 if TYPE_CHECKING:

@@ -14,11 +14,11 @@ from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
 from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
-from tmca.training.depth_windows import DepthWindows
 from tmca.training.faults import DrawnFaults
 from tmca.training.imaging import torch_seed
 from tmca.training.losses import LOSSES, psnr_of
 from tmca.training.patches import Patch
+from tmca.training.spectral_depth.windows import DepthWindows
 
 _NOISE, _CHECK, _FAULTS = 2, 3, 4
 """Streams of random numbers: the sensor's noise in training, in validation."""

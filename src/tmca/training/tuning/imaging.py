@@ -13,10 +13,10 @@ from tmca.decoders.networks.network import Network, seen_by_tile
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Sensor
-from tmca.training.captured import KeptCaptures, Window, Windows
 from tmca.training.imaging import ImagingSystem
 from tmca.training.losses import psnr_of
 from tmca.training.patches import Patch
+from tmca.training.tuning.captured import KeptCaptures, Window, Windows
 
 
 class TunedImaging(ImagingSystem):

@@ -24,7 +24,7 @@ from tmca.optics import (
     changed_bench,
 )
 from tmca.sensor import channel_response, feasible_filters
-from tmca.training.depth_settings import SpectralDepthTrainSettings, usual_margin
+from tmca.training.spectral_depth.settings import SpectralDepthTrainSettings, usual_margin
 
 _OF_MASKS = ("mask", "bench", "stroke", "depth", "planes", "energy")
 """What is taken over of a static code that starts all slots."""

@@ -13,10 +13,10 @@ from tmca.decoders.networks.network import TILE, seen_by_tile
 from tmca.decoders.networks.two_headed import DepthEstimate, TwoHeadedUNet
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
-from tmca.training.captured import KeptCaptures, Window, Windows
-from tmca.training.depth_system import DepthSystem
 from tmca.training.losses import psnr_of
 from tmca.training.patches import Patch
+from tmca.training.spectral_depth.system import DepthSystem
+from tmca.training.tuning.captured import KeptCaptures, Window, Windows
 
 
 class TunedDepth(DepthSystem):

@@ -1,0 +1,1 @@
+"""Trained decoders that go on learning from captures."""
