@@ -322,20 +322,16 @@ class SpectralDepthCamera(Camera):
         """(B, C, h, w) exact snapshot of a tile."""
         light, places = tile.padded(tile.cut(scene)), tile.cut(depth)
         moments = [slice(None)] if depth.ndim == 4 else [slice(k, k + 1) for k in range(self.slots)]
-        seen = []
+        seen, form = [], layered if self.image_formation == "linear" else composited
         for slots in moments:
             own = light if depth.ndim == 4 else light[:, slots]
             weights = self.planes.weights(places if depth.ndim == 4 else places[:, slots.start]).to(scene)
-            seen.append(self._form(own, tile.padded(weights), transfer[slots], frame))
+            seen.append(form(own, tile.padded(weights), transfer[slots], frame))
         return coded_exposure(
             tile.inside(seen[0] if len(seen) == 1 else torch.cat(seen, 1)),
             *self._codes_over(tile.rows, tile.columns),
             self.exposure,
         )
-
-    def _form(self, scene: Tensor, weights: Tensor, transfer: Tensor, frame: tuple[int, int]) -> Tensor:
-        form = layered if self.image_formation == "linear" else composited
-        return form(scene, weights, transfer, frame)
 
     def _check(self, scene: Tensor, depth: Tensor) -> None:
         kept = scene.shape[2:] if scene.ndim == 5 and scene.shape[1] == self.slots else scene.shape[1:]
