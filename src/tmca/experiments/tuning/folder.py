@@ -73,8 +73,8 @@ def held_out(names: Sequence[str], asked: Sequence[str] | None, seed: int) -> tu
 
     Args:
         names: all.
-        asked: names of those that are held out, which may be numbers, or one share of all between 0 and 1, drawn by the seed; a fifth, one at
-            least, without.
+        asked: names of those that are held out, which may be numbers, or one share of all between 0 and 1, drawn by
+            the seed; a fifth, one at least, without.
         seed: of the run.
 
     Raises:
