@@ -10,6 +10,7 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import write_dataset
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
+from tmca.experiments.tuning.folder import held_out
 from tmca.experiments.tuning.run import prepared
 from tmca.lab.calibration.as_taken import bench_of
 from tmca.sensor import Sensor
@@ -191,3 +192,58 @@ def test_folders_that_do_not_fit_are_refused(run, captures, tmp_path, spoil, wor
     with pytest.raises(DataError, match=words):
         tuned(run, folder, tmp_path / "tuned")
     assert not (tmp_path / "tuned" / "weights.safetensors").exists()
+
+
+def copied(captures, folder):
+    folder.mkdir()
+    for file in captures.iterdir():
+        (folder / file.name).write_bytes(file.read_bytes())
+    return folder
+
+
+def spoiled_values(folder, change):
+    taken = Snapshot.load(folder / "second.nc")
+    change(taken.values)
+    taken.save(folder / "second.nc", overwrite=True)
+
+
+def spoiled_truth(folder, change):
+    cube = tiny.load("second")[:, : SIZE[0], : SIZE[1]]
+    change(cube.values)
+    write_dataset(cube.to_dataset(name="radiance"), folder / "second_truth.nc", overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "change", "words"),
+    [
+        (spoiled_values, lambda v: v[0, 0, 3].fill_(torch.nan), "second.nc: .*finite"),
+        (spoiled_values, lambda v: v.masked_fill_(v >= v.quantile(0.9), 100.0), "10% of the pixels"),
+        (spoiled_truth, lambda v: v[0, 3].fill(np.nan), "second_truth.nc: found 32 NaN"),
+        (spoiled_truth, lambda v: np.multiply(v, 3, out=v), "second_truth.nc: .*3 times as bright"),
+        (spoiled_truth, lambda v: np.divide(v, 3, out=v), "second_truth.nc: .*0.33. times as bright"),
+        (spoiled_truth, lambda v: v.fill(0), "second_truth.nc: .* 0 times as bright"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::tmca.experiments.scenes.DarkScene")
+def test_pairs_that_are_no_measurements_are_refused(run, captures, tmp_path, spoil, change, words):
+    folder = copied(captures, tmp_path / "captures")
+    spoil(folder, change)
+    with pytest.raises(DataError, match=words):
+        ready(run, folder)
+
+
+@pytest.mark.parametrize(
+    ("asked", "apart"), [(["003"], ("003",)), (["1", "003"], ("003", "1")), (["1"], ("1",)), (["0.4"], None)]
+)
+def test_captures_may_be_called_by_numbers(asked, apart):
+    names = ("001", "002", "003", "1", "0.5")
+    learned, found = held_out(names, asked, 0)
+    assert apart is None or found == apart
+    assert len(found) == (len(apart) if apart else 2)
+    assert sorted(learned + found) == sorted(names)
+
+
+@pytest.mark.parametrize("asked", [["1.5"], ["0"], ["nan"], ["-0.2"]])
+def test_shares_that_are_none_are_refused(asked):
+    with pytest.raises(SettingError, match="--validation"):
+        held_out(("a", "b", "c"), asked, 0)

@@ -73,8 +73,8 @@ def held_out(names: Sequence[str], asked: Sequence[str] | None, seed: int) -> tu
 
     Args:
         names: all.
-        asked: names of those that are held out, or one share of all between 0 and 1, drawn by the seed; a fifth, one at
-            least, without.
+        asked: names of those that are held out, which may be numbers, or one share of all between 0 and 1, drawn by
+            the seed; a fifth, one at least, without.
         seed: of the run.
 
     Raises:
@@ -83,7 +83,7 @@ def held_out(names: Sequence[str], asked: Sequence[str] | None, seed: int) -> tu
     if len(names) < 2:
         found = f"{len(names)} capture"
         raise SettingError("--captures", found, "two at least, of which one is held out", "capture another scene")
-    share = _share(asked)
+    share = None if asked and set(asked) <= set(names) else _share(asked)
     if share is None and asked is not None:
         unknown = [name for name in asked if name not in names]
         if unknown:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 _SATURATED = 0.01
 """Share of pixels at the top value of a capture above which they are no measurement."""
+_LEVELS = 2.0
+"""How many times brighter or darker than its capture a truth may be; faults of benches are far less."""
 
 
 def read_pair(files: PairFiles, weights: Weights | DepthWeights, calibration: Calibration | None) -> tuple[Pair, Any]:
@@ -36,7 +39,7 @@ def read_pair(files: PairFiles, weights: Weights | DepthWeights, calibration: Ca
 
     Raises:
         DataError: a capture by another camera or other codes, saturated or dark; a calibration that does not fit; a
-            truth of another size, other bands, or not in relative irradiance.
+            truth of another size, other bands, not in relative irradiance, or far brighter or darker than its capture.
     """
     taken = Snapshot.load(files.capture)
     check_camera(files.capture, taken.camera, weights)
@@ -47,7 +50,9 @@ def read_pair(files: PairFiles, weights: Weights | DepthWeights, calibration: Ca
         remedy = "name the calibration of its camera (--calibration)"
         raise DataError(files.capture, "a capture in digital numbers", "relative irradiance", remedy)
     _check_light(files.capture, taken)
-    return Pair(taken.values, _TRUTHS[taken.camera.application](files.truth, taken), taken.camera.sensor), taken.camera
+    truth = _TRUTHS[taken.camera.application](files.truth, taken)
+    _check_level(files.truth, truth, taken)
+    return Pair(taken.values, truth, taken.camera.sensor), taken.camera
 
 
 def check_camera(where: Path, camera: Any, weights: Weights | DepthWeights) -> None:
@@ -94,6 +99,20 @@ def _check_light(where: Path, taken: Snapshot[Any]) -> None:
     least = 3 * taken.camera.noise.read / np.sqrt(taken.values.numel())
     if float(taken.values.mean()) <= least:
         raise DataError(where, "a capture without light", "one of a scene", "check lamp, shutter and lens cap")
+
+
+def _check_level(where: Path, truth: NDArray[np.float32], taken: Snapshot[Any]) -> None:
+    """Raises DataError for a truth that is far brighter or darker than what its capture shows."""
+    camera, light = taken.camera, torch.from_numpy(truth)
+    with torch.no_grad():
+        if isinstance(camera, SpectralDepthCamera):
+            image = camera.A(light[:, :-1], camera.planes.depth_of(light[:, -1:]))
+        else:
+            image = camera.operator().A(light)
+    times = float(image.mean() / taken.values.mean())
+    if not 1 / _LEVELS < times < _LEVELS:
+        found, wanted = f"a truth {times:.3g} times as bright as its capture", f"1, within a factor of {_LEVELS:g}"
+        raise DataError(where, found, wanted, "give it in relative irradiance, or calibrate the level of the capture")
 
 
 def _true_cube(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
