@@ -7,7 +7,7 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import decode
 from tmca.decoders.networks.network import build_network
 from tmca.decoders.networks.neural import NeuralDecoder, Weights, same_bands
-from tmca.errors import DataError, OutputError, SettingError
+from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.sensor import Noise
 
 NOISE = Noise(0.01, 0.02)
@@ -101,6 +101,13 @@ def test_a_file_of_weights_gives_the_same_camera_and_the_same_decoder(tmp_path):
     again = Weights.load(found.save(tmp_path / "again.safetensors"))
     for name, value in found.network.state_dict().items():
         assert torch.equal(value, again.network.state_dict()[name])
+
+
+def test_codes_that_do_not_repeat_fit_their_own_size_alone():
+    kept = weights((8, 10))
+    assert kept.spectral_camera((8, 10)).scene_shape[-2:] == (8, 10)
+    with pytest.raises(ShapeError, match="weights: found codes of 8×10 pixels that do not repeat, expected 9×10"):
+        kept.spectral_camera((9, 10))
 
 
 def test_weights_are_not_written_over_another_file(tmp_path):

@@ -15,7 +15,7 @@ from tmca.cameras import CodedCamera, LightFieldCamera, SpectralCamera
 from tmca.decoders.networks.network import Network, build_network, seen_by_tile
 from tmca.decoders.networks.start import first_estimate
 from tmca.decoders.networks.weights_file import fill_network, read_weights, write_weights
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior, load_prior, rendered_light_field_prior, rendered_prior
 from tmca.sensor import Noise
@@ -60,9 +60,10 @@ class Weights:
 
         Raises:
             SettingError: weights of another camera.
+            ShapeError: codes without a period have another size.
         """
         self.check("light-field")
-        settings = {**self.camera, **changes} | ({} if size is None else {"size": size})
+        settings = self._settings(size, changes)
         return LightFieldCamera(slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings)
 
     def check(self, wanted: str) -> None:
@@ -76,12 +77,24 @@ class Weights:
 
         Raises:
             SettingError: weights of another camera.
+            ShapeError: codes without a period have another size.
         """
         self.check("spectral")
-        settings = {**self.camera, **changes} | ({} if size is None else {"size": size})
+        settings = self._settings(size, changes)
         return SpectralCamera(
             bands=self.wavelengths, slots=len(self.aperture), aperture=self.aperture, shutter=self.shutter, **settings
         )
+
+    def _settings(self, size: tuple[int, int] | None, changes: dict[str, Any]) -> dict[str, Any]:
+        settings = {**self.camera, **changes}
+        own = tuple(settings["size"])
+        if size is None or tuple(size) == own:
+            return settings
+        if settings.get("period") is None:
+            found = f"codes of {own[0]}×{own[1]} pixels that do not repeat"
+            remedy = "crop the scene, or train with camera.size, or tiled codes (camera.period)"
+            raise ShapeError("weights", found, f"{size[0]}×{size[1]} as the scene", remedy)
+        return settings | {"size": size}
 
     def load_prior(self) -> GaussianPrior | GaussianMixturePrior | None:
         """The prior that the network starts from.
