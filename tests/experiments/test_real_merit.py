@@ -11,6 +11,7 @@ from tmca.experiments.real.colour import linear_srgb, srgb_picture
 from tmca.experiments.real.decoding import check_real_decoders, decode_real
 from tmca.experiments.real.figures import upright, upright_place
 from tmca.experiments.real.geometry import light_by_offset, mask_evidence
+from tmca.experiments.real.kept import kept_estimate
 from tmca.experiments.real.merit import (
     agreement,
     brightest_rows,
@@ -127,3 +128,23 @@ def test_decoders_are_known_and_a_network_has_weights():
         check_real_decoders(["network"], None)
     with pytest.raises(SettingError, match="decoder"):
         decode_real(taken()[0], "magic")
+
+
+def test_an_estimate_is_computed_once_for_the_same_input_alone(tmp_path, monkeypatch):
+    asked = []
+
+    def counted(*given):
+        asked.append(given)
+        return decode_real(*given)
+
+    monkeypatch.setattr("tmca.experiments.real.kept.decode_real", counted)
+    snapshot, _ = taken((12, 10))
+    dimmer = Snapshot(0.5 * snapshot.values, snapshot.camera)
+    first, seconds = kept_estimate(tmp_path, "scene", snapshot, "admm-tv")
+    again, told = kept_estimate(tmp_path, "scene", snapshot, "admm-tv")
+    torch.testing.assert_close(again, first, rtol=0, atol=0)
+    assert told == seconds
+    assert len(asked) == 1
+    other, _ = kept_estimate(tmp_path, "scene", dimmer, "admm-tv")
+    assert len(asked) == 2
+    assert float((other - first).abs().max()) > 1e-3

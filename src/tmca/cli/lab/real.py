@@ -111,7 +111,7 @@ def report(
         out: page to write, without suffix.
         weights: run of `tmca train spectral --snapshot`, for network.
         decoders: some of admm-tv, pnp, network, separated by commas.
-        keep: folder of estimates, which the next report uses again; delete it where decoders changed.
+        keep: folder of estimates, which the next report uses again where their input is the same.
         overwrite: replace results that exist.
     """
     from tmca.experiments.real.report import write_report

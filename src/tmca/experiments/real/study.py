@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -10,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_array
 from tmca.decoders import Weights
 from tmca.errors import DataError
-from tmca.experiments.real.decoding import decode_real
 from tmca.experiments.real.geometry import geometry, order_evidence
+from tmca.experiments.real.kept import kept_estimate
 from tmca.experiments.real.merit import (
     agreement,
     brightest_rows,
@@ -87,8 +85,8 @@ def study_scene(
     blind, hidden = withheld(part)
     for decoder in decoders:
         told(f"{name}: {decoder}")
-        cube, seconds = _kept(keep / f"{name}_{decoder}.npz", scene.snapshot, decoder, weights)
-        guess, _ = _kept(keep / f"{name}_{decoder}_withheld.npz", blind, decoder, weights)
+        cube, seconds = kept_estimate(keep, f"{name}_{decoder}", scene.snapshot, decoder, weights)
+        guess, _ = kept_estimate(keep, f"{name}_{decoder}_withheld", blind, decoder, weights)
         scene.estimates[decoder] = cube.numpy()[0]
         scene.rows.append(
             {
@@ -106,20 +104,6 @@ def study_scene(
 
 def _agreement(scene: Scene, one: str, other: str) -> dict[str, float]:
     return agreement(scene.estimates[one], scene.estimates[other])
-
-
-def _kept(
-    file: Path, snapshot: Snapshot[SpectralCamera], decoder: str, weights: Weights | None
-) -> tuple[torch.Tensor, float]:
-    """An estimate and the processor seconds it took, from an earlier run where there is one."""
-    if file.exists():
-        with np.load(file) as stored:
-            return torch.from_numpy(stored["estimate"].astype(np.float32)), float(stored["seconds"])
-    start = time.process_time()
-    found = decode_real(snapshot, decoder, weights)
-    seconds = time.process_time() - start
-    np.savez(file, estimate=found.estimate.numpy().astype(np.float32), seconds=seconds)
-    return found.estimate, seconds
 
 
 def _mask_spectra(folder: Path, scene: Scene, prototype: SingleDisperser) -> dict[str, np.ndarray]:
