@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tmca.codes import slot_overlap as repeated_overlap
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.dark_flat import DEAD, HOT, measure_dark, measure_flat
 from tmca.lab.calibration.linearity import measure_linearity
@@ -128,6 +130,17 @@ def test_delay_and_ratio_are_found_again(slots, delay, ratio):
     assert found.delay == pytest.approx(delay, abs=0.005)
     assert found.ratio == pytest.approx(ratio, abs=0.005)
     assert np.abs(found.overlap() - slot_overlap(slots, delay, ratio)).max() < 0.01
+
+
+@pytest.mark.parametrize(("slots", "delay"), [(4, 0.25), (5, -0.3), (16, 0.4)])
+def test_an_exposure_that_repeats_is_told_from_one_alone(slots, delay):
+    starts = delay + torch.arange(slots, dtype=torch.float64)
+    levels = 800 * repeated_overlap(slots, starts, starts + 1).T.numpy()
+    found = measure_timing(levels + np.random.default_rng(1).standard_normal(levels.shape))
+    assert found.repeats
+    assert found.delay == pytest.approx(delay, abs=0.01)
+    assert np.abs(found.overlap() - levels / 800).max() < 0.01
+    assert not measure_timing(800 * slot_overlap(slots, delay)).repeats
 
 
 def test_levels_that_no_delay_explains_are_refused():

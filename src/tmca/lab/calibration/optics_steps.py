@@ -181,6 +181,7 @@ def timing_step(calibration: Calibration, path: str | Path, *, saturation: float
         "ratio": measured.ratio,
         "delay_std_slots": float(measured.std[0]),
         "ratio_std": float(measured.std[1]),
+        "repeats": float(measured.repeats),
     }
     size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
     return calibration.with_part("timing", measured, residuals, (path,), sensor=size)

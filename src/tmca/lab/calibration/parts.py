@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -124,12 +124,14 @@ def from_variables(name: str, data: xr.Dataset, where: object) -> Any:
             values[field.name] = str(data.attrs[key])
         elif optional:
             values[field.name] = None
-        else:
+        elif field.default is MISSING:
             raise DataError(where, f"no {key}", f"all of {name}", "measure it again")
     return kind(**values)
 
 
 def _typed(value: np.ndarray, kind: str) -> Any:
+    if kind == "bool":
+        return bool(value)
     if kind.startswith("tuple[Mode"):
         return tuple((int(n), int(m)) for n, m in value)
     if kind.startswith("tuple"):
