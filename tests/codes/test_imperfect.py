@@ -9,6 +9,7 @@ from scipy.ndimage import affine_transform
 
 from tmca.codes import leaked, misplaced, slot_overlap, through_time
 from tmca.errors import ShapeError
+from tmca.lab.calibration.registration import register
 
 FINE = 2000
 
@@ -87,12 +88,22 @@ def test_closed_pixels_leak():
 def test_an_image_is_where_its_middle_scale_and_turn_put_it(size, shift, magnification, rotation):
     patterns = torch.rand(2, *size, dtype=torch.float64)
     found = misplaced(patterns, shift, magnification, rotation)
-    turn = np.deg2rad(rotation)
+    turn = -np.deg2rad(rotation)
     matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) / magnification
     middle = (np.array(size) - 1) / 2
     offset = middle - matrix @ (middle + np.array(shift))
     wanted = [affine_transform(p, matrix, offset, order=1, mode="nearest") for p in patterns.numpy()]
     np.testing.assert_allclose(found.numpy(), wanted, atol=1e-9)
+
+
+def test_a_turn_carries_rows_towards_columns_as_a_registration_says():
+    drawn = torch.rand(6, 40, 44, generator=torch.Generator().manual_seed(0)).round()
+    patterns = torch.cat([torch.ones(1, 40, 44), torch.zeros(1, 40, 44), drawn]).double()
+    matrix = register(1000 * misplaced(patterns, rotation=1.0).numpy(), patterns.numpy()).matrix
+    assert np.rad2deg(np.arctan2(matrix[1, 0], matrix[0, 0])) == pytest.approx(1, abs=0.05)
+    point = torch.zeros(1, 21, 21)
+    point[0, 20, 10] = 1
+    assert misplaced(point, rotation=30.0)[0].argmax() == 19 * 21 + 15
 
 
 def test_whole_pixels_displace_exactly_and_the_edge_goes_on():

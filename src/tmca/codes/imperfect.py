@@ -93,7 +93,7 @@ def misplaced(
         patterns: (K, H, W).
         shift: rows and columns by which the image is displaced, pixels.
         magnification: of the image.
-        rotation: degrees, from the rows' direction to the columns'.
+        rotation: degrees, from the direction of increasing rows to that of increasing columns, as a registration's.
         size: (H', W') that is seen, around the same middle; the patterns' own without.
 
     Returns:
@@ -105,8 +105,8 @@ def misplaced(
         return patterns
     y, x = (torch.arange(n, dtype=torch.float64) - (n - 1) / 2 - s for n, s in zip((height, width), shift, strict=True))
     angle = torch.tensor(radians(rotation), dtype=torch.float64)
-    own_y = (angle.cos() * y[:, None] - angle.sin() * x) / magnification
-    own_x = (angle.sin() * y[:, None] + angle.cos() * x) / magnification
+    own_y = (angle.cos() * y[:, None] + angle.sin() * x) / magnification
+    own_x = (angle.cos() * x - angle.sin() * y[:, None]) / magnification
     grid = torch.stack((2 * own_x / max(columns - 1, 1), 2 * own_y / max(rows - 1, 1)), -1).to(patterns)
     return torch.nn.functional.grid_sample(
         patterns[None], grid[None], padding_mode="border", align_corners=True

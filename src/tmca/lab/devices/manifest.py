@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,8 @@ class Timing:
 
     def check(self, device: DeviceDescription) -> None:
         """Raises SettingError where a device is too slow, or holds too few patterns."""
-        if not self.exposure > 0:
-            raise SettingError("--exposure", f"{self.exposure:g} s", "above 0")
+        if not 0 < self.exposure < inf:
+            raise SettingError("--exposure", f"{self.exposure:g} s", "a finite time above 0")
         rate = self.slots / self.exposure
         if device.pattern_rate_hz is not None and rate > device.pattern_rate_hz * (1 + 1e-9):
             least = self.slots / device.pattern_rate_hz
@@ -75,4 +76,17 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
+    _check_planes(found, file)
     return found
+
+
+def _check_planes(found: dict[str, Any], file: Path) -> None:
+    """Raises DataError for a manifest that was altered: no planes, or files of other slots than it states."""
+    try:
+        slots = {len({shown["slot"] for shown in plane["frames"]}) for plane in found["planes"]}
+        stated = {int(found["slots"])}
+    except (KeyError, TypeError, ValueError):
+        raise DataError(file, "no slots, or planes without frames", "the manifest of an export", "export again") from None
+    if not slots or slots != stated:
+        said = f"{', '.join(map(str, sorted(slots))) or 'no'} slots shown where {found['slots']} are stated"
+        raise DataError(file, said, "as many as it states", "export again")
