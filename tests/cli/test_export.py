@@ -80,3 +80,15 @@ def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
     write_codes("codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
     main(["export", "codes.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
     assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")
+
+
+def test_frames_of_two_scenes_are_never_mixed(capsys, tmp_path):
+    main([*EXPORT, "--out", "ex"])
+    main(["capture", "ex", "--scene", "coffee", "--out", "f"])
+    before = (tmp_path / "f" / "captures.json").read_bytes()
+    for other in (["--scene", "chelsea"], ["--scene", "coffee", "--bits", "10"], ["--scene", "coffee", "--seed", "2"]):
+        said = refused(capsys, "capture", "ex", *other, "--out", "f", "--overwrite", lines=None)
+        assert "choose another folder" in said
+    assert (tmp_path / "f" / "captures.json").read_bytes() == before
+    said = refused(capsys, "capture", "ex", "--device", "mine", "--bits", "10")
+    assert "--bits: found 10, expected none before mine" in said

@@ -10,7 +10,7 @@ import torch
 from tmca.cameras import Snapshot
 from tmca.decoders import Weights, build_network
 from tmca.errors import DataError, OutputError, SettingError
-from tmca.lab.exported_decoder import check_decoder, decode_exported, export_decoder, load_exported
+from tmca.lab.exported_decoder import check_decoder, decode_exported, decoder_file, export_decoder, load_exported
 
 SIZE, BANDS = (24, 21), 4
 
@@ -121,3 +121,13 @@ def test_a_snapshot_of_another_size_is_refused(exported, tmp_path):
         decode_exported(exported[1], tmp_path / "s.nc", "torch")
     with pytest.raises(SettingError, match="one of torch"):
         decode_exported(exported[1], tmp_path / "s.nc", "onnx")
+
+
+@pytest.mark.parametrize(("name", "format"), [("decoder.json", "torch"), ("decoder.pt2", "torch")])
+def test_a_broken_export_is_refused(tmp_path, name, format):
+    (tmp_path / "decoder.json").write_text(
+        '{"files": [{"format": "torch", "file": "decoder.pt2"}], "snapshot": [1, 1, 8, 9], "wavelengths_m": [4e-7]}'
+    )
+    (tmp_path / name).write_text("broken")
+    with pytest.raises(DataError, match=name):
+        load_exported(decoder_file(tmp_path, format))

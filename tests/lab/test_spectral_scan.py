@@ -55,6 +55,15 @@ def test_the_standard_deviation_is_that_of_many_scans(tmp_path, gain):
     assert scan.read_noise == pytest.approx(8.0, rel=0.1)
 
 
+def test_dark_frames_of_every_wavelength_tell_the_noise_of_one(tmp_path):
+    seen = render_scan(cube(), read_noise=8.0, darks=31, seed=1)
+    scene, _, white = folders(tmp_path, seen)
+    (tmp_path / "own").mkdir()
+    for nm, frame in zip(NM, seen.dark, strict=True):
+        Image.fromarray(frame).save(tmp_path / "own" / f"dark_{nm:g}nm.png")
+    assert read_scan(scene, tmp_path / "own", white).read_noise == pytest.approx(8.0, rel=0.05)
+
+
 def test_the_formula_is_the_derivative_by_every_frame(tmp_path):
     seen = render_scan(cube(2, (4, 5)), read_noise=0, darks=1, bits=16)
     scan = read_scan(*folders(tmp_path, seen, NM[:2]))

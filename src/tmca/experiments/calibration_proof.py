@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.errors import SettingError
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
@@ -110,7 +111,12 @@ def prove(
         snr_db: of the captures of patterns and points.
         cameras: of the benches, some of ``spectral``, ``light-field``, ``spectral-depth``.
         told: what is done next.
+
+    Raises:
+        SettingError: no bench.
     """
+    if seeds < 1:
+        raise SettingError("--seeds", str(seeds), "1 or more")
     proof = Proof(seeds, snr_db)
     for seed in range(seeds):
         for camera in cameras:

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 from tmca.cameras import Snapshot
 from tmca.data import atomic_path, check_target, make_folder, write_json
 from tmca.decoders.networks.neural import Weights
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, TmcaError
 from tmca.lab.fixed_decoder import CameraDecoder
 from tmca.operators import TapOperator
 from tmca.sensor import Noise, Sensor
@@ -122,16 +122,22 @@ def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
     """An exported decoder as a function of the snapshot (1, 1, H, W').
 
     Raises:
-        DataError: no such file.
+        DataError: no such file, or a broken one.
         SettingError: onnxruntime is missing.
     """
     file = Path(file)
     if not file.is_file():
         raise DataError(file, "no such file", "an exported decoder", "write it with `tmca decoder export`")
-    if file.suffix == ".pt2":
-        program = torch.export.load(str(file)).module()
-        return lambda snapshot: program(snapshot)
-    session = _packages("onnxruntime").InferenceSession(str(file), providers=["CPUExecutionProvider"])
+    try:
+        if file.suffix == ".pt2":
+            program = torch.export.load(str(file)).module()
+            return lambda snapshot: program(snapshot)
+        session = _packages("onnxruntime").InferenceSession(str(file), providers=["CPUExecutionProvider"])
+    except TmcaError:
+        raise
+    except Exception as error:  # each loader has errors of its own for a broken file
+        found = f"a file that cannot be read ({type(error).__name__})"
+        raise DataError(file, found, "an exported decoder", "write it again with `tmca decoder export`") from error
     return lambda snapshot: torch.from_numpy(session.run(None, {"snapshot": snapshot.numpy()})[0])
 
 
@@ -171,7 +177,14 @@ def _about(folder: Path) -> dict[str, Any]:
     file = folder / _ABOUT
     if not file.is_file():
         raise DataError(folder, f"no {_ABOUT}", "a folder of `tmca decoder export`")
-    return json.loads(file.read_text(encoding="utf-8"))
+    try:
+        about = dict(json.loads(file.read_text(encoding="utf-8")))
+        whole = all({"format", "file"} <= entry.keys() for entry in about["files"])
+    except (ValueError, KeyError, TypeError, AttributeError):
+        whole = False
+    if not whole or not {"snapshot", "wavelengths_m"} <= about.keys():
+        raise DataError(file, "no description of decoders", "what `tmca decoder export` wrote", "export it again")
+    return about
 
 
 def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool) -> Exported:

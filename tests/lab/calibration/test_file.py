@@ -3,6 +3,7 @@
 import json
 import os
 from dataclasses import fields
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -163,3 +164,16 @@ def test_frames_are_corrected_pixel_by_pixel_and_defects_filled():
     assert np.allclose(corrected(raw, known), light)
     assert np.allclose(corrected(np.stack([raw, raw]), known)[1], light)
     assert np.allclose(corrected(raw, Calibration.empty()), raw)
+
+
+def test_a_later_step_of_the_sensor_does_not_make_codes_younger(tmp_path, monkeypatch):
+    dates = iter(datetime(2026, 1, day, tzinfo=UTC) for day in range(1, 9))
+    monkeypatch.setattr("tmca.lab.calibration.calibration_file._now", lambda: next(dates))
+    size = (4, 5)
+    dark = DarkField(np.ones(size), np.ones(size), np.zeros(size, np.uint8), 2)
+    timing = Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2)
+    found = Calibration.empty().with_part("timing", timing, {}).save(tmp_path / "one").with_part("dark", dark, {})
+    again = load_calibration(found.save(tmp_path / "one").path)
+    assert again.created.day == 4
+    assert again.codes_seen.day == 1
+    assert load_calibration(again.path).part("timing").repeats is False

@@ -2,11 +2,16 @@
 
 import numpy as np
 import pytest
+import torch
 
 from tests.lab.devices.test_capture import exported
 from tests.lab.devices.test_export import spectral
-from tmca.errors import DataError, DeviceError, SettingError
-from tmca.lab.devices import Device, capture, find_device
+from tmca.cameras import Snapshot
+from tmca.errors import DataError, DeviceError, OutputError, SettingError
+from tmca.lab.calibration.apply import calibrated_snapshot
+from tmca.lab.calibration.calibration_file import Calibration
+from tmca.lab.calibration.dark_flat import DarkField, FlatField
+from tmca.lab.devices import Device, capture, find_device, joined
 from tmca.lab.devices import protocol as protocol_module
 
 
@@ -116,3 +121,60 @@ def test_drivers_of_other_packages_plug_in(monkeypatch):
     assert found.level == 100
     with pytest.raises(SettingError, match="simulated, lamp"):
         find_device("laser")
+
+
+@pytest.mark.parametrize("how", [{"gain": 2.0}, {"bench": {"scene": "other"}}, {"saturation": 1023.0}])
+def test_frames_of_another_bench_are_never_joined_with_those_that_are_there(tmp_path, how):
+    export, lamp = exported(tmp_path, spectral()), Lamp(900)
+    with pytest.raises(DeviceError):
+        capture(export, Broken(timeout), tmp_path / "frames", bench={"scene": "one"})
+    lamp.saturation = how.get("saturation", lamp.saturation)
+    given = {"bench": {"scene": "one"}, **{k: v for k, v in how.items() if k != "saturation"}}
+    with pytest.raises(OutputError, match=next(iter(how)).replace("bench", "scene")):
+        capture(export, lamp, tmp_path / "frames", **given)
+    assert len([*(tmp_path / "frames").glob("*.tif")]) == 2
+
+
+@pytest.mark.parametrize("level", [0, -1.0, np.nan, "much"])
+def test_a_saturation_that_is_none_is_refused(tmp_path, level):
+    lamp = Lamp(900)
+    lamp.saturation = level
+    with pytest.raises(DeviceError, match=r"saturation|could not convert"):
+        capture(exported(tmp_path, spectral()), lamp, tmp_path / "frames")
+
+
+def bright_corner(lamp):
+    own = lamp.capture
+
+    def capture(whole=False):
+        frame = own(whole)
+        frame[:2, :9] = 4095 if lamp.on else frame[:2, :9]
+        return frame
+
+    return capture
+
+
+def test_saturated_pixels_are_told_in_the_snapshot(tmp_path):
+    camera, lamp = spectral(), Lamp(900)
+    export = exported(tmp_path, camera)
+    clean = joined(capture(export, lamp, tmp_path / "clean"), export, camera)
+    lamp.capture = bright_corner(lamp)
+    found = joined(capture(export, lamp, tmp_path / "frames"), export, camera)
+    assert clean.notes["saturated_share"] == 0
+    assert found.notes["saturated_share"] == pytest.approx(18 / (12 * 18))
+
+
+def test_a_capture_by_a_driver_gets_the_flat_field_and_the_white_of_its_calibration(tmp_path):
+    camera, lamp = spectral(), Lamp(900)
+    export = exported(tmp_path, camera)
+    taken = joined(capture(export, lamp, tmp_path / "frames", gain=0.01), export, camera)
+    size, clean = camera.snapshot_shape[1:], np.zeros(camera.snapshot_shape[1:], np.int64)
+    vignette = np.linspace(0.8, 1.2, size[1])[None].repeat(size[0], 0)
+    dark = DarkField(np.full(size, 60.0), np.ones(size), clean, 4)
+    flat = FlatField(vignette, 500.0, 0.0, 0.0, clean, 4)
+    known = Calibration.empty().with_part("dark", dark, {}).with_part("flat", flat, {})
+    found = calibrated_snapshot(taken, known)
+    wanted = taken.values / 0.01 / torch.from_numpy(vignette).float() * camera.full_scale / 500
+    torch.testing.assert_close(found.values, wanted * (camera.codes()[1].amax(0) > 0), rtol=1e-5, atol=1e-5)
+    simulated = Snapshot(taken.values, camera, {**taken.notes, "driver": "simulated"})
+    torch.testing.assert_close(calibrated_snapshot(simulated, known).values, taken.values)

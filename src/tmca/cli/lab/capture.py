@@ -34,8 +34,8 @@ def capture(
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     scene: Annotated[str | None, Parameter(group=_BENCH)] = None,
-    bits: Annotated[Whole, Parameter(group=_BENCH)] = 16,
-    seed: Annotated[Whole, Parameter(group=_BENCH)] = 0,
+    bits: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
+    seed: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     stops_after: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     hardware: HardwareOptions = _HARDWARE,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -55,8 +55,8 @@ def capture(
         set_: NAME=VALUE settings of a driver.
         overwrite: replace the snapshot file.
         scene: before the simulated bench: a file, or the name of a rendered scene.
-        bits: of its digital numbers.
-        seed: of its noise.
+        bits: of its digital numbers, 16 without.
+        seed: of its noise and faults, 0 without.
         stops_after: frames after which it does not answer any more.
         json: print what was written as JSON.
     """
@@ -71,15 +71,34 @@ def capture(
 
         raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
     faults = hardware.faults()
-    made: dict[str, Any] = {"bits": bits, "seed": seed, "stops_after": stops_after, "hardware": faults}
-    made["taken"] = len(kept_so_far(out, export)["frames"])
+    asked = {"scene": scene, "bits": bits, "seed": seed, "hardware": faults.said() or None, "stops_after": stops_after}
+    _check_asked(device, asked, set_ or [])
+    made: dict[str, Any] = {"bits": 16 if bits is None else bits, "seed": seed or 0, "hardware": faults}
+    made |= {"stops_after": stops_after, "taken": len(kept_so_far(out, export)["frames"])}
     bench, gain = _bench(device, taken, scene, set_ or [], made)
-    _captured(export, bench, out, {"gain": gain, "repeats": repeat, "camera": taken.camera})
+    simulated = {"scene": scene, "bits": made["bits"], "seed": made["seed"], "hardware": faults.said()}
+    about = {"driver": device, "settings": set_ or []} | (simulated if device == "simulated" else {})
+    _captured(export, bench, out, {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": about})
     found = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
     found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.said()} if faults.faults() else {})
     found.save(target, overwrite=overwrite)
     _say(target, out, found, json)
+
+
+def _check_asked(device: str, asked: dict[str, Any], settings: list[str]) -> None:
+    """Raises SettingError for a scene or faults before a driver, or settings of the simulated bench's."""
+    if device == "simulated":
+        if settings:
+            raise SettingError("--set", settings[0], "none: the simulated bench has options of its own")
+        if asked["scene"] is None:
+            expected = "a scene before the simulated bench"
+            raise SettingError("--scene", "none", expected, "name a file or a rendered scene")
+        return
+    for name, value in asked.items():
+        if value is not None:
+            option = f"--{name.replace('_', '-')}"
+            raise SettingError(option, f"{value}", f"none before {device}: it is of the simulated bench")
 
 
 def _known(export: Path, like: Path | None) -> Any:
@@ -103,16 +122,13 @@ def _bench(device: str, taken: Any, scene: str | None, settings: list[str], made
     """A bench, and the snapshot units of its digital numbers."""
     from tmca.cli.sweep import named_values
     from tmca.lab.devices import find_device
+    from tmca.lab.devices.protocol import saturation_of
 
     given = {name: values[0] for name, values in named_values(settings, "--set").items()}
     if device != "simulated":
         bench = find_device(device, **given)
-        return bench, float(getattr(bench, "gain", taken.camera.full_scale / bench.saturation))
-    if given:
-        raise SettingError("--set", settings[0], "none: the simulated bench has options of its own")
-    if scene is None:
-        raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
-    bench = find_device("simulated", camera=taken.camera, scene=_scene(scene, taken), **made)
+        return bench, float(getattr(bench, "gain", taken.camera.full_scale / saturation_of(bench)))
+    bench = find_device("simulated", camera=taken.camera, scene=_scene(scene or "", taken), **made)
     return bench, bench.gain  # type: ignore[attr-defined]
 
 
@@ -150,4 +166,6 @@ def _say(target: Path, out: Path, found: Any, as_json: bool) -> None:
         print(json.dumps({"snapshot": str(target), "frames": str(out), "size": shape, "notes": found.notes}, indent=1))
         return
     print(f"{target}: {shape[0]}×{shape[1]} pixels of {found.notes['device']}, frames in {out}")
+    if share := found.notes["saturated_share"]:
+        print(f"{share:.2%} of the pixels are saturated, and what they say is wrong; expose for less time")
     print(f"reconstruct it with: tmca reconstruct {target}")

@@ -18,6 +18,7 @@ from tmca.errors import DataError
 from tmca.experiments.tuning.folder import PairFiles
 from tmca.lab.calibration.apply import RAW, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
+from tmca.lab.captured_notes import SATURATED
 from tmca.training.tuning.captured import Pair
 
 if TYPE_CHECKING:
@@ -87,9 +88,9 @@ def _check_bands(where: Path, camera: Any, weights: Weights) -> None:
 def _check_saturation(where: Path, taken: Snapshot[Any]) -> None:
     """Raises DataError for a capture many of whose pixels are at its top: clipped light is no measurement."""
     values, top = taken.values, taken.values.max()
-    share = float((values >= top).float().mean())
     clipped = taken.notes.get("values") == RAW or float(top) >= taken.camera.full_scale
-    if clipped and share > _SATURATED:
+    share = float(taken.notes.get(SATURATED, (values >= top).float().mean() if clipped else 0))
+    if share > _SATURATED:
         found = f"{share:.0%} of the pixels saturated"
         raise DataError(where, found, f"{_SATURATED:.0%} at most", "expose for less time")
 

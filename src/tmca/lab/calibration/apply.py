@@ -15,6 +15,7 @@ from tmca.lab.calibration.measured_cameras import (
     spectral_depth_camera,
 )
 from tmca.lab.calibration.sensor_scale import from_digital_numbers, measured_sensor
+from tmca.lab.captured_notes import GAIN
 from tmca.lab.codes_date import CODES_DATE, parsed_date
 
 RAW = "digital numbers"
@@ -59,11 +60,12 @@ def _refuse(calibration: Calibration, found: str, expected: str) -> None:
 
 
 def _check_date(calibration: Calibration, stated: object) -> None:
-    if stated is None or calibration.created is None:
+    measured = calibration.codes_seen
+    if stated is None or measured is None:
         return
     date = parsed_date(stated)
-    if calibration.created < date:
-        found = f"a calibration of {calibration.created:%Y-%m-%d %H:%M}"
+    if measured < date:
+        found = f"a calibration of {measured:%Y-%m-%d %H:%M}"
         known = f"one after the codes, which are of {date:%Y-%m-%d %H:%M}"
         raise DataError(calibration.where, found, known, "calibrate again with the device as it is now")
 
@@ -99,8 +101,9 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     """A capture on the planes of its calibrated camera.
 
     Values in digital numbers (attribute ``values = "digital numbers"``) become relative irradiance by dark, flat and
-    the level of white. Defective pixels, and columns that the sensor does not have, are 0 where the shutter is closed
-    all the time.
+    the level of white. So do captures of ``tmca capture`` by a driver, in the place of their own gain, where both were
+    measured; the white scene is to be exposed as the frames are. Defective pixels, and columns that the sensor does
+    not have, are 0 where the shutter is closed all the time.
 
     Raises:
         DataError: digital numbers without dark and flat, a snapshot that is on these planes already, or see
@@ -113,12 +116,19 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     values = snapshot.values
     if snapshot.notes.get("values") == RAW:
         values = from_digital_numbers(values, calibration, camera.full_scale)
+    elif _by_a_driver(snapshot) and calibration.part("dark") is not None and calibration.part("flat") is not None:
+        numbers = values / float(snapshot.notes[GAIN])
+        values = from_digital_numbers(numbers, calibration, camera.full_scale, above_dark=True)
     if isinstance(camera, SpectralCamera):
         values = columns_of(snapshot.camera, camera).laid(values)
     if not isinstance(camera, SpectralDepthCamera):
         values = values * (camera.codes()[1].amax(0) > 0)
     notes = {k: v for k, v in snapshot.notes.items() if k != "values"}
     return Snapshot(values, camera, {**notes, "calibration": calibration.where})
+
+
+def _by_a_driver(snapshot: Snapshot[Any]) -> bool:
+    return GAIN in snapshot.notes and snapshot.notes.get("driver") != "simulated"
 
 
 def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FORMAT = "tmca calibration 1"
+_SENSOR_ALONE = ("dark", "flat", "linearity")
 _STAMP = re.compile(r"_\d{4}-\d{2}-\d{2}T\d{6}(-\d+)?$")
 
 
@@ -57,6 +58,13 @@ class Calibration:
         """When it was written; None before."""
         stated = self.about.get("created")
         return None if stated is None else datetime.fromisoformat(str(stated))
+
+    @property
+    def codes_seen(self) -> datetime | None:
+        """When the oldest step was measured that shows codes or masks; when it was written where there is none."""
+        own = {kind: about for kind, about in self.about["steps"].items() if kind_of(kind) not in _SENSOR_ALONE}
+        dates = [datetime.fromisoformat(str(about["measured"])) for about in own.values() if "measured" in about]
+        return min(dates, default=self.created)
 
     def with_part(
         self,
@@ -198,4 +206,6 @@ def _stated(file: Path, data: Path) -> dict[str, Any]:
     needed = {"camera": dict, "steps": dict, "data": dict, "created": str}
     if about.get("format") != FORMAT or not all(isinstance(about.get(k), kind) for k, kind in needed.items()):
         raise DataError(file, f"format {about.get('format')!r}", repr(FORMAT), "write it with tmca calibrate")
+    if missing := {"name", "sensor", "codes"} - about["camera"].keys():
+        raise DataError(file, f"a camera without {min(missing)}", "what was written", "take an unchanged copy")
     return dict(about)

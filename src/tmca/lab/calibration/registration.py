@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.coarse import find_coarse
 from tmca.lab.calibration.pattern_image import SAMPLES, mapped, seen_patterns
@@ -83,7 +83,10 @@ def register(
     Raises:
         DataError: no open or dark pattern, patterns that are not seen, or a fit that leaves more than a fifth of
             their contrast.
+        SettingError: an impossible scale.
     """
+    if not 0 < scale < np.inf:
+        raise SettingError("--scale", f"{scale:g}", "sensor pixels per mask pixel, above 0")
     shares, lit = normalised(frames, patterns, source)
     shown = _coded(np.asarray(patterns, dtype=np.float64))
     found = find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)

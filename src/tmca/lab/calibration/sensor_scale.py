@@ -25,8 +25,16 @@ def white_level(calibration: Calibration) -> float:
     return float(stated or calibration.part("flat").level)
 
 
-def from_digital_numbers(values: Tensor, calibration: Calibration, full_scale: float) -> Tensor:
+def from_digital_numbers(
+    values: Tensor, calibration: Calibration, full_scale: float, *, above_dark: bool = False
+) -> Tensor:
     """Relative irradiance of raw values (…, H, W): ``(raw - dark) / flat · full_scale / white level``.
+
+    Args:
+        values: digital numbers.
+        calibration: with dark and flat.
+        full_scale: of the camera.
+        above_dark: values are without a dark frame of their own already.
 
     Raises:
         DataError: see ``white_level``, or values of another size than the dark.
@@ -35,7 +43,8 @@ def from_digital_numbers(values: Tensor, calibration: Calibration, full_scale: f
     if tuple(values.shape[-2:]) != size:
         found, known = ("×".join(map(str, n)) for n in (values.shape[-2:], size))
         raise DataError(calibration.where, f"a dark of {known} pixels", f"{found}, those of the snapshot")
-    shares = corrected(values.double().numpy(), calibration) / level
+    raw = values.double().numpy() + (calibration.part("dark").mean if above_dark else 0)
+    shares = corrected(raw, calibration) / level
     return torch.from_numpy(shares * full_scale).to(values)
 
 

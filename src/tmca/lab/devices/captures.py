@@ -58,11 +58,25 @@ def kept_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
     if not (folder / CAPTURES).exists():
         if folder.exists() and (folder.is_file() or any(folder.iterdir())):
             raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
-        return {"export": str(export), "export_sha256": of, "frames": {}}
+        return {"export": str(export), "export_sha256": of, "taken_with": {}, "frames": {}}
     kept = read_captures(folder, whole=False)
     if kept["export_sha256"] != of:
         raise OutputError(folder, f"a capture of {kept['export']}", "one of this export", "choose another folder")
     return kept
+
+
+def going_on(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """A list of frames with what they were taken with; frames that were taken otherwise are never joined with others.
+
+    Raises:
+        OutputError: the folder holds frames of another bench.
+    """
+    before = kept["taken_with"] if kept["frames"] else how
+    for name in sorted(before.keys() | how.keys()):
+        if before.get(name) != how.get(name):
+            found = f"frames of {name} {before.get(name)}"
+            raise OutputError(folder, found, f"{name} {how.get(name)}", "choose another folder, or delete this one")
+    return {**kept, "taken_with": how}
 
 
 def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: Path) -> None:
@@ -95,7 +109,7 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
         found = json.loads(file.read_text(encoding="utf-8"))
         there = {name: a for name, a in found["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
         frames = {name: (about["sha256"], about["of"]) for name, about in there.items()}
-        found["export"], found["export_sha256"]
+        found["export"], found["export_sha256"], found["taken_with"]["gain"], found["taken_with"]["saturation"]
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
     for name, (known, _) in frames.items():

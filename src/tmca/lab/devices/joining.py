@@ -10,6 +10,7 @@ import torch
 
 from tmca.cameras import Camera, Snapshot
 from tmca.errors import DataError
+from tmca.lab.captured_notes import GAIN, SATURATED
 from tmca.lab.codes_date import CODES_DATE
 from tmca.lab.devices.captures import DARK, WHOLE, read_captures, read_tif, steps
 from tmca.lab.devices.descriptions import DeviceDescription
@@ -33,6 +34,8 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
         export: that was captured.
         camera: as it is known.
 
+    The share of pixels that saturate in any frame is a note: behind the dark frame and the mask nobody can tell.
+
     Raises:
         DataError: frames that are missing or changed, of another size than the camera's, or of another export; codes
             that are not the camera's.
@@ -46,14 +49,23 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     if missing := [name for name in names if name not in kept["frames"]]:
         raise DataError(folder, f"no frame {', '.join(missing[:3])}", "all of the export", "go on with `tmca capture`")
     dark = _mean(place, DARK, kept, camera)
-    frames = torch.stack([_mean(place, name, kept, camera) - dark for name in names[1:]]) * float(kept["gain"])
+    how = kept["taken_with"]
+    frames = torch.stack([_mean(place, name, kept, camera) - dark for name in names[1:]]) * float(how["gain"])
     if names[1:] != [WHOLE]:
         frames = frames * _shutter(export, camera).to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
-    about = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
-    about |= {"gain_per_digital_number": kept["gain"], "capture": str(folder), "export": str(export)}
+    about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
+    about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), "driver": how.get("driver", "")}
+    about |= {SATURATED: _saturated_share(place, kept, camera)}
     about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
+
+
+def _saturated_share(folder: Path, kept: dict[str, Any], camera: Camera) -> float:
+    """Of the pixels, that reach the top in any frame."""
+    top = float(kept["taken_with"]["saturation"])
+    reached = [(_frame(folder / f"{name}.tif", camera) >= top).any(0) for name in kept["frames"]]
+    return float(torch.stack(reached).any(0).double().mean())
 
 
 def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:

@@ -86,7 +86,9 @@ def _check_planes(found: dict[str, Any], file: Path) -> None:
         slots = {len({shown["slot"] for shown in plane["frames"]}) for plane in found["planes"]}
         stated = {int(found["slots"])}
     except (KeyError, TypeError, ValueError):
-        raise DataError(file, "no slots, or planes without frames", "the manifest of an export", "export again") from None
+        raise DataError(
+            file, "no slots, or planes without frames", "the manifest of an export", "export again"
+        ) from None
     if not slots or slots != stated:
         said = f"{', '.join(map(str, sorted(slots))) or 'no'} slots shown where {found['slots']} are stated"
         raise DataError(file, said, "as many as it states", "export again")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
+from math import inf
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -78,6 +79,19 @@ def find_device(name: str, **settings: Any) -> Device:
         found = point.load()(**settings)
     if not isinstance(found, Device):
         raise SettingError("--device", f"{name}: {type(found).__name__}", "load, show, capture and saturation")
+    return found
+
+
+def saturation_of(device: Device) -> float:
+    """Its digital number of saturation.
+
+    Raises:
+        DeviceError: none, or one that is not above 0.
+    """
+    with answering(device):
+        found = float(device.saturation)
+    if not 0 < found < inf:
+        raise DeviceError(f"device {type(device).__name__}", f"saturation at {found:g}", "a number above 0", "mend it")
     return found
 
 

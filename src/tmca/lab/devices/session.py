@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from tmca.cameras import Camera
 from tmca.errors import DataError, DeviceError, SettingError
-from tmca.lab.devices.captures import DARK, WHOLE, Step, keep, kept_so_far, read_tif, steps
+from tmca.lab.devices.captures import DARK, WHOLE, Step, going_on, keep, kept_so_far, read_tif, steps
 from tmca.lab.devices.export import Export
 from tmca.lab.devices.joining import check_camera
-from tmca.lab.devices.protocol import Device, answering
+from tmca.lab.devices.protocol import Device, answering, saturation_of
 from tmca.lab.devices.reading import check_export
 
 _SATURATED, _DARK = 0.5, 3.0
@@ -30,6 +30,7 @@ def capture(
     gain: float = 1.0,
     repeats: int = 1,
     camera: Camera | None = None,
+    bench: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Capture every frame of an export; what is there already stays.
@@ -44,12 +45,13 @@ def capture(
         gain: snapshot units of a digital number, for files.
         repeats: times that every frame is captured; more of them later add to those that are there.
         camera: as it is known; where it is given, other codes and frames of another size are refused at once.
+        bench: what frames depend on beside the export (driver, its settings, scene), as JSON values; kept with them.
         progress: told (frames done, all, name).
 
     Raises:
         DeviceError: the bench does not answer, or with something that is no frame; frames so far are kept.
         DataError: an export or a kept frame that was changed, a saturated or a dark capture, another camera's codes.
-        OutputError: the folder holds something else.
+        OutputError: the folder holds something else, or frames of another bench, gain or saturation.
         SettingError: no repeat.
     """
     if repeats < 1:
@@ -57,7 +59,8 @@ def capture(
     manifest, folder = check_export(export), Path(out)
     if camera is not None:
         check_camera(export, camera)
-    kept = kept_so_far(folder, export) | {"gain": gain, "saturation": float(device.saturation)}
+    saturation = saturation_of(device)
+    kept = going_on(kept_so_far(folder, export), {"gain": gain, "saturation": saturation, **(bench or {})}, folder)
     with answering(device):
         device.load(Export(Path(export), manifest))
     wanted = steps(manifest, repeats)
@@ -65,7 +68,7 @@ def capture(
         if step.name not in kept["frames"]:
             frame = _frame(device, step)
             _check_size(frame, step, folder, camera)
-            _check_light(frame, step, device.saturation, folder)
+            _check_light(frame, step, saturation, folder)
             keep(frame, step, kept, folder)
         if progress:
             progress(done + 1, len(wanted), step.name)

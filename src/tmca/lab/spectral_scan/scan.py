@@ -25,7 +25,8 @@ _SATURATED = 0.5
 class Scan:
     """Scene and white ``(L, H, W)``, dark ``(L, H, W)`` or ``(1, H, W)``, in digital numbers; ``nm`` ``(L,)``.
 
-    ``dark_frames`` were averaged into the dark; ``read_noise`` is what they say of a frame's, None of a single one.
+    ``dark_frames`` were averaged into the dark; ``read_noise`` is what they say of a frame's (one per
+    wavelength: what differs from one to the next, but for its mean), None of a single one.
     """
 
     source: Path
@@ -130,7 +131,8 @@ def _dark(frames: Frames, nm: NDArray[np.float64]) -> tuple[NDArray[np.float64],
         found = f"{frames.saturated.mean():.0%} of the dark pixels saturated"
         raise DataError(frames.source, found, "dark frames", "cover the lens")
     if all(_NM.search(name) for name in frames.names) and len(frames.names) > 1:
-        return _bands(frames, nm)[0].values.astype(np.float64), 1, None
+        dark = _bands(frames, nm)[0].values.astype(np.float64)
+        return dark, 1, float(np.median(np.diff(dark, axis=0).std(axis=(1, 2))) / np.sqrt(2))
     mean, count = frames.values.mean(axis=0, dtype=np.float64)[None], len(frames.names)
     noise = float(np.sqrt(frames.values.var(axis=0, ddof=1).mean())) if count > 1 else None
     return mean, count, noise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -53,13 +54,15 @@ def write_bench(
         What ``truth.json`` says.
 
     Raises:
-        SettingError: an unknown camera, or a size below 24 pixels.
+        SettingError: an unknown camera, a size below 24 pixels, or no finite noise.
         OutputError: see `tmca.data.atomic_path`.
     """
     if camera not in _BENCHES:
         raise SettingError("camera", repr(camera), f"one of {', '.join(_BENCHES)}")
     if min(size) < 24 or slots < 2:
         raise SettingError("size", f"{size[0]}×{size[1]}, {slots} slots", "24 pixels or more, two slots or more")
+    if not isfinite(snr_db):
+        raise SettingError("--snr", f"{snr_db}", "decibels, a finite number")
     frames, snapshot, scene, truth = _BENCHES[camera](size, slots, snr_db, seed)
     about = {"camera": camera, "seed": seed, "snr_db": snr_db, "reference": REFERENCE, **stated(truth)}
     with atomic_path(folder, overwrite=overwrite) as place:

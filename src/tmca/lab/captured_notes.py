@@ -1,0 +1,6 @@
+"""Notes of snapshots that a bench captured."""
+
+GAIN = "gain_per_digital_number"
+"""Snapshot units of a digital number above the dark."""
+SATURATED = "saturated_share"
+"""Share of the pixels that saturate in any frame."""
