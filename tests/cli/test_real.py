@@ -61,8 +61,12 @@ def test_the_mask_is_put_in_register(capsys, folder, bench):
     assert found["scale"][0] == pytest.approx(1.01, abs=1.5e-3)
     assert found["shift"][0] == pytest.approx(0.3, abs=0.08)
     assert "times as large along y" in said(capsys, "real", "register", folder / "capture.mat", *how)
-    wine = ("--mask", folder / "mask.mat", "--prototype", folder / "wine.yaml")
-    assert "a mask and a single disperser" in refused(capsys, "real", "register", folder / "capture.mat", *wine)
+    wine = ("--prototype", folder / "wine.yaml")
+    assert "--name" in refused(capsys, "real", "register", folder / "wine.mat", *wine)
+    assert "--shift" in refused(capsys, "real", "register", folder / "wine.mat", *wine, "--name", "w", "--shift", "1")
+    found = said(capsys, "real", "register", folder / "wine.mat", *wine, "--name", "w", "--shift", "0,0", "--json")
+    assert json.loads(found)["shutter_shift"] == [0, 0]
+    assert "--mask" in refused(capsys, "real", "register", folder / "capture.mat", *how[2:])
 
 
 def test_frames_behind_a_pixel_shutter(capsys, folder, bench):

@@ -21,16 +21,20 @@ def register(
     captures: list[Path],
     /,
     *,
-    mask: Path,
     prototype: str,
+    mask: Path | None = None,
+    name: str | None = None,
+    shift: str | None = None,
     json: Flag = False,
 ) -> None:
-    """Find scale and shift of a mask's image along y from CAPTURES of any scenes behind it.
+    """Find where the mask lies in CAPTURES: its scale and shift along y, or the place of a pixel shutter and its start.
 
     Args:
-        captures: files of captures.
+        captures: files of captures of any scenes behind a mask; of one behind a pixel shutter.
+        prototype: tsa, pixel-shutter-wine, or a YAML description; its numbers for the registration are not used.
         mask: file of the mask.
-        prototype: tsa, or a YAML description; its numbers for the registration are not used.
+        name: of the capture, where a file holds several.
+        shift: ROWS,COLUMNS of a pixel shutter that another capture told, for one whose patterns repeat.
         json: print JSON instead of text.
     """
     from tmca.data import read_array
@@ -39,16 +43,41 @@ def register(
 
     found = load_prototype(prototype)
     if not isinstance(found, SingleDisperser):
-        raise SettingError("--prototype", prototype, "one with a mask and a single disperser")
+        _shutter_place(captures, found, name, shift, json)
+        return
+    if mask is None:
+        raise SettingError("--mask", "none", "the file of the mask")
     offsets = [round(found.pixels_per_band * band) for band in range(len(found.wavelengths_nm))]
     values = [read_array(file, found.capture_key) for file in captures]
     registration, deviation = register_mask(values, read_array(mask, found.mask_key), offsets, black=found.black)
     if json:
         print(json_module.dumps({**registration.model_dump(), "deviation": deviation}, indent=1))
         return
-    scale, shift = registration.scale[0], registration.shift[0]
-    print(f"{mask}: in the captures {scale:.5f} times as large along y, {shift:+.3f} pixels down")
+    scale, down = registration.scale[0], registration.shift[0]
+    print(f"{mask}: in the captures {scale:.5f} times as large along y, {down:+.3f} pixels down")
     print(f"  blocks deviate by {deviation:.3f} pixels")
+
+
+def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:
+    from tmca.cli.options import numbers
+    from tmca.data import read_array
+    from tmca.errors import SettingError
+    from tmca.lab.real_captures import shutter_place
+
+    if name not in prototype.captures:
+        raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
+    known = None if shift is None else numbers(shift, "--shift")
+    if known is not None and (isinstance(known, float) or len(known) != 2):
+        raise SettingError("--shift", str(shift), "ROWS,COLUMNS")
+    whole = None if known is None else (round(known[0]), round(known[1]))
+    keys = prototype.captures[name]
+    for file in captures:
+        place = shutter_place(read_array(file, keys.capture_key), read_array(file, keys.shutter_key), known=whole)
+        if as_json:
+            print(json_module.dumps({"shutter_shift": place.shift, "first_slot": place.first_slot}))
+            continue
+        print(f"{file}: {name}: shutter displaced by {place.shift[0]} rows and {place.shift[1]} columns")
+        print(f"  the exposure begins with slot {place.first_slot}")
 
 
 @app.command

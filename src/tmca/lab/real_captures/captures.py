@@ -15,6 +15,7 @@ from tmca.errors import DataError, SettingError, TmcaError
 from tmca.lab.real_captures.noise import dark_noise
 from tmca.lab.real_captures.prototype import PixelShutter, SingleDisperser
 from tmca.lab.real_captures.registration import registered
+from tmca.lab.real_captures.shutter_place import overlapping
 from tmca.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -90,6 +91,11 @@ def _shuttered(
     if patterns.ndim != 3 or patterns.shape[:2] != values.shape:
         found = f"{pair.shutter_key} of shape {patterns.shape}"
         raise DataError(capture, found, f"({values.shape[0]}, {values.shape[1]}, slots)")
+    far = any(abs(s) >= n for s, n in zip(pair.shutter_shift, values.shape, strict=True))
+    if far or pair.first_slot >= patterns.shape[-1]:
+        found = f"first slot {pair.first_slot}, shift {pair.shutter_shift}"
+        raise DataError(capture, found, f"a place within its shutter of shape {patterns.shape}", "mend the description")
+    values, patterns = overlapping(values, np.roll(patterns, -pair.first_slot, axis=-1), pair.shutter_shift)
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
     spread = noise if noise is not None else dark_noise(values)
     unit = 1 / (prototype.white - prototype.black)
@@ -101,6 +107,7 @@ def _shuttered(
     )  # fmt: skip
     about = _notes(prototype, capture, spread, unit) | {
         "capture": name, "scene": prototype.scenes.get(name, name), "saturated_pixels": int(bad.sum()),
+        "shutter_shift": list(pair.shutter_shift), "first_slot": pair.first_slot,
     }  # fmt: skip
     return Snapshot(_tensor((values - prototype.black) * unit), camera, about)
 

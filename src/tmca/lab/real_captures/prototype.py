@@ -84,10 +84,19 @@ class SingleDisperser(_Prototype):
 
 
 class CodedPair(_Strict):
-    """Variables of one capture behind a pixel shutter."""
+    """Variables of one capture behind a pixel shutter.
+
+    Args:
+        capture_key: of the capture (H, W).
+        shutter_key: of its shutter (H, W, K).
+        shutter_shift: rows and columns by which the shutter's patterns are displaced on the sensor.
+        first_slot: with which the exposure began; the slots before it come after the last one.
+    """
 
     capture_key: str
     shutter_key: str
+    shutter_shift: tuple[int, int] = (0, 0)
+    first_slot: int = Field(default=0, ge=0)
 
 
 class PixelShutter(_Prototype):
