@@ -20,11 +20,15 @@ CODES: dict[str, dict[str, Any]] = {
     "TMCA optimised K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
     "TMCA random K = 4": {**_MULTIPLEXED, **_CLEAR},
     "TMCA optimised K = 4": {**_MULTIPLEXED, **_CLEAR},
+    "TMCA free-form, optimised K = 4": {**_MULTIPLEXED, **_CLEAR, **_FREE},
+    "TMCA free-form, optimised K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED, **_FREE},
     "diffractive element only, learned": {**_STATIC, **_CLEAR},
     "diffractive element only, free-form, learned": {**_STATIC, **_CLEAR, **_FREE},
     "static mask + CCA, learned": {**_STATIC, **_COLOURED},
     "TMCA learned K = 4": {**_MULTIPLEXED, **_CLEAR},
     "TMCA learned K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED},
+    "TMCA free-form, learned K = 4": {**_MULTIPLEXED, **_CLEAR, **_FREE},
+    "TMCA free-form, learned K = 4 + CCA": {**_MULTIPLEXED, **_COLOURED, **_FREE},
 }
 """Settings of the camera beside the preset's: RGB sensor, masks of Zernike modes where none is named, equal exposure
 time."""
@@ -36,11 +40,14 @@ LEARNED = {
     "static mask + CCA, learned": "static mask + CCA, optimised",
     "TMCA learned K = 4": "TMCA optimised K = 4",
     "TMCA learned K = 4 + CCA": "TMCA optimised K = 4 + CCA",
+    "TMCA free-form, learned K = 4": "TMCA free-form, optimised K = 4",
+    "TMCA free-form, learned K = 4 + CCA": "TMCA free-form, optimised K = 4 + CCA",
 }
 """Codes that go on being learned together with a network, and the codes they start from."""
 STATIC_CASES = {
     "TMCA learned K = 4": "diffractive element only, learned",
     "TMCA learned K = 4 + CCA": "static mask + CCA, learned",
+    "TMCA free-form, learned K = 4": "diffractive element only, free-form, learned",
 }
 """Static special cases of learned codes: equal masks in all slots."""
 LEARNED_WITH = "two-headed"

@@ -15,7 +15,7 @@ from tmca.lab.calibration.measured_cameras import (
     spectral_depth_camera,
 )
 from tmca.lab.calibration.sensor_scale import from_digital_numbers, measured_sensor
-from tmca.lab.captured_notes import GAIN
+from tmca.lab.captured_notes import DRIVER, GAIN, SIMULATED
 from tmca.lab.codes_date import CODES_DATE, parsed_date
 
 RAW = "digital numbers"
@@ -128,7 +128,7 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
 
 
 def _by_a_driver(snapshot: Snapshot[Any]) -> bool:
-    return GAIN in snapshot.notes and snapshot.notes.get("driver") != "simulated"
+    return GAIN in snapshot.notes and snapshot.notes.get(DRIVER) != SIMULATED
 
 
 def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:

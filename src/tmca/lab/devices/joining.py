@@ -10,7 +10,7 @@ import torch
 
 from tmca.cameras import Camera, Snapshot
 from tmca.errors import DataError
-from tmca.lab.captured_notes import GAIN, SATURATED
+from tmca.lab.captured_notes import DRIVER, GAIN, SATURATED
 from tmca.lab.codes_date import CODES_DATE
 from tmca.lab.devices.captures import DARK, WHOLE, read_captures, read_tif, steps
 from tmca.lab.devices.descriptions import DeviceDescription
@@ -55,7 +55,7 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
         frames = frames * _shutter(export, camera).to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
-    about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), "driver": how.get("driver", "")}
+    about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
     about |= {SATURATED: _saturated_share(place, kept, camera)}
     about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
