@@ -43,7 +43,7 @@ def test_frames_join_into_the_snapshot_of_the_camera(tmp_path, camera, shutter):
     wanted = camera(*scene_of(camera))
     step = bench.gain * (camera.slots if camera.exposure == "per-slot" else 1)
     assert float((found.values - wanted).abs().max()) <= 1.01 * step + 1e-3 * float(hasattr(camera, "planes"))
-    assert bench.taken == (camera.slots if shutter == "emulated-shutter" else 1) + 1
+    assert bench.taken == (camera.slots if shutter == "emulated-shutter" else 1) + 4
 
 
 def test_a_bench_images_what_was_exported(tmp_path):
@@ -71,8 +71,8 @@ def test_a_bench_that_stops_loses_no_frame(tmp_path):
     assert sorted(kept) == ["dark.tif", "slot_000.tif"]
     bench = bench_of(camera)
     capture(export, bench, tmp_path / "frames", progress=lambda done, total, name: told.append((done, total)))
-    assert bench.taken == 2
-    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert bench.taken == 5
+    assert told == [(done, 7) for done in range(1, 8)]
     assert all((tmp_path / "frames" / name).read_bytes() == content for name, content in kept.items())
 
 
@@ -128,15 +128,19 @@ def noisy(shutter, sensor, seed=0, **settings):
 
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_emulated_exposures_are_as_noisy_as_their_time_allows(tmp_path, repeats):
-    """n open slots: shot noise of the light in them, read noise of n frames, and n times that of the dark one."""
+    """n open slots: shot noise of the light in them, read noise of n frames, and n times that of the dark ones' mean;
+    and so the decoder is told."""
     camera, bench, light = noisy("random", Sensor(read_noise=0.01, full_well=3000))
     export = exported(tmp_path, camera)
     found = joined(capture(export, bench, tmp_path / "f", gain=bench.gain, repeats=repeats), export, camera)
     left, opened = found.values - light, camera.codes()[1].sum(0)
     electron = camera.white / 3000
+    assert found.camera.noise.shot == camera.noise.shot
+    told = 0.01**2 * (opened / repeats + opened**2 / 4).mean()
+    assert found.camera.noise.read**2 == pytest.approx(float(told), rel=0.1)
     for count in (1, 2, 3):
         here = (opened == count)[None, None]
-        wanted = (light[here].mean() * electron + 0.01**2 * (count + count**2)) / repeats
+        wanted = light[here].mean() * electron / repeats + 0.01**2 * (count / repeats + count**2 / 4)
         assert float(left[here].square().mean()) == pytest.approx(float(wanted), rel=0.15)
 
 
@@ -144,7 +148,10 @@ def test_a_sensor_that_codes_its_shutter_is_read_once(tmp_path):
     camera, bench, light = noisy("random", Sensor(read_noise=0.01))
     export = exported(tmp_path, camera, "dli4120", "coded-exposure")
     found = joined(capture(export, bench, tmp_path / "f", gain=bench.gain), export, camera)
-    assert float((found.values - light).square().mean()) == pytest.approx(2 * 0.01**2, rel=0.1)  # its own, and the dark
+    assert float((found.values - light).square().mean()) == pytest.approx(
+        1.25 * 0.01**2, rel=0.1
+    )  # its own, and the darks'
+    assert found.camera.noise.read == pytest.approx(1.25**0.5 * 0.01, rel=0.1)
 
 
 def test_noise_around_black_is_not_clipped(tmp_path):
@@ -161,9 +168,8 @@ def test_a_capture_that_is_gone_on_with_is_the_one_without_a_stop(tmp_path):
         capture(export, bench_of(camera, stops_after=3), tmp_path / "parts", repeats=2)
     capture(export, bench_of(camera, taken=3), tmp_path / "parts", repeats=2)
     names = sorted(file.name for file in (tmp_path / "whole").glob("*.tif"))
-    assert names == sorted(
-        f"{one}{end}.tif" for one in ("dark", *(f"slot_00{k}" for k in range(3))) for end in ("", "_r1")
-    )
+    slots = [f"slot_00{k}{end}.tif" for k in range(3) for end in ("", "_r1")]
+    assert names == ["dark.tif", *(f"dark_r{n}.tif" for n in (1, 2, 3)), *slots]
     for name in names:
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
     frames = [tifffile.imread(tmp_path / "whole" / name) for name in names]

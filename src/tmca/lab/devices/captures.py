@@ -15,6 +15,8 @@ from tmca.errors import DataError, OutputError
 from tmca.lab.devices.manifest import NAME, checksum
 
 CAPTURES, DARK, WHOLE = "captures.json", "dark", "exposure"
+_DARKS = 4
+"""Least number of dark frames: their mean is taken from every other frame, and their spread is the read noise."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +36,13 @@ class Step:
 
 def steps(manifest: dict[str, Any], repeats: int = 1) -> list[Step]:
     """Frames of an export: a dark one, then one a slot, or one exposure of a sensor whose shutter is coded; again for
-    every repeat."""
+    every repeat. As many dark ones follow as there are slots, for what they leave is taken from every slot alike."""
     slots = {f"slot_{k:03d}": k for k in range(manifest["slots"])}
     once: dict[str, int | None] = {DARK: None, **({WHOLE: None} if exposed_whole(manifest) else slots)}
     ends = ["", *(f"_r{n}" for n in range(1, repeats))]
-    return [Step(name + end, slot, name) for end in ends for name, slot in once.items()]
+    found = [Step(name + end, slot, name) for end in ends for name, slot in once.items()]
+    darks = max(_DARKS, 0 if exposed_whole(manifest) else manifest["slots"])
+    return found + [Step(f"{DARK}_r{n}", None, DARK) for n in range(repeats, darks)]
 
 
 def exposed_whole(manifest: dict[str, Any]) -> bool:

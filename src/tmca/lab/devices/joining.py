@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from tmca.lab.devices.mirror import terms_of
 from tmca.lab.devices.reading import device_of, read_export
 from tmca.lab.devices.response import step_of
 from tmca.lab.devices.sources import Planes, planes_of
+from tmca.sensor import Sensor
 
 _SAME_SURFACE = 1e-10
 """Metres by which Zernike terms of the same masks may differ."""
@@ -45,20 +47,47 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
         raise DataError(folder, f"a capture of {kept['export']}", f"one of {export}", "name the export it is of")
     check_camera(export, camera)
     manifest = read_manifest(export)
-    names = [step.name for step in steps(manifest)]
-    if missing := [name for name in names if name not in kept["frames"]]:
+    wanted = steps(manifest)
+    if missing := [step.name for step in wanted if step.name not in kept["frames"]]:
         raise DataError(folder, f"no frame {', '.join(missing[:3])}", "all of the export", "go on with `tmca capture`")
     dark = _mean(place, DARK, kept, camera)
     how = kept["taken_with"]
-    frames = torch.stack([_mean(place, name, kept, camera) - dark for name in names[1:]]) * float(how["gain"])
-    if names[1:] != [WHOLE]:
-        frames = frames * _shutter(export, camera).to(frames)[:, None]
+    names = [step.name for step in wanted if step.of != DARK]
+    frames = torch.stack([_mean(place, name, kept, camera) - dark for name in names]) * float(how["gain"])
+    opened = torch.ones(1, *camera.snapshot_shape[1:]) if names == [WHOLE] else _shutter(export, camera)
+    frames = frames * opened.to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
+    camera = _with_noise(camera, float(how["gain"]) * _read_noise(place, kept, names[0], opened, camera))
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
     about |= {SATURATED: _saturated_share(place, kept, camera)}
     about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
+
+
+def _read_noise(folder: Path, kept: dict[str, Any], one: str, opened: torch.Tensor, camera: Camera) -> float:
+    """Root mean square over the pixels of what reading leaves in a joined snapshot, digital numbers.
+
+    n open frames, each the mean of R repeats, less n times the mean of D dark ones: ``σ² (n / R + n² / D)``, over K²
+    where they are averaged.
+    """
+    darks = torch.stack(
+        [_frame(folder / f"{name}.tif", camera) for name, a in kept["frames"].items() if a["of"] == DARK]
+    )
+    repeats = sum(about["of"] == one for about in kept["frames"].values())
+    count = opened.to(darks).sum(0)
+    share = (count / repeats + count**2 / len(darks)).mean()
+    over = 1 if camera.exposure == "per-slot" else len(opened)
+    return float((darks.var(0).mean() * share).sqrt()) / over
+
+
+def _with_noise(camera: Camera, read: float) -> Camera:
+    """The camera, whose sensor reads with this noise in snapshot units."""
+    told = copy(camera)
+    told._modules = dict(camera._modules)
+    settings: dict[str, Any] = {**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0}
+    told.sensor = Sensor(**settings)
+    return told
 
 
 def _saturated_share(folder: Path, kept: dict[str, Any], camera: Camera) -> float:
