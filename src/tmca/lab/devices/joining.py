@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from copy import copy
 from pathlib import Path
 from typing import Any
@@ -50,17 +51,17 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     wanted = steps(manifest)
     if missing := [step.name for step in wanted if step.name not in kept["frames"]]:
         raise DataError(folder, f"no frame {', '.join(missing[:3])}", "all of the export", "go on with `tmca capture`")
-    dark = _mean(place, DARK, kept, camera)
+    means, saturated = _means(place, kept, camera)
     how = kept["taken_with"]
     names = [step.name for step in wanted if step.of != DARK]
-    frames = torch.stack([_mean(place, name, kept, camera) - dark for name in names]) * float(how["gain"])
+    frames = torch.stack([means[name] - means[DARK] for name in names]) * float(how["gain"])
     opened = torch.ones(1, *camera.snapshot_shape[1:]) if names == [WHOLE] else _shutter(export, camera)
     frames = frames * opened.to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
     camera = _with_noise(camera, float(how["gain"]) * _read_noise(place, kept, names[0], opened, camera))
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
-    about |= {SATURATED: _saturated_share(place, kept, camera)}
+    about |= {SATURATED: saturated}
     about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
 
@@ -90,13 +91,6 @@ def _with_noise(camera: Camera, read: float) -> Camera:
     return told
 
 
-def _saturated_share(folder: Path, kept: dict[str, Any], camera: Camera) -> float:
-    """Of the pixels, that reach the top in any frame."""
-    top = float(kept["taken_with"]["saturation"])
-    reached = [(_frame(folder / f"{name}.tif", camera) >= top).any(0) for name in kept["frames"]]
-    return float(torch.stack(reached).any(0).double().mean())
-
-
 def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:
     shown = read_export(export)
     if "shutter" not in shown.planes:
@@ -104,10 +98,16 @@ def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:
     return shown.full("shutter", camera.snapshot_shape[1:])
 
 
-def _mean(folder: Path, name: str, kept: dict[str, Any], camera: Camera) -> torch.Tensor:
-    """(C, H, W) digital numbers, the mean of a frame's repeats."""
-    files = [folder / f"{one}.tif" for one, about in kept["frames"].items() if about["of"] == name]
-    return torch.stack([_frame(file, camera) for file in files]).mean(0)
+def _means(folder: Path, kept: dict[str, Any], camera: Camera) -> tuple[dict[str, torch.Tensor], float]:
+    """(C, H, W) digital numbers of every frame, the mean of its repeats; share of the pixels that saturate in any."""
+    top, counts = float(kept["taken_with"]["saturation"]), Counter(about["of"] for about in kept["frames"].values())
+    means: dict[str, torch.Tensor] = {}
+    reached = torch.zeros(camera.snapshot_shape[1:], dtype=torch.bool)
+    for name, about in kept["frames"].items():
+        frame, of = _frame(folder / f"{name}.tif", camera), about["of"]
+        reached |= (frame >= top).any(0)
+        means[of] = means.get(of, torch.zeros_like(frame)) + frame / counts[of]
+    return means, float(reached.double().mean())
 
 
 def _frame(file: Path, camera: Camera) -> torch.Tensor:
