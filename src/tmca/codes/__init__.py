@@ -4,7 +4,7 @@ from tmca.codes.balanced import balanced_choice, one_hot_planes
 from tmca.codes.binary import hard_threshold, one_hot_slots
 from tmca.codes.blue_noise import blue_noise_ranks
 from tmca.codes.files import CodesFile, read_codes, write_codes
-from tmca.codes.imperfect import leaked, misplaced, slot_overlap, through_time
+from tmca.codes.imperfect import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.codes.multiplexed import MultiplexedCodes
 from tmca.codes.patterns import FAMILIES, pattern
 from tmca.codes.plane import CodePlane
@@ -14,6 +14,7 @@ __all__ = [
     "CodePlane",
     "CodesFile",
     "MultiplexedCodes",
+    "Outside",
     "balanced_choice",
     "blue_noise_ranks",
     "hard_threshold",

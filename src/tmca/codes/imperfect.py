@@ -7,11 +7,15 @@ Devices repeat the exposure: before its first slot comes the last one of the exp
 from __future__ import annotations
 
 from math import ceil, radians
+from typing import Literal
 
 import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError
+
+Outside = Literal["edge", "dark"]
+"""What is beside a mask: its edge goes on, or nothing."""
 
 
 def leaked(patterns: Tensor, share: float) -> Tensor:
@@ -84,8 +88,9 @@ def misplaced(
     magnification: float = 1.0,
     rotation: float = 0.0,
     size: tuple[int, int] | None = None,
+    outside: Outside = "edge",
 ) -> Tensor:
-    """Patterns that are imaged displaced, larger and turned about their middle; bilinear, their edge continued.
+    """Patterns that are imaged displaced, larger and turned about their middle; bilinear.
 
     Square pixels that are displaced by a part of a pixel share their light linearly: for displacements this is exact.
 
@@ -95,6 +100,7 @@ def misplaced(
         magnification: of the image.
         rotation: degrees, from the direction of increasing rows to that of increasing columns, as a registration's.
         size: (H', W') that is seen, around the same middle; the patterns' own without.
+        outside: what is seen beside the patterns: their edge continued, or nothing.
 
     Returns:
         (K, H', W').
@@ -109,5 +115,5 @@ def misplaced(
     own_x = (angle.cos() * x - angle.sin() * y[:, None]) / magnification
     grid = torch.stack((2 * own_x / max(columns - 1, 1), 2 * own_y / max(rows - 1, 1)), -1).to(patterns)
     return torch.nn.functional.grid_sample(
-        patterns[None], grid[None], padding_mode="border", align_corners=True
+        patterns[None], grid[None], padding_mode="border" if outside == "edge" else "zeros", align_corners=True
     )[0].clamp(0, 1)  # fmt: skip

@@ -2,7 +2,11 @@
 
 GAIN = "gain_per_digital_number"
 """Snapshot units of a digital number above the dark."""
-DRIVER, SIMULATED = "driver", "simulated"
-"""Which driver took it; the bench that is computed."""
+WHITE = "white_of_a_frame"
+"""Snapshot units of a white scene in one of the frames that were joined."""
+AVERAGED = "frames_averaged"
+"""Frames whose mean a pixel is that is always open, their repeats counted."""
+DRIVER = "driver"
+"""Which driver took it."""
 SATURATED = "saturated_share"
 """Share of the pixels that saturate in any frame."""

@@ -15,7 +15,7 @@ from tmca.cameras.hardware.sensor import DefectiveSensor
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import SpectralDepthCamera
-from tmca.codes import misplaced
+from tmca.codes import Outside, misplaced
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear
 from tmca.sensor import Sensor
@@ -25,7 +25,7 @@ COLOURED = ("misregistration", "magnification", "rotation", "dispersion_error", 
 SomeCamera = TypeVar("SomeCamera", bound=Camera)
 
 
-def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0) -> SomeCamera:
+def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0, outside: Outside = "edge") -> SomeCamera:
     """The camera as its bench really is: it images and records with the faults, in the same units and sizes.
 
     Codes are shared, so that both follow them while they are learned. What it records is for the camera itself, as it
@@ -35,6 +35,7 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0) -> SomeCame
         camera: as it is known.
         hardware: its faults.
         seed: of jitter, aberration, hot and dead pixels.
+        outside: what is seen beside a coded aperture that is displaced: its edge continued, or nothing.
 
     Raises:
         SettingError: a fault that this camera cannot have (a coloured aperture has those of ``COLOURED`` alone).
@@ -44,9 +45,9 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0) -> SomeCame
         return camera
     found: Any = _sharing(camera)
     if isinstance(camera, SpectralCamera):
-        _spectral(found, hardware, seed)
+        _spectral(found, hardware, seed, outside)
     elif isinstance(camera, LightFieldCamera):
-        _light_field(found, hardware, seed)
+        _light_field(found, hardware, seed, outside)
     elif isinstance(camera, SpectralDepthCamera):
         _spectral_depth(found, hardware, seed)
     found.sensor = defective(camera.sensor, hardware, seed)
@@ -73,7 +74,7 @@ def _sharing(module: Any) -> Any:
     return found
 
 
-def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int) -> None:
+def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int, outside: Outside) -> None:
     if camera.coloured is not None:
         _check_coloured(hardware)
     for name in ("dispersion_error", "blur"):
@@ -91,7 +92,7 @@ def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int) -> None:
     if camera.coloured is not None:
         camera.coloured = misplaced(camera.coloured, hardware.shift, hardware.magnification, hardware.rotation)
         return
-    _coded(camera, hardware, seed, tuple(camera.codes()[0].shape[1:]), beside=beside)
+    _coded(camera, hardware, seed, tuple(camera.codes()[0].shape[1:]), beside=beside, outside=outside)
 
 
 def _check_coloured(hardware: Hardware) -> None:
@@ -105,10 +106,10 @@ def _stretched(known: Dispersion, error: float) -> Dispersion:
     return Dispersion(tuple(middle + (d - middle) * (1 + error) for d in known.displacement))
 
 
-def _light_field(camera: LightFieldCamera, hardware: Hardware, seed: int) -> None:
+def _light_field(camera: LightFieldCamera, hardware: Hardware, seed: int, outside: Outside) -> None:
     y, x = (one * (1 + hardware.shear_error) for one in camera.shear.step)
     camera.shear = ViewShear(camera.shear.views, (y, x), camera.shear.scale)
-    _coded(camera, hardware, seed, camera.mask_size, blur=hardware.blur)
+    _coded(camera, hardware, seed, camera.mask_size, blur=hardware.blur, outside=outside)
 
 
 def _coded(camera: CodedCamera, hardware: Hardware, seed: int, size: Any, **how: Any) -> None:

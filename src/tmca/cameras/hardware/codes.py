@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras.hardware.faults import Hardware
-from tmca.codes import leaked, misplaced, slot_overlap, through_time
+from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.optics import gaussian_spread
 
 
@@ -58,6 +58,7 @@ class ImperfectCodes(nn.Module):
         size: (H, W) of the aperture plane that is seen.
         blur: standard deviation by which the aperture's image is blurred, pixels.
         beside: closed columns to the left and the right of the shutter.
+        outside: what is beside the aperture.
     """
 
     def __init__(
@@ -69,8 +70,10 @@ class ImperfectCodes(nn.Module):
         *,
         blur: float = 0.0,
         beside: tuple[int, int] = (0, 0),
+        outside: Outside = "edge",
     ) -> None:
         super().__init__()
+        self.outside = outside
         self.codes, self.faults, self.hardware, self.size, self.beside = codes, shutter, hardware, size, beside
         self.kernel = gaussian_spread(blur, 1) if blur else None
 
@@ -83,9 +86,8 @@ class ImperfectCodes(nn.Module):
         """(aperture (K, H, Wa), shutter (K, H, W')), grey."""
         aperture, shutter = self.codes()
         own = self.hardware
-        shown = misplaced(
-            leaked(aperture, 1 / own.contrast_ratio), own.shift, own.magnification, own.rotation, self.size
-        )
+        placed = misplaced(aperture, own.shift, own.magnification, own.rotation, self.size, self.outside)
+        shown = leaked(placed, 1 / own.contrast_ratio)
         seen = self.faults(shutter)
         return self._blurred(shown), torch.nn.functional.pad(seen, self.beside) if any(self.beside) else seen
 

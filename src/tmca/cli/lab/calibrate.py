@@ -23,6 +23,10 @@ for name, (place, text) in {
 }.items():
     app.command(f"tmca.cli.lab.calibrate_{place}:{name}", name=name, help=text)
 
+app.command(
+    "tmca.cli.lab.calibrate_capture:capture", name="capture", help="Frames for a step, taken by a device or simulated."
+)
+
 Flag = Annotated[bool, Parameter(negative="")]
 
 

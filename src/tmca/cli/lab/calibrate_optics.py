@@ -52,7 +52,7 @@ def dispersion(
     patterns: Path,
     pattern: Whole = 3,
     power: Path | None = None,
-    curve: Literal["cauchy", "polynomial"] = "cauchy",
+    curve: Literal["cauchy", "polynomial", "measured"] = "cauchy",
     order: Whole = 3,
     how: CalibrationOptions = _USUAL,
 ) -> None:
@@ -63,7 +63,7 @@ def dispersion(
         patterns: that were shown.
         pattern: which of them was shown, counted from 0.
         power: text file of the source: wavelength in nm, power.
-        curve: powers of 1/λ² (cauchy) or of λ (polynomial).
+        curve: powers of 1/λ² (cauchy) or of λ (polynomial), or none (measured): straight lines between wavelengths.
         order: highest power.
     """
     from tmca.lab.calibration.optics_steps import dispersion_step

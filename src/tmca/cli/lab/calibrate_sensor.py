@@ -20,16 +20,21 @@ def dark(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
     finished(dark_step(started(how), captures, saturation=how.saturation), "dark", how)
 
 
-def flat(captures: Path, /, *, white: Path | None = None, how: CalibrationOptions = _USUAL) -> None:
+def flat(
+    captures: Path, /, *, white: Path | None = None, reflectance: float = 1.0, how: CalibrationOptions = _USUAL
+) -> None:
     """Response of every pixel, from CAPTURES of even light; the level of white.
 
     Args:
         captures: folder or stack of frames of even light, two or more.
         white: frames of a white scene, mask and shutter held open for a snapshot's exposure.
+        reflectance: of that scene: 0.5 of a grey reference, which does not saturate.
     """
     from tmca.lab.calibration.sensor_steps import flat_step
 
-    finished(flat_step(started(how), captures, white=white, saturation=how.saturation), "flat", how)
+    finished(
+        flat_step(started(how), captures, white=white, reflectance=reflectance, saturation=how.saturation), "flat", how
+    )
 
 
 def linearity(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from tmca.cli.hardware import HardwareOptions
-from tmca.cli.lab.export import named_export
+from tmca.cli.lab.bench import AskedBench, known_camera
 from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
@@ -63,7 +63,7 @@ def capture(
     from tmca.lab.devices import check_camera, joined
     from tmca.lab.devices.captures import kept_so_far
 
-    taken = _known(export, like)
+    taken = known_camera(export, like)
     check_camera(export, taken.camera)
     target = snapshot or out.with_suffix(".nc")
     if target.exists() and not overwrite:
@@ -71,86 +71,17 @@ def capture(
 
         raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
     faults = hardware.faults()
-    asked = {"scene": scene, "bits": bits, "seed": seed, "hardware": faults.said() or None, "stops_after": stops_after}
-    _check_asked(device, asked, set_ or [])
-    made: dict[str, Any] = {"bits": 16 if bits is None else bits, "seed": seed or 0, "hardware": faults}
-    made |= {"stops_after": stops_after, "taken": len(kept_so_far(out, export)["frames"])}
-    bench, gain = _bench(device, taken, scene, set_ or [], made)
-    simulated = {"scene": scene, "bits": made["bits"], "seed": made["seed"], "hardware": faults.said()}
-    about = {"driver": device, "settings": set_ or []} | (simulated if device == "simulated" else {})
-    _captured(export, bench, out, {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": about})
+    if device == "simulated" and scene is None:
+        raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
+    asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene)
+    bench, gain = asked.bench(taken, len(kept_so_far(out, export)["frames"]))
+    how = {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": asked.said()}
+    _captured(export, bench, out, how)
     found = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
     found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.said()} if faults.faults() else {})
     found.save(target, overwrite=overwrite)
     _say(target, out, found, json)
-
-
-def _check_asked(device: str, asked: dict[str, Any], settings: list[str]) -> None:
-    """Raises SettingError for a scene or faults before a driver, or settings of the simulated bench's."""
-    if device == "simulated":
-        if settings:
-            raise SettingError("--set", settings[0], "none: the simulated bench has options of its own")
-        if asked["scene"] is None:
-            expected = "a scene before the simulated bench"
-            raise SettingError("--scene", "none", expected, "name a file or a rendered scene")
-        return
-    for name, value in asked.items():
-        if value is not None:
-            option = f"--{name.replace('_', '-')}"
-            raise SettingError(option, f"{value}", f"none before {device}: it is of the simulated bench")
-
-
-def _known(export: Path, like: Path | None) -> Any:
-    """The snapshot whose camera is known."""
-    from tmca.cameras import Snapshot
-
-    source = Path(like or named_export(export)["source"])
-    if like is None and not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
-        found = f"an export of {source}, which says codes alone"
-        raise SettingError("--like", found, "a snapshot file of its camera", "write one with `tmca simulate`")
-    return Snapshot.load(source)
-
-
-def _is_snapshot(source: Path) -> bool:
-    from tmca.data import read_dataset
-
-    return "snapshot" in read_dataset(source)
-
-
-def _bench(device: str, taken: Any, scene: str | None, settings: list[str], made: dict[str, Any]) -> tuple[Any, float]:
-    """A bench, and the snapshot units of its digital numbers."""
-    from tmca.cli.sweep import named_values
-    from tmca.lab.devices import find_device
-    from tmca.lab.devices.protocol import saturation_of
-
-    given = {name: values[0] for name, values in named_values(settings, "--set").items()}
-    if device != "simulated":
-        bench = find_device(device, **given)
-        return bench, float(getattr(bench, "gain", taken.camera.full_scale / saturation_of(bench)))
-    bench = find_device("simulated", camera=taken.camera, scene=_scene(scene or "", taken), **made)
-    return bench, bench.gain  # type: ignore[attr-defined]
-
-
-def _scene(name: str, taken: Any) -> list[Any]:
-    """Tensors of a scene, as a camera takes them."""
-    import numpy as np
-    import torch
-
-    application = taken.camera.application
-    if application == "light-field":
-        from tmca.experiments.light_field.imaging import as_batch
-        from tmca.experiments.light_field.truth import true_light_field
-
-        return [as_batch(true_light_field(name, taken))[:1]]
-    if application == "spectral-depth":
-        from tmca.experiments.spectral_depth.scenes import depth_tensor, true_spectral_depth
-
-        scene = true_spectral_depth(name, taken)
-        return [torch.from_numpy(np.array(scene["radiance"].values, np.float32))[None], depth_tensor(scene)]
-    from tmca.experiments.spectral.imaging import true_scene
-
-    return [torch.from_numpy(np.array(true_scene(name, taken).values, np.float32))[None]]
 
 
 def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:

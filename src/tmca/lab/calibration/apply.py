@@ -14,8 +14,8 @@ from tmca.lab.calibration.measured_cameras import (
     spectral_camera,
     spectral_depth_camera,
 )
-from tmca.lab.calibration.sensor_scale import from_digital_numbers, measured_sensor
-from tmca.lab.captured_notes import DRIVER, GAIN, SIMULATED
+from tmca.lab.calibration.sensor_scale import captured_sensor, from_digital_numbers, measured_sensor
+from tmca.lab.captured_notes import AVERAGED, GAIN, WHITE
 from tmca.lab.codes_date import CODES_DATE, parsed_date
 
 RAW = "digital numbers"
@@ -101,9 +101,9 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     """A capture on the planes of its calibrated camera.
 
     Values in digital numbers (attribute ``values = "digital numbers"``) become relative irradiance by dark, flat and
-    the level of white. So do captures of ``tmca capture`` by a driver, in the place of their own gain, where both were
-    measured; the white scene is to be exposed as the frames are. Defective pixels, and columns that the sensor does
-    not have, are 0 where the shutter is closed all the time.
+    the level of white. So do captures of ``tmca capture``, in the place of their own gain, where both were measured;
+    the white scene is to be exposed as the frames are. Defective pixels, and columns that the sensor does not have, are
+    0 where the shutter is closed all the time.
 
     Raises:
         DataError: digital numbers without dark and flat, a snapshot that is on these planes already, or see
@@ -116,9 +116,11 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     values = snapshot.values
     if snapshot.notes.get("values") == RAW:
         values = from_digital_numbers(values, calibration, camera.full_scale)
-    elif _by_a_driver(snapshot) and calibration.part("dark") is not None and calibration.part("flat") is not None:
-        numbers = values / float(snapshot.notes[GAIN])
-        values = from_digital_numbers(numbers, calibration, camera.full_scale, above_dark=True)
+    elif _by_frames(snapshot, calibration):
+        gain, white = float(snapshot.notes[GAIN]), float(snapshot.notes[WHITE])
+        values = from_digital_numbers(values / gain, calibration, white, above_dark=True)
+        frames = float(snapshot.notes[AVERAGED])
+        camera.sensor = captured_sensor(snapshot.camera, calibration, gain, white, frames)
     if isinstance(camera, SpectralCamera):
         values = columns_of(snapshot.camera, camera).laid(values)
     if not isinstance(camera, SpectralDepthCamera):
@@ -127,8 +129,10 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     return Snapshot(values, camera, {**notes, "calibration": calibration.where})
 
 
-def _by_a_driver(snapshot: Snapshot[Any]) -> bool:
-    return GAIN in snapshot.notes and snapshot.notes.get(DRIVER) != SIMULATED
+def _by_frames(snapshot: Snapshot[Any], calibration: Calibration) -> bool:
+    """Whether frames of a device were joined, and are measured by this calibration."""
+    known = {GAIN, WHITE, AVERAGED} <= snapshot.notes.keys()
+    return known and all(calibration.part(name) is not None for name in ("dark", "flat"))
 
 
 def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:

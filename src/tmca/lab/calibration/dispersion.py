@@ -15,7 +15,7 @@ from tmca.lab.calibration.displacement import displacement_of
 from tmca.lab.calibration.registration import Registration
 from tmca.optics import Dispersion
 
-Curve = Literal["cauchy", "polynomial"]
+Curve = Literal["cauchy", "polynomial", "measured"]
 LARGEST_RESIDUAL = 0.25
 """Sensor pixels that a smooth curve may leave, root mean square along x."""
 
@@ -28,8 +28,9 @@ class MeasuredDispersion:
         wavelengths: (L,) of the captures, metres, ascending.
         shifts: (L, 2) measured, rows and columns, sensor pixels.
         std: (L, 2) of each.
-        curve: ``"cauchy"``: powers of 1/λ²; ``"polynomial"``: powers of λ.
-        coefficients: (order + 1, 2) of the curve in ``variable``.
+        curve: ``"cauchy"``: powers of 1/λ²; ``"polynomial"``: powers of λ; ``"measured"``: straight lines between what
+            was measured.
+        coefficients: (order + 1, 2) of the curve; (0, 2) of none.
         residual: (2,) rms of what the curve leaves along y and x, sensor pixels.
         response: (L,) light over the source's power, mean 1.
         misfit: (L,) what each capture's own fit leaves, as a share of its light.
@@ -52,6 +53,8 @@ class MeasuredDispersion:
         """
         asked = np.asarray(wavelengths, dtype=np.float64)
         self._check(asked)
+        if self.curve == "measured":
+            return np.stack([np.interp(asked, self.wavelengths, one) for one in self.shifts.T], axis=1)
         return _terms(asked, self.wavelengths, self.curve, len(self.coefficients) - 1) @ self.coefficients
 
     def response_at(self, wavelengths: ArrayLike) -> Array:
@@ -91,7 +94,8 @@ def measure_dispersion(
 ) -> MeasuredDispersion:
     """Displacement of every wavelength, and a smooth curve through them by weighted least squares.
 
-    Cauchy: ``d = Σ c_n λ^(-2n)``, as the index of glass goes; polynomial: ``d = Σ c_n λ^n``.
+    Cauchy: ``d = Σ c_n λ^(-2n)``, as the index of glass goes; polynomial: ``d = Σ c_n λ^n``; measured: no curve, where
+    every band was measured and no glass says how they lie.
 
     Args:
         frames: (L, H, W) linear digital numbers, dark taken off, exposed alike.
@@ -147,6 +151,8 @@ def _terms(asked: Array, measured: Array, curve: Curve, order: int) -> Array:
 
 def _curve(metres: Array, shifts: Array, std: Array, curve: Curve, order: int) -> tuple[Array, Array]:
     """(order + 1, 2) coefficients and (2,) rms of what they leave."""
+    if curve == "measured":
+        return np.zeros((0, 2)), np.zeros(2)
     terms = _terms(metres, metres, curve, order)
     found = np.empty((order + 1, 2))
     for axis in (0, 1):

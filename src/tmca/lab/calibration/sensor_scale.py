@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
@@ -62,3 +64,25 @@ def measured_sensor(camera: Camera, calibration: Calibration) -> Sensor:
         return Sensor(**{**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0})
     # electrons of a white scene: there the sensor counts its full well
     return Sensor(read_noise=read, full_well=linearity.gain * level / camera.exposures, saturates=False)
+
+
+def captured_sensor(camera: Camera, calibration: Calibration, gain: float, white: float, frames: float) -> Sensor:
+    """The sensor of joined frames: the noise that they were told, rescaled as they are; electrons from the linearity.
+
+    Args:
+        camera: of the joined snapshot, with its noise.
+        calibration: with dark and flat.
+        gain: snapshot units of a digital number, before.
+        white: snapshot units of a white scene in one frame.
+        frames: whose mean an open pixel is.
+    """
+    level, linearity = white_level(calibration), calibration.part("linearity")
+    scaled = white / (level * gain)
+    settings: dict[str, Any] = {
+        **camera.sensor.settings(),
+        "read_noise": camera.sensor.read_noise * scaled,
+        "saturates": False,
+    }
+    if linearity is not None:
+        settings["full_well"] = linearity.gain * level * frames * camera.white / white
+    return Sensor(**settings)

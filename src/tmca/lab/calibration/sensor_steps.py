@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.lab.calibration import captures
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import named, read_captures
@@ -38,7 +38,12 @@ def dark_step(calibration: Calibration, path: str | Path, *, saturation: float |
 
 
 def flat_step(
-    calibration: Calibration, path: str | Path, *, white: str | Path | None = None, saturation: float | None = None
+    calibration: Calibration,
+    path: str | Path,
+    *,
+    white: str | Path | None = None,
+    reflectance: float = 1.0,
+    saturation: float | None = None,
 ) -> Calibration:
     """Frames of even light → flat field; frames of white through the open camera → the level of white.
 
@@ -47,15 +52,20 @@ def flat_step(
         path: captures of even light, two or more.
         white: captures of a white scene, mask and shutter held open for the exposure of a snapshot. Without them the
             level of the flat stands for white.
+        reflectance: of that white scene, as a share: a grey reference does not saturate.
         saturation: of the captures.
 
     Raises:
         DataError: one frame, saturated or dark ones, or another size than the dark.
+        SettingError: an impossible reflectance.
     """
+    if not 0 < reflectance <= 1:
+        raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
     dark = needed(calibration, "dark", "flat")
     frames = read_captures(path, saturation=saturation, sensor=dark.mean.shape)
     found = measure_flat(frames.values, dark, source=path)
     level = found.level if white is None else _white(white, calibration.with_part("flat", found, {}), saturation)
+    level /= reflectance
     residuals = {
         "level_dn": found.level,
         "nonuniformity": found.nonuniformity,
@@ -64,7 +74,9 @@ def flat_step(
         "white_level_dn": level,
     }
     sources = [path, *([] if white is None else [white])]
-    return calibration.with_part("flat", found, residuals, sources, settings={"white_level": level})
+    return calibration.with_part(
+        "flat", found, residuals, sources, settings={"white_level": level, "reflectance": reflectance}
+    )
 
 
 def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> float:

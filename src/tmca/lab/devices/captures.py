@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import DataError, OutputError
-from tmca.lab.devices.manifest import NAME, checksum
+from tmca.lab.devices.manifest import NAME, checksum, exposed_whole
 
 CAPTURES, DARK, WHOLE = "captures.json", "dark", "exposure"
 _DARKS = 4
@@ -43,11 +43,6 @@ def steps(manifest: dict[str, Any], repeats: int = 1) -> list[Step]:
     found = [Step(name + end, slot, name) for end in ends for name, slot in once.items()]
     darks = max(_DARKS, 0 if exposed_whole(manifest) else manifest["slots"])
     return found + [Step(f"{DARK}_r{n}", None, DARK) for n in range(repeats, darks)]
-
-
-def exposed_whole(manifest: dict[str, Any]) -> bool:
-    """Whether the sensor codes its shutter itself, in one exposure of all slots."""
-    return any(plane["device"]["kind"] == "coded-exposure" for plane in manifest["planes"])
 
 
 def kept_so_far(folder: Path, export: str | Path) -> dict[str, Any]:

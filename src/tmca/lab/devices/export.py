@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -76,7 +76,52 @@ def export_codes(
         SettingError: codes that a device cannot show, or two devices for one plane.
         OutputError: something is in the folder's place.
     """
-    folder = Path(out)
+    sizes, places = {"aperture": code_size, "shutter": sensor_size}, {"aperture": (offset, affine)}
+
+    def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
+        plane = codes.full(device.plane, sizes.get(device.plane) or _shown_size(codes, device)).numpy()
+        return plane, _placed(device, plane.shape[1:], *places.get(device.plane, ((0, 0), None)))
+
+    return _written(codes, devices, shown, Path(out), exposure, overwrite)
+
+
+def export_like(
+    codes: Planes, placed: Mapping[str, tuple[DeviceDescription, Placement]], out: str | Path, slot: float
+) -> Export:
+    """Write other codes for the devices of an export, placed as its own are; what is in the folder's place is replaced.
+
+    Args:
+        codes: planes of the sizes of those placements.
+        placed: device and placement by plane.
+        out: folder, written whole or not at all.
+        slot: seconds.
+
+    Raises:
+        SettingError, OutputError: see ``export_codes``.
+    """
+
+    def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
+        return codes.full(device.plane).numpy(), placed[device.plane][1]
+
+    return _written(codes, [device for device, _ in placed.values()], shown, Path(out), codes.slots * slot, True)
+
+
+_Shown = Callable[[DeviceDescription], tuple[NDArray[np.float32], Placement]]
+"""(K, H, W) what a device shows, and where."""
+
+
+def _placed(
+    device: DeviceDescription, code: tuple[int, ...], offset: tuple[int, int], affine: Affine | None
+) -> Placement:
+    size = (code[0], code[1])
+    placement = Placement.of(device, size, offset)
+    return placement if affine is None else Placement.by(affine, placement.device, size)
+
+
+def _written(
+    codes: Planes, devices: Sequence[DeviceDescription], shown: _Shown, folder: Path, exposure: float, overwrite: bool
+) -> Export:
+    """The folder of an export, whole or not at all."""
     _check_asked(devices, folder, overwrite)
     timing = Timing(codes.slots, exposure)
     for device in devices:
@@ -85,21 +130,14 @@ def export_codes(
     shutil.rmtree(temporary, ignore_errors=True)
     try:
         temporary.mkdir(parents=True)
-        sizes = {"aperture": code_size, "shutter": sensor_size}
-        places = {"aperture": (offset, affine)}
-        planes = [
-            _plane(codes, one, sizes.get(one.plane), places.get(one.plane, ((0, 0), None)), timing, temporary)
-            for one in devices
-        ]
-        manifest = _manifest(codes, timing, planes)
+        manifest = _manifest(codes, timing, [_plane(codes, one, shown, timing, temporary) for one in devices])
         _write_manifest(manifest, temporary)
         if folder.exists():
             shutil.rmtree(folder)
         temporary.rename(folder)
     except OSError as error:
-        raise OutputError(
-            folder, f"no folder can be written ({error.strerror})", "a folder", "choose another"
-        ) from None
+        found = f"no folder can be written ({error.strerror})"
+        raise OutputError(folder, found, "a folder", "choose another") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return Export(folder, manifest)
@@ -117,24 +155,14 @@ def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: 
         raise OutputError(folder, "an export", "a new folder", "choose another, or pass --overwrite")
 
 
-def _plane(
-    codes: Planes,
-    device: DeviceDescription,
-    size: Size | None,
-    where: tuple[tuple[int, int], Affine | None],
-    timing: Timing,
-    folder: Path,
-) -> dict[str, Any]:
+def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, timing: Timing, folder: Path) -> dict[str, Any]:
     """Files of one device, and what the manifest says of them."""
     place = folder / device.plane
     place.mkdir()
     about: dict[str, Any] = {"plane": device.plane, "device": device.model_dump(), **_response(device, place)}
     if device.kind == "deformable-mirror":
         return about | _mirror(codes, device, timing, place, folder)
-    plane = codes.full(device.plane, size or _shown_size(codes, device)).numpy()
-    code, (offset, affine) = (plane.shape[1], plane.shape[2]), where
-    placement = Placement.of(device, code, offset)
-    placement = placement if affine is None else Placement.by(affine, placement.device, code)
+    plane, placement = shown(device)
     frames = placement.shown(_levels(plane, device, codes.source))
     files = [write_frame(place / f"{device.plane}_{k:03d}.png", frame, device.bits) for k, frame in enumerate(frames)]
     return about | {

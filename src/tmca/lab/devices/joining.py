@@ -12,7 +12,7 @@ import torch
 
 from tmca.cameras import Camera, Snapshot
 from tmca.errors import DataError
-from tmca.lab.captured_notes import DRIVER, GAIN, SATURATED
+from tmca.lab.captured_notes import AVERAGED, DRIVER, GAIN, SATURATED, WHITE
 from tmca.lab.codes_date import CODES_DATE
 from tmca.lab.devices.captures import DARK, WHOLE, read_captures, read_tif, steps
 from tmca.lab.devices.descriptions import DeviceDescription
@@ -58,15 +58,19 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     opened = torch.ones(1, *camera.snapshot_shape[1:]) if names == [WHOLE] else _shutter(export, camera)
     frames = frames * opened.to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
-    camera = _with_noise(camera, float(how["gain"]) * _read_noise(place, kept, names[0], opened, camera))
+    repeats = sum(about["of"] == names[0] for about in kept["frames"].values())
+    read = float(how["gain"]) * _read_noise(place, kept, repeats, opened, camera)
+    camera = _with_noise(camera, read, repeats)
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
-    about |= {SATURATED: saturated}
+    whole = names == [WHOLE]
+    about |= {SATURATED: saturated, WHITE: camera.full_scale if whole else camera.white}
+    about |= {AVERAGED: repeats * (1 if whole or camera.exposure == "per-slot" else camera.slots)}
     about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
 
 
-def _read_noise(folder: Path, kept: dict[str, Any], one: str, opened: torch.Tensor, camera: Camera) -> float:
+def _read_noise(folder: Path, kept: dict[str, Any], repeats: int, opened: torch.Tensor, camera: Camera) -> float:
     """Root mean square over the pixels of what reading leaves in a joined snapshot, digital numbers.
 
     n open frames, each the mean of R repeats, less n times the mean of D dark ones: ``σ² (n / R + n² / D)``, over K²
@@ -75,18 +79,19 @@ def _read_noise(folder: Path, kept: dict[str, Any], one: str, opened: torch.Tens
     darks = torch.stack(
         [_frame(folder / f"{name}.tif", camera) for name, a in kept["frames"].items() if a["of"] == DARK]
     )
-    repeats = sum(about["of"] == one for about in kept["frames"].values())
     count = opened.to(darks).sum(0)
     share = (count / repeats + count**2 / len(darks)).mean()
     over = 1 if camera.exposure == "per-slot" else len(opened)
     return float((darks.var(0).mean() * share).sqrt()) / over
 
 
-def _with_noise(camera: Camera, read: float) -> Camera:
-    """The camera, whose sensor reads with this noise in snapshot units."""
+def _with_noise(camera: Camera, read: float, repeats: int) -> Camera:
+    """The camera, whose sensor reads with this noise in snapshot units, and collects the light of all repeats."""
     told = copy(camera)
     told._modules = dict(camera._modules)
     settings: dict[str, Any] = {**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0}
+    if settings["full_well"] is not None:
+        settings["full_well"] *= repeats
     told.sensor = Sensor(**settings)
     return told
 

@@ -92,3 +92,13 @@ def _check_planes(found: dict[str, Any], file: Path) -> None:
     if not slots or slots != stated:
         said = f"{', '.join(map(str, sorted(slots))) or 'no'} slots shown where {found['slots']} are stated"
         raise DataError(file, said, "as many as it states", "export again")
+
+
+def exposed_whole(manifest: dict[str, Any]) -> bool:
+    """Whether the sensor codes its shutter itself, in one exposure of all slots."""
+    return any(plane["device"]["kind"] == "coded-exposure" for plane in manifest["planes"])
+
+
+def frame_time(manifest: dict[str, Any]) -> float:
+    """Seconds that one frame of a capture is exposed: all slots of a coded shutter, or one."""
+    return float(manifest["exposure_s"]) / (1 if exposed_whole(manifest) else int(manifest["slots"]))

@@ -66,7 +66,7 @@ def capture(
     wanted = steps(manifest, repeats)
     for done, step in enumerate(wanted):
         if step.name not in kept["frames"]:
-            frame = _frame(device, step)
+            frame = frame_of(device, step.slot, step.of == WHOLE)
             _check_size(frame, step, folder, camera)
             _check_light(frame, step, saturation, folder)
             keep(frame, step, kept, folder)
@@ -75,10 +75,15 @@ def capture(
     return folder
 
 
-def _frame(device: Device, step: Step) -> NDArray[np.integer]:
+def frame_of(device: Device, slot: int | None, whole: bool) -> NDArray[np.integer]:
+    """(H, W) or (C, H, W) digital numbers of a slot, or of a whole exposure.
+
+    Raises:
+        DeviceError: no answer, or something that is no frame.
+    """
     with answering(device):
-        device.show(step.slot)
-        found: NDArray[Any] = np.asarray(device.capture(whole=step.of == WHOLE))
+        device.show(slot)
+        found: NDArray[Any] = np.asarray(device.capture(whole=whole))
     whole_numbers = np.issubdtype(found.dtype, np.integer)
     if not whole_numbers or found.ndim not in (2, 3) or found.size == 0 or found.min() < 0 or found.max() > 65535:
         said = f"{found.dtype} values of shape {found.shape}"
@@ -99,10 +104,7 @@ def _check_size(frame: NDArray[np.integer], step: Step, folder: Path, camera: Ca
 
 
 def _check_light(frame: NDArray[np.integer], step: Step, saturation: float, folder: Path) -> None:
-    share = float((frame >= saturation).mean())
-    if share > _SATURATED:
-        remedy = "open the aperture of the lens less, or expose shorter"
-        raise DataError(folder / step.name, f"{share:.0%} saturated pixels", f"{_SATURATED:.0%} at most", remedy)
+    check_saturated(frame, saturation, folder / step.name)
     if step.of == DARK:
         return
     dark = read_tif(folder / f"{DARK}.tif").astype(np.float64)
@@ -110,3 +112,11 @@ def _check_light(frame: NDArray[np.integer], step: Step, saturation: float, fold
     if above <= _DARK * float(dark.std()) / np.sqrt(frame.size):
         found = f"a frame {above:.3g} digital numbers above the dark one"
         raise DataError(folder / step.name, found, "light", "check lamp, shutter and lens cap")
+
+
+def check_saturated(frame: NDArray[np.integer], saturation: float, where: Path) -> None:
+    """Raises DataError where more than half of a frame's pixels are saturated."""
+    share = float((frame >= saturation).mean())
+    if share > _SATURATED:
+        remedy = "open the aperture of the lens less, or expose shorter"
+        raise DataError(where, f"{share:.0%} saturated pixels", f"{_SATURATED:.0%} at most", remedy)

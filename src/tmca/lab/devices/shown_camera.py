@@ -25,8 +25,10 @@ def showing(camera: Any, codes: Planes) -> Any:
     if isinstance(camera, CodedCamera):
         own = dict(zip(("aperture", "shutter"), camera.codes(), strict=True))
         shown = {name: codes.planes.get(name, plane) for name, plane in own.items()}
+        if codes.slots != camera.slots:  # one slot after the other, none of them masked
+            shown["shutter"], found.slots = torch.ones_like(own["shutter"][:1]).expand(codes.slots, -1, -1), codes.slots
         for name, plane in shown.items():
-            if plane.shape != own[name].shape:
+            if plane.shape[1:] != own[name].shape[1:]:
                 wanted = f"the camera's {tuple(own[name].shape)}"
                 raise DeviceError("simulated bench", f"{name} of {tuple(plane.shape)}", wanted, "export them for it")
         found.multiplexed, found._fixed = _Shown(shown["aperture"], shown["shutter"]), None
@@ -44,14 +46,14 @@ def _sharing(module: Any) -> Any:
     return found
 
 
-def of_one_slot(camera: Any, slot: int) -> Any:
-    """The camera while one slot is shown, its shutter open.
+def of_one_slot(camera: Any, slot: int, share: int) -> Any:
+    """The camera while one slot, the ``share``-th part of an exposure, is shown, its shutter open.
 
     A slot of an equal exposure lasts the K-th part of it: the sensor collects a K-th of the light, and what it reads is
     K-fold, so that snapshots of all slots, masked, average to that of the exposure, shot and read noise as they are.
     """
     found = _sharing(camera)
-    found.sensor = sub_exposed(camera)
+    found.sensor = sub_exposed(camera, share)
     found.slots, found.exposure = 1, "equal"
     if isinstance(camera, CodedCamera):
         found.multiplexed, found._fixed = _OneSlot(camera.multiplexed, slot), None
@@ -120,9 +122,9 @@ class _OneMap(nn.Module):
         return found
 
 
-def sub_exposed(camera: Any) -> nn.Module:
-    """The camera's sensor in one of the K exposures that emulate a coded one."""
-    return camera.sensor if camera.exposure == "per-slot" else _SubExposure(camera.sensor, camera.slots)
+def sub_exposed(camera: Any, share: int) -> nn.Module:
+    """The camera's sensor in one of the ``share`` exposures that emulate a coded one."""
+    return camera.sensor if camera.exposure == "per-slot" else _SubExposure(camera.sensor, share)
 
 
 class _SubExposure(nn.Module):

@@ -12,8 +12,10 @@ from torch import Tensor
 from tmca.cameras import Camera
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.errors import DeviceError, SettingError
-from tmca.lab.devices.captures import exposed_whole
 from tmca.lab.devices.export import Export
+from tmca.lab.devices.light import Light
+from tmca.lab.devices.lit import lit_scene
+from tmca.lab.devices.manifest import exposed_whole
 from tmca.lab.devices.reading import read_export
 from tmca.lab.devices.shown_camera import of_one_slot, showing, sub_exposed
 
@@ -51,11 +53,12 @@ class SimulatedBench:
             said = f"{bits} bits" + ("" if black is None else f", black at {black}")
             raise SettingError("simulated bench", said, "1 to 16 bits, black below its top")
         self.known, self.hardware, self.seed = camera, hardware or Hardware(), seed
-        self.camera, self.scene = imperfect(camera, self.hardware, seed), tuple(scene)
+        self.camera, self.scene = imperfect(camera, self.hardware, seed, "dark"), tuple(scene)
         self.saturation = float(2**bits - 1)
         self.black = _black(camera, self.saturation) if black is None else black
         self.loaded, self.coded = False, False
         self.shown: int | None = None
+        self.light: Light | None = None
         self.taken, self.first, self.stops_after = taken, taken, stops_after
 
     @property
@@ -65,11 +68,15 @@ class SimulatedBench:
 
     def load(self, export: Export) -> None:
         """See ``Device``; from then on it images what was exported, a mirror's own terms among it."""
-        codes = read_export(export.folder)
-        if codes.slots != self.known.slots:
+        codes, self.coded = read_export(export.folder), exposed_whole(export.manifest)
+        if codes.slots != self.known.slots and ("shutter" in codes.planes or codes.modes):
             raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.known.slots}")
-        self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed)
-        self.loaded, self.coded = True, exposed_whole(export.manifest)
+        self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed, "dark")
+        self.loaded = True
+
+    def illuminate(self, light: Light) -> None:
+        """See ``Lamp``; the scene is away from then on."""
+        self.light = light
 
     def show(self, slot: int | None) -> None:
         """See ``Device``."""
@@ -85,21 +92,34 @@ class SimulatedBench:
         if self.stops_after is not None and done >= self.stops_after:
             raise DeviceError("simulated bench", f"no answer after {done} frames", "a frame", "run it again")
         self.taken += 1
-        camera = self.camera if whole else None if self.shown is None else of_one_slot(self.camera, self.shown)
         with torch.no_grad():
-            light = self._dark() if camera is None else camera(*self.scene, self._noise())
+            light = self._seen(whole)
         numbers = (self.black + light / self.gain).round().clamp(0, self.saturation)[0]
         found = numbers.numpy().astype(np.uint16)
         return found[0] if len(found) == 1 else found
 
+    def _seen(self, whole: bool) -> Tensor:
+        """(1, C, H, W) what the sensor reads, snapshot units."""
+        if self.light is not None and self.light.kind != "white":
+            bright = self.light.reflectance * self.light.exposure if self.light.kind == "even" else 0.0
+            return self._even(bright)
+        if not whole and self.shown is None:
+            return self._even(0)
+        shown = None if whole else self.shown
+        camera = self.camera if shown is None else of_one_slot(self.camera, shown, self.known.slots)
+        scene = self.scene if self.light is None else (lit_scene(self.known, self.light),)
+        found: Tensor = camera(*scene, self._noise())
+        return found
+
     def _noise(self) -> torch.Generator:
         return torch.Generator().manual_seed(1000 * self.seed + self.taken)
 
-    def _dark(self) -> Tensor:
-        nothing = torch.zeros(1, *self.camera.snapshot_shape)
-        sensor = self.camera.sensor if self.coded else sub_exposed(self.camera)
-        exposures = self.camera.exposures if self.coded else 1
-        found: Tensor = sensor(nothing, self.camera.white, self._noise(), exposures)
+    def _even(self, share: float) -> Tensor:
+        """Of the same light on every pixel, a share of white's."""
+        exposures = self.known.exposures if self.coded else 1
+        irradiance = torch.full((1, *self.camera.snapshot_shape), share * self.known.white * exposures)
+        sensor = self.camera.sensor if self.coded else sub_exposed(self.camera, self.known.slots)
+        found: Tensor = sensor(irradiance, self.known.white, self._noise(), exposures)
         return found
 
 

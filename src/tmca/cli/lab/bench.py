@@ -1,0 +1,119 @@
+"""The bench that ``tmca capture`` and ``tmca calibrate capture`` take frames with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.cli.lab.export import named_export
+from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    from tmca.cameras.hardware import Hardware
+
+
+@dataclass(frozen=True)
+class AskedBench:
+    """A bench as it was asked for.
+
+    Args:
+        device: ``simulated``, or the name of a driver.
+        settings: NAME=VALUE of a driver.
+        bits, seed, stops_after, hardware: of the simulated one.
+        scene: before it; none where it is lit by a lamp.
+
+    Raises:
+        SettingError: options of the other kind of bench.
+    """
+
+    device: str
+    settings: list[str]
+    bits: int | None
+    seed: int | None
+    stops_after: int | None
+    hardware: Hardware
+    scene: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.device == "simulated":
+            if self.settings:
+                expected = "none: the simulated bench has options of its own"
+                raise SettingError("--set", self.settings[0], expected)
+            return
+        own = {"scene": self.scene, "bits": self.bits, "seed": self.seed, "stops_after": self.stops_after}
+        for name, value in (own | {"hardware": self.hardware.said() or None}).items():
+            if value is not None:
+                option = f"--{name.replace('_', '-')}"
+                raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
+
+    def bench(self, taken: Any, done: int) -> tuple[Any, float]:
+        """The bench, and the snapshot units of its digital numbers.
+
+        Args:
+            taken: snapshot of the camera.
+            done: frames that it took before.
+        """
+        from tmca.cli.sweep import named_values
+        from tmca.lab.devices import find_device
+        from tmca.lab.devices.protocol import saturation_of
+
+        if self.device != "simulated":
+            given = {name: values[0] for name, values in named_values(self.settings, "--set").items()}
+            bench = find_device(self.device, **given)
+            return bench, float(getattr(bench, "gain", taken.camera.full_scale / saturation_of(bench)))
+        made: dict[str, Any] = {"bits": self._bits, "seed": self.seed or 0, "hardware": self.hardware}
+        made |= {"stops_after": self.stops_after, "taken": done}
+        scene = [] if self.scene is None else _scene(self.scene, taken)
+        bench = find_device("simulated", camera=taken.camera, scene=scene, **made)
+        return bench, bench.gain  # type: ignore[attr-defined]
+
+    @property
+    def _bits(self) -> int:
+        return 16 if self.bits is None else self.bits
+
+    def said(self) -> dict[str, Any]:
+        """What frames depend on, as JSON values."""
+        about: dict[str, Any] = {"driver": self.device, "settings": self.settings}
+        if self.device == "simulated":
+            about |= {"scene": self.scene, "bits": self._bits, "seed": self.seed or 0}
+            about |= {"hardware": self.hardware.said()}
+        return about
+
+
+def known_camera(export: Path, like: Path | None) -> Any:
+    """The snapshot whose camera is known."""
+    from tmca.cameras import Snapshot
+
+    source = Path(like or named_export(export)["source"])
+    if like is None and not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
+        found = f"an export of {source}, which says codes alone"
+        raise SettingError("--like", found, "a snapshot file of its camera", "write one with `tmca simulate`")
+    return Snapshot.load(source)
+
+
+def _is_snapshot(source: Path) -> bool:
+    from tmca.data import read_dataset
+
+    return "snapshot" in read_dataset(source)
+
+
+def _scene(name: str, taken: Any) -> list[Any]:
+    """Tensors of a scene, as a camera takes them."""
+    import numpy as np
+    import torch
+
+    application = taken.camera.application
+    if application == "light-field":
+        from tmca.experiments.light_field.imaging import as_batch
+        from tmca.experiments.light_field.truth import true_light_field
+
+        return [as_batch(true_light_field(name, taken))[:1]]
+    if application == "spectral-depth":
+        from tmca.experiments.spectral_depth.scenes import depth_tensor, true_spectral_depth
+
+        scene = true_spectral_depth(name, taken)
+        return [torch.from_numpy(np.array(scene["radiance"].values, np.float32))[None], depth_tensor(scene)]
+    from tmca.experiments.spectral.imaging import true_scene
+
+    return [torch.from_numpy(np.array(true_scene(name, taken).values, np.float32))[None]]

@@ -1,0 +1,120 @@
+"""``tmca calibrate capture``: frames for the steps of a calibration, taken by a bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from tmca.cli.hardware import HardwareOptions
+from tmca.cli.lab.bench import AskedBench, known_camera
+from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    from tmca.lab.calibrating.shots import Asked
+
+_BENCH = Group("Simulated bench", sort_key=1)
+_HARDWARE = HardwareOptions()
+_APART = 100_000
+"""Frames between two steps of a simulated bench, whose noise is counted by frames."""
+
+
+def capture(
+    step: str,
+    export: Path,
+    /,
+    *,
+    out: Path = Path("bench"),
+    device: str = "simulated",
+    like: Path | None = None,
+    wavelength: str | None = None,
+    frames: Whole = 16,
+    pattern: Whole = 3,
+    count: Whole = 2,
+    reflectance: float = 0.5,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    bits: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
+    seed: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
+    stops_after: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
+    hardware: HardwareOptions = _HARDWARE,
+) -> None:
+    """Take the frames of STEP on the bench that EXPORT is to be captured on, and say how to measure them.
+
+    STEP is dark, flat, white, linearity, registration, timing, dispersion or shear, or all, where the bench sets its
+    light itself. Patterns lie on the devices as the codes of EXPORT do. A step that was stopped goes on.
+
+    Args:
+        step: dark, flat, white, linearity, registration, timing, dispersion, shear, or all.
+        export: folder of `tmca export`.
+        out: folder of all steps; one folder each, and the patterns that were shown.
+        device: simulated, or the name of a driver (entry points tmca.devices).
+        like: snapshot file whose camera this is; that of the export where it was made from a snapshot.
+        wavelength: NM or NM,NM,… of the light; a simulated spectral camera's bands without.
+        frames: of dark, flat and white.
+        pattern: that dispersion and shear show, counted from 0.
+        count: of coded patterns.
+        reflectance: of the white reference.
+        set_: NAME=VALUE settings of a driver.
+        bits: of the simulated bench's digital numbers, 16 without.
+        seed: of its noise and faults, 0 without.
+        stops_after: frames after which it does not answer any more.
+    """
+    from tmca.lab.calibrating.shots import Asked, steps_of
+    from tmca.lab.devices.manifest import read_manifest
+
+    taken = known_camera(export, like)
+    asked = AskedBench(device, set_ or [], bits, seed, stops_after, hardware.faults())
+    waves = _wavelengths(wavelength, taken.camera, device)
+    wanted = Asked(frames, waves, pattern, count, reflectance)
+    known = steps_of(taken.camera, read_manifest(export))
+    for one in known if step == "all" else (step,):
+        first = _APART * (1 + known.index(one)) if one in known else 0
+        bench, _ = asked.bench(taken, first)
+        _captured(one, export, bench, out, taken.camera, wanted, asked.said())
+        print(_next(one, out, wanted))
+
+
+def _wavelengths(text: str | None, camera: Any, device: str) -> tuple[float, ...]:
+    """Metres; of a simulated bench without a choice every band, the middle one first."""
+    from tmca.data import nm_to_metres
+
+    if text is None:
+        bands = list(getattr(camera, "wavelengths", ())) if device == "simulated" else []
+        return tuple(sorted(bands, key=lambda one: abs(one - sorted(bands)[len(bands) // 2])))
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = [0.0]
+    if not all(100 <= one <= 20000 for one in found):
+        raise SettingError("--wavelength", repr(text), "nanometres of light, 100 to 20000, NM or NM,NM")
+    return tuple(float(nm_to_metres(one)) for one in found)
+
+
+def _captured(step: str, export: Path, bench: Any, out: Path, camera: Any, asked: Asked, about: dict[str, Any]) -> None:
+    from tmca.cli.progress import progress_bar
+    from tmca.lab.calibrating.session import capture_step
+
+    with progress_bar(f"capture: {step}") as told:
+        capture_step(
+            step, export, bench, out, camera, asked, bench=about,
+            progress=lambda done, total, name: told(done / total, name),
+        )  # fmt: skip
+
+
+def _next(step: str, out: Path, asked: Asked) -> str:
+    """The command that measures what was taken."""
+    from tmca.data import metres_to_nm
+
+    shown, place = f"--patterns {out / 'patterns'}", out / step
+    if step == "white":
+        return f"{place}: for tmca calibrate flat {out / 'flat'} --white {place} --reflectance {asked.reflectance:g}"
+    wave = f" --wavelength {metres_to_nm(asked.wavelengths[0]):g}" if asked.wavelengths else ""
+    own = {
+        "flat": f" --white {out / 'white'} --reflectance {asked.reflectance:g}",
+        "registration": f" {shown}{wave}",
+        "dispersion": f" {shown} --pattern {asked.pattern}",
+        "shear": f" {shown} --pattern {asked.pattern}",
+    }.get(step, "")
+    return f"{place}: measure it with tmca calibrate {step} {place}{own} --onto NAME"

@@ -1,0 +1,1 @@
+"""Frames that the steps of a calibration need, taken by a bench."""

@@ -1,0 +1,96 @@
+"""Frames for a step of a calibration, taken by a bench and kept as soon as they are there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from tmca.cameras import Camera
+from tmca.errors import DataError, SettingError
+from tmca.lab.calibrating.shots import Asked, Shot, lights_of, shots_of
+from tmca.lab.calibrating.shown import ShownCodes
+from tmca.lab.devices.captures import going_on, keep, kept_so_far
+from tmca.lab.devices.joining import check_camera
+from tmca.lab.devices.light import Lamp
+from tmca.lab.devices.protocol import Device, answering, saturation_of
+from tmca.lab.devices.reading import check_export
+from tmca.lab.devices.session import check_saturated, frame_of
+
+Progress = Callable[[int, int, str], None]
+
+
+def capture_step(
+    step: str,
+    export: str | Path,
+    device: Device,
+    out: str | Path,
+    camera: Camera,
+    asked: Asked | None = None,
+    *,
+    bench: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Capture the frames of a step into ``OUT/STEP``, 16-bit TIFF named as `tmca calibrate` reads them.
+
+    What is there already stays. The codes that are shown lie on the devices as those of the export do, so that a
+    registration holds for them; ``OUT/patterns`` keeps the patterns as pictures.
+
+    Args:
+        step: of ``steps_of``.
+        export: folder of `tmca export` with the codes that are to be captured afterwards.
+        device: the bench; one that is a ``Lamp`` is told the light of every frame.
+        out: folder of all steps.
+        camera: whose codes were exported.
+        asked: how many frames and which light.
+        bench: what frames depend on beside the export, as JSON values; kept with them.
+        progress: told (frames done, all, name).
+
+    Returns:
+        The folder of the step.
+
+    Raises:
+        SettingError: a step that this camera does not have, or several lights before a bench that sets none.
+        DeviceError: the bench does not answer; frames so far are kept.
+        DataError: another camera's export, or saturated frames of a step that may have none.
+        OutputError: the folder holds something else, or frames of another bench.
+    """
+    how = asked or Asked()
+    manifest = check_export(export)
+    check_camera(export, camera)
+    shots = shots_of(step, camera, manifest, how)
+    lights = lights_of(shots)
+    if len(lights) > 1 and not isinstance(device, Lamp):
+        remedy = "take them one after the other (--wavelength), or give the driver illuminate(light)"
+        raise SettingError(f"frames of {step}", f"{len(lights)} lights", "one, where the bench sets none", remedy)
+    shown, folder = ShownCodes(export, Path(out), how), Path(out) / step
+    about = {"saturation": saturation_of(device), "gain": 1.0, "reflectance": how.reflectance, **(bench or {})}
+    kept = going_on(kept_so_far(folder, export), about, folder)
+    loaded = ""
+    for done, shot in enumerate(shots):
+        if shot.name not in kept["frames"]:
+            loaded = _loaded(device, shot, shown, loaded)
+            keep(_frame(device, shot, folder, step), shot.step, kept, folder)
+        if progress:
+            progress(done + 1, len(shots), shot.name)
+    return folder
+
+
+def _loaded(device: Device, shot: Shot, shown: ShownCodes, loaded: str) -> str:
+    """Codes and light as a frame wants them."""
+    with answering(device):
+        if shot.shown != loaded:
+            device.load(shown.export(shot.shown))
+        if isinstance(device, Lamp):
+            device.illuminate(shot.light)
+    return shot.shown
+
+
+def _frame(device: Device, shot: Shot, folder: Path, step: str) -> Any:
+    frame = frame_of(device, shot.slot, shot.whole)
+    if frame.ndim != 2:
+        found = "×".join(map(str, frame.shape))
+        raise DataError(folder / shot.name, f"a frame of {found}", "grey frames (H, W)", "read the bare sensor")
+    if step != "linearity":
+        check_saturated(frame, saturation_of(device), folder / shot.name)
+    return frame
