@@ -177,3 +177,65 @@ def test_impossible_benches_are_refused(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert "24 pixels or more" in refused(capsys, "calibrate", "render", "b", "--size", "20x40")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def exported(tmp_path, monkeypatch, capsys):
+    """Codes of a spectral camera on a DMD and a coded shutter."""
+    monkeypatch.chdir(tmp_path)
+    camera = ("--slots", "2", "--shutter", "one-hot", "--read-noise", "0.001", "--out", "sim.nc", "--no-figures")
+    said(capsys, "simulate", "spectral", "coffee", "--crop", "32x37", *camera)
+    devices = ("--device", "dli4120", "--device", "coded-exposure", "--macro-pixel", "4", "--mounting-angle", "45")
+    said(capsys, "export", "sim.nc", *devices, "--out", "shown")
+
+
+FAULTS = ("--hardware", "misregistration=0.6:-0.8,rotation=0.4,delay=0.2", "--seed", "4")
+
+
+@pytest.mark.usefixtures("exported")
+def test_a_bench_with_faults_is_calibrated_by_its_own_frames(capsys):
+    told = said(capsys, "calibrate", "capture", "all", "shown", "--out", "bench", "--frames", "4", *FAULTS)
+    assert "linearity: left out" in told
+    commands = [line.split("measure it with tmca ")[1] for line in told.splitlines() if "measure it with" in line]
+    said(capsys, "calibrate", "all", "bench", "--curve", "measured", "--out", "whole", "--no-figures")
+    for number, command in enumerate(commands):
+        own = command.replace("--onto NAME", "--out steps" if number == 0 else "--onto steps").split()
+        said(capsys, *own, "--no-figures", *(("--curve", "measured") if "dispersion" in own else ()))
+    whole, steps = (load_calibration(name) for name in ("whole", "steps"))
+    np.testing.assert_array_equal(whole.part("registration").matrix, steps.part("registration").matrix)
+    np.testing.assert_array_equal(whole.part("dispersion").shifts, steps.part("dispersion").shifts)
+    assert abs(whole.part("timing").delay) == pytest.approx(0.2, abs=1e-3)  # of two slots late and early are alike
+    said(capsys, "capture", "shown", "--scene", "coffee", "--out", "frames", *FAULTS)
+    truth = ("--truth", "coffee", "--no-figures", "--json")
+    found = [
+        json.loads(said(capsys, "reconstruct", "frames.nc", *truth, "--out", f"{n}.nc", *more))["metrics"]["psnr"]
+        for n, more in enumerate([(), ("--calibration", "whole")])
+    ]
+    assert found[1] > found[0] + 8
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("timing", "--device", "laser"), "simulated"),
+        (("psf",), "dark, flat, white, linearity, registration, timing, dispersion"),
+        (("dispersion", "--wavelength", "501"), "a band of the camera"),
+        (("registration", "--wavelength", "green"), "nanometres"),
+        (("dark", "--frames", "1"), "2 or more"),
+        (("white", "--reflectance", "2"), "share of white"),
+        (("dark", "--set", "port=3"), "options of its own"),
+        (("registration", "--count", "0"), "0 to 1"),
+    ],
+)
+@pytest.mark.usefixtures("exported")
+def test_bad_frames_of_a_bench_are_refused(capsys, arguments, expected):
+    step, *more = arguments
+    assert expected in refused(capsys, "calibrate", "capture", step, "shown", "--out", "bench", *more, lines=None)
+
+
+@pytest.mark.usefixtures("exported")
+def test_a_bench_that_stops_while_it_is_calibrated_goes_on(capsys):
+    taken = ("calibrate", "capture", "timing", "shown", "--out", "bench")
+    assert "no answer after 3 frames" in refused(capsys, *taken, "--stops-after", "3", lines=None)
+    assert "measure it with" in said(capsys, *taken)
+    assert "seed 0" in refused(capsys, *taken, "--seed", "1", lines=None)

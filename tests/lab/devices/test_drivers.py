@@ -6,7 +6,6 @@ import torch
 
 from tests.lab.devices.test_capture import exported
 from tests.lab.devices.test_export import spectral
-from tmca.cameras import Snapshot
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
@@ -176,5 +175,3 @@ def test_a_capture_by_a_driver_gets_the_flat_field_and_the_white_of_its_calibrat
     found = calibrated_snapshot(taken, known)
     wanted = taken.values / 0.01 / torch.from_numpy(vignette).float() * camera.full_scale / 500
     torch.testing.assert_close(found.values, wanted * (camera.codes()[1].amax(0) > 0), rtol=1e-5, atol=1e-5)
-    simulated = Snapshot(taken.values, camera, {**taken.notes, "driver": "simulated"})
-    torch.testing.assert_close(calibrated_snapshot(simulated, known).values, taken.values)

@@ -26,6 +26,9 @@ for name, (place, text) in {
 app.command(
     "tmca.cli.lab.calibrate_capture:capture", name="capture", help="Frames for a step, taken by a device or simulated."
 )
+app.command(
+    "tmca.cli.lab.calibrate_capture:measure_all", name="all", help="Every step whose frames are in a folder, in order."
+)
 
 Flag = Annotated[bool, Parameter(negative="")]
 

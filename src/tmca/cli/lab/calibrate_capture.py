@@ -1,14 +1,15 @@
-"""``tmca calibrate capture``: frames for the steps of a calibration, taken by a bench."""
+"""``tmca calibrate capture|all``: frames for the steps of a calibration, taken by a bench; all steps measured."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
 from tmca.cli.hardware import HardwareOptions
 from tmca.cli.lab.bench import AskedBench, known_camera
+from tmca.cli.lab.calibrate_words import CalibrationOptions, finished, started
 from tmca.cli.numbers import MaybeWhole, Whole
 from tmca.errors import SettingError
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from tmca.lab.calibrating.shots import Asked
 
 _BENCH = Group("Simulated bench", sort_key=1)
-_HARDWARE = HardwareOptions()
+_HARDWARE, _USUAL = HardwareOptions(), CalibrationOptions()
 _APART = 100_000
 """Frames between two steps of a simulated bench, whose noise is counted by frames."""
 
@@ -69,11 +70,50 @@ def capture(
     waves = _wavelengths(wavelength, taken.camera, device)
     wanted = Asked(frames, waves, pattern, count, reflectance)
     known = steps_of(taken.camera, read_manifest(export))
-    for one in known if step == "all" else (step,):
+    for one in _all(known, device, taken.camera) if step == "all" else (step,):
         first = _APART * (1 + known.index(one)) if one in known else 0
         bench, _ = asked.bench(taken, first)
         _captured(one, export, bench, out, taken.camera, wanted, asked.said())
         print(_next(one, out, wanted))
+
+
+def _all(known: tuple[str, ...], device: str, camera: Any) -> list[str]:
+    """All steps; a simulated sensor without shot noise has no electrons to count."""
+    silent = device == "simulated" and camera.sensor.full_well is None
+    if silent:
+        print("linearity: left out, the simulated sensor has no shot noise (tmca simulate … --full-well)")
+    return [one for one in known if not (silent and one == "linearity")]
+
+
+def measure_all(
+    folder: Path,
+    /,
+    *,
+    wavelength: float | None = None,
+    reflectance: float | None = None,
+    power: Path | None = None,
+    curve: Literal["cauchy", "polynomial", "measured"] = "cauchy",
+    scale: float = 1.0,
+    how: CalibrationOptions = _USUAL,
+) -> None:
+    """Measure every step whose frames are in FOLDER, in their order: what capture and render write.
+
+    Args:
+        folder: with the folders dark, flat, white, linearity, registration, timing, dispersion, shear, patterns.
+        wavelength: of the registration, nm; what capture took says it.
+        reflectance: of the white reference; what capture took says it, else 1.
+        power: text file of the source: wavelength in nm, power; FOLDER/source.csv where it is there.
+        curve: of the dispersion: powers of 1/λ² (cauchy) or of λ (polynomial), or none (measured).
+        scale: sensor pixels per mask pixel, to 6 %.
+    """
+    from tmca.data import nm_to_metres
+    from tmca.lab.calibrating.measuring import Known, measured_steps
+
+    waves = _parsed(f"{wavelength:g}") if wavelength is not None else ()
+    metres = float(nm_to_metres(waves[0])) if waves else None
+    known = Known(metres, reflectance, power, curve, scale, how.saturation)
+    for step, found in measured_steps(folder, started(how), known):
+        finished(found, step, how)
 
 
 def _wavelengths(text: str | None, camera: Any, device: str) -> tuple[float, ...]:
@@ -83,13 +123,18 @@ def _wavelengths(text: str | None, camera: Any, device: str) -> tuple[float, ...
     if text is None:
         bands = list(getattr(camera, "wavelengths", ())) if device == "simulated" else []
         return tuple(sorted(bands, key=lambda one: abs(one - sorted(bands)[len(bands) // 2])))
+    return tuple(float(nm_to_metres(one)) for one in _parsed(text))
+
+
+def _parsed(text: str) -> list[float]:
+    """Nanometres of NM,NM,…"""
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
         found = [0.0]
     if not all(100 <= one <= 20000 for one in found):
         raise SettingError("--wavelength", repr(text), "nanometres of light, 100 to 20000, NM or NM,NM")
-    return tuple(float(nm_to_metres(one)) for one in found)
+    return found
 
 
 def _captured(step: str, export: Path, bench: Any, out: Path, camera: Any, asked: Asked, about: dict[str, Any]) -> None:

@@ -18,6 +18,10 @@ _OUTPUT = Group("Calibration", sort_key=3)
 GUIDE = """A calibration is measured step by step; each writes a new dated file and builds on the one named by --onto.
 NAME stands for your camera; --onto NAME takes the newest file NAME_….nc.
 
+  a spectral or light-field camera on a bench with a driver (docs/devices.md), or on the simulated one
+       tmca calibrate capture all patterns --out bench               frames of every step; patterns: tmca export
+       tmca calibrate all bench --out NAME                           every step below
+
   every camera
     0  tmca calibrate patterns shown --device 64x80                  what to show on the mask
     1  tmca calibrate dark dark --out NAME                           lens covered, 16 frames

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Camera
+from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibrating.shots import Asked, Shot, lights_of, shots_of
 from tmca.lab.calibrating.shown import ShownCodes
@@ -64,7 +65,7 @@ def capture_step(
         remedy = "take them one after the other (--wavelength), or give the driver illuminate(light)"
         raise SettingError(f"frames of {step}", f"{len(lights)} lights", "one, where the bench sets none", remedy)
     shown, folder = ShownCodes(export, Path(out), how), Path(out) / step
-    about = {"saturation": saturation_of(device), "gain": 1.0, "reflectance": how.reflectance, **(bench or {})}
+    about = {"saturation": saturation_of(device), "gain": 1.0, **(bench or {}), **told(step, how)}
     kept = going_on(kept_so_far(folder, export), about, folder)
     loaded = ""
     for done, shot in enumerate(shots):
@@ -74,6 +75,15 @@ def capture_step(
         if progress:
             progress(done + 1, len(shots), shot.name)
     return folder
+
+
+def told(step: str, asked: Asked) -> dict[str, Any]:
+    """What measuring a step has to know of its frames."""
+    if step == "white":
+        return {"reflectance": asked.reflectance}
+    if step == "registration" and asked.wavelengths:
+        return {"wavelength_nm": round(float(metres_to_nm(asked.wavelengths[0])), 6)}
+    return {"pattern": asked.pattern} if step in ("dispersion", "shear") else {}
 
 
 def _loaded(device: Device, shot: Shot, shown: ShownCodes, loaded: str) -> str:

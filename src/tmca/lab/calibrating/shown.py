@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from tmca.data import make_folder
 from tmca.errors import DataError, OutputError
 from tmca.lab.calibrating.shots import OPEN, PATTERNS, Asked, pair_name
 from tmca.lab.calibration.patterns import calibration_patterns, write_patterns
@@ -63,6 +64,7 @@ class ShownCodes:
         own = calibration_patterns(self.size, self.asked.count)
         place = self.folder / "patterns"
         if not place.exists():
+            make_folder(self.folder)
             write_patterns(place, self.size, self.asked.count)
         kept = read_patterns(place)
         if kept.shape != own.shape or not np.array_equal(kept, own):

@@ -123,6 +123,8 @@ def _line(x: Array, y: Array, weight: Array) -> tuple[float, float]:
 
 def _transfer(levels: Array, variances: Array, frames: int, source: object) -> tuple[float, float, float]:
     """Electrons per digital number, its standard deviation, and electrons of read noise."""
+    if not (variances > 0).all():
+        raise DataError(source, "frames that repeat without any noise", "shot noise", "is it a raw capture?")
     weight = 1 / variances
     terms = np.column_stack([levels, np.ones_like(levels)]) * weight[:, None]
     (slope, floor), *_ = np.linalg.lstsq(terms, variances * weight, rcond=None)
