@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,7 +50,7 @@ def foretold_figure(cells: Sequence[Measured], camera: SpectralDepthCamera) -> F
     """Fisher information about inverse depth, and the distance of every plane from its nearest rival."""
     from matplotlib.figure import Figure
 
-    figure, metres = Figure(figsize=(10, 3.6), layout="constrained"), camera.planes.metres.numpy()
+    figure, metres = Figure(figsize=(10, 4.1), layout="constrained"), camera.planes.metres.numpy()
     axes = figure.subplots(1, 2)
     for index, cell in enumerate(cells):
         for style, part in (("-", "optimised"), (":", "random")):
@@ -59,7 +60,7 @@ def foretold_figure(cells: Sequence[Measured], camera: SpectralDepthCamera) -> F
                 axis.semilogy(metres, values, style, marker="o", markersize=3, color=f"C{index}", label=label)
     plain_axes(axes[0], "Fisher information (dotted: random masks)", "depth (m)", "information (m²)")
     plain_axes(axes[1], "Kullback–Leibler distance from the nearest rival", "depth (m)", "nats")
-    axes[1].legend(fontsize=7)
+    figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
     return figure
 
 
@@ -78,7 +79,7 @@ def scene_figure(cells: Sequence[Measured], name: str, scene: xr.Dataset, camera
     for row, code in zip(axes[1:], codes, strict=True):
         own = {cell["decoder"]: _kept(cell, name) for cell in cells if cell["code"] == code}
         for decoder, parts in own.items():
-            _pair(row, 2 * decoders.index(decoder), parts, f"{code}\n{DECODER_NAMES[decoder]}", **look)
+            _pair(row, 2 * decoders.index(decoder), parts, f"{_wrapped(code)}\n{DECODER_NAMES[decoder]}", **look)
         row[-1].set_axis_on()
         none = (np.full_like(real, np.nan), None)
         cubes = {DECODER_NAMES[decoder]: own.get(decoder, none)[0] for decoder in decoders}
@@ -86,6 +87,11 @@ def scene_figure(cells: Sequence[Measured], name: str, scene: xr.Dataset, camera
         row[-1].get_legend().remove()
     axes[0, -1].legend(*axes[-1, -1].get_legend_handles_labels(), loc="center", fontsize=8)
     return figure
+
+
+def _wrapped(code: str) -> str:
+    """A long name over two lines, which fit over a picture."""
+    return textwrap.fill(code, 36)
 
 
 def _kept(cell: Measured, name: str) -> tuple[np.ndarray, np.ndarray]:
