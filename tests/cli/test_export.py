@@ -63,7 +63,7 @@ def test_what_cannot_be_is_one_line(capsys, arguments, words):
     ("options", "words"),
     [
         ([], "--scene"), (["--scene", "coffee", "--set", "a=1"], "simulated bench"),
-        (["--device", "laser"], "simulated"),
+        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "as long as it takes"),
         (["--scene", "coffee", "--snapshot", "sim.nc"], "--overwrite"), (["--scene", "coffee", "--bits", "40"], "bits"),
     ],
 )  # fmt: skip

@@ -32,6 +32,7 @@ def capture(
     like: Path | None = None,
     repeat: Whole = 1,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    timeout: float | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     scene: Annotated[str | None, Parameter(group=_BENCH)] = None,
     bits: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
@@ -53,6 +54,8 @@ def capture(
         like: snapshot file whose camera this is; that of the export where it was made from a snapshot.
         repeat: frames of each kind, which are averaged; more of them later add to those that are there.
         set_: NAME=VALUE settings of a driver.
+        timeout: seconds that a driver has for each answer, 0 for no limit; 30 s or three exposures without, whichever
+            is longer.
         overwrite: replace the snapshot file.
         scene: before the simulated bench: a file, or the name of a rendered scene.
         bits: of its digital numbers, 16 without.
@@ -72,13 +75,14 @@ def capture(
         raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
     faults = hardware.faults()
     asked = {"scene": scene, "bits": bits, "seed": seed, "hardware": faults.said() or None, "stops_after": stops_after}
-    _check_asked(device, asked, set_ or [])
+    _check_asked(device, asked, set_ or [], timeout)
     made: dict[str, Any] = {"bits": 16 if bits is None else bits, "seed": seed or 0, "hardware": faults}
     made |= {"stops_after": stops_after, "taken": len(kept_so_far(out, export)["frames"])}
     bench, gain = _bench(device, taken, scene, set_ or [], made)
     simulated = {"scene": scene, "bits": made["bits"], "seed": made["seed"], "hardware": faults.said()}
     about = {"driver": device, "settings": set_ or []} | (simulated if device == "simulated" else {})
-    _captured(export, bench, out, {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": about})
+    how = {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": about, "timeout": timeout}
+    _captured(export, bench, out, how)
     found = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
     found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.said()} if faults.faults() else {})
@@ -86,9 +90,11 @@ def capture(
     _say(target, out, found, json)
 
 
-def _check_asked(device: str, asked: dict[str, Any], settings: list[str]) -> None:
-    """Raises SettingError for a scene or faults before a driver, or settings of the simulated bench's."""
+def _check_asked(device: str, asked: dict[str, Any], settings: list[str], timeout: float | None) -> None:
+    """Raises SettingError for a scene or faults before a driver, or a driver's options before the simulated bench."""
     if device == "simulated":
+        if timeout is not None:
+            raise SettingError("--timeout", f"{timeout:g}", "none: the simulated bench computes as long as it takes")
         if settings:
             raise SettingError("--set", settings[0], "none: the simulated bench has options of its own")
         if asked["scene"] is None:

@@ -81,14 +81,14 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
 
 
 def _check_planes(found: dict[str, Any], file: Path) -> None:
-    """Raises DataError for a manifest that was altered: no planes, or files of other slots than it states."""
+    """Raises DataError for a manifest that was altered: without planes or exposure, or with files of other slots."""
     try:
         slots = {len({shown["slot"] for shown in plane["frames"]}) for plane in found["planes"]}
         stated = {int(found["slots"])}
+        float(found["exposure_s"])
     except (KeyError, TypeError, ValueError):
-        raise DataError(
-            file, "no slots, or planes without frames", "the manifest of an export", "export again"
-        ) from None
+        said = "no slots, no exposure time, or planes without frames"
+        raise DataError(file, said, "the manifest of an export", "export again") from None
     if not slots or slots != stated:
         said = f"{', '.join(map(str, sorted(slots))) or 'no'} slots shown where {found['slots']} are stated"
         raise DataError(file, said, "as many as it states", "export again")
