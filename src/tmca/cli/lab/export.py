@@ -56,6 +56,7 @@ def export(
         figures: write overview.png.
     """
     from tmca.lab.devices import export_codes, read_planes
+    from tmca.lab.devices.manifest import seal
 
     own: dict[str, Any] = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
     own |= {"lut": None if lut is None else str(lut.absolute())}
@@ -65,17 +66,18 @@ def export(
     if calibration is not None:
         _refuse_beside(own, offset)
         affine = _registered(source, calibration, devices)
-    found = export_codes(
+    export_codes(
         read_planes(source), devices, out, exposure=exposure, affine=affine,
         code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
     )  # fmt: skip
+    manifest = seal(out)
     if figures:
         from tmca.experiments.figures import save_figure
         from tmca.lab.devices.figures import export_figure
 
-        save_figure(export_figure(found.manifest, out), out / "overview.png", overwrite=True)
-    _say(found.manifest, out, json)
+        save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
+    _say(manifest, out, json)
 
 
 def _refuse_beside(own: dict[str, Any], offset: str | None) -> None:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Any
 
+from tmca.data import plain, write_json
 from tmca.errors import DataError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 
 NAME, FORMAT = "manifest.json", "tmca export 1"
+DIGEST = "manifest_sha256"
+"""Of the manifest's own content; exports of before have none."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +64,31 @@ def shown_files(files: Sequence[Path], folder: Path, timing: Timing, trigger: di
     ]
 
 
+def content_digest(manifest: Mapping[str, Any]) -> str:
+    """SHA-256 of what a manifest says but for its own digest, whatever the order and the white space of its JSON."""
+    said = plain({name: value for name, value in manifest.items() if name != DIGEST})
+    text = json.dumps(said, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def seal(folder: str | Path) -> dict[str, Any]:
+    """Add its own digest to the manifest of an export, and return it.
+
+    Raises:
+        DataError: what ``read_manifest`` raises.
+        OutputError: it cannot be written.
+    """
+    found = read_manifest(folder)
+    found[DIGEST] = content_digest(found)
+    write_json(found, Path(folder) / NAME, overwrite=True)
+    return found
+
+
 def read_manifest(folder: str | Path) -> dict[str, Any]:
     """The manifest of an export.
 
     Raises:
-        DataError: no export, or one of another version.
+        DataError: no export, one of another version, or a manifest that was changed.
     """
     file = Path(folder) / NAME
     try:
@@ -76,6 +99,8 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
+    if DIGEST in found and found[DIGEST] != content_digest(found):
+        raise DataError(file, "a manifest that was changed after the export", f"that of its {DIGEST}", "export again")
     _check_planes(found, file)
     return found
 
