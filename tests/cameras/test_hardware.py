@@ -58,16 +58,35 @@ def test_a_coloured_aperture_has_no_codes_to_be_at_fault():
         imperfect(camera, Hardware(leakage=0.1))
 
 
-@pytest.mark.parametrize("build", [spectral, light_field, spectral_depth])
-@pytest.mark.parametrize("fault", [{"delay": 0.4, "hot_pixels": 0.1}, {"height_error": 0.2}, {"shear_error": 0.1}])
+LATE = {"delay": 0.4, "hot_pixels": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("build", "fault"),
+    [
+        (spectral, LATE), (light_field, LATE), (spectral_depth, LATE), (light_field, {"shear_error": 0.1}),
+        (spectral_depth, {"height_error": 0.2}),
+    ],
+)  # fmt: skip
 def test_the_camera_itself_stays_as_it_is(build, fault):
     camera = build()
     before = taken(camera)
-    try:
-        changed = taken(imperfect(camera, Hardware.of(fault)))
-    except SettingError:
-        return
-    assert not torch.equal(changed, before)
+    assert not torch.equal(taken(imperfect(camera, Hardware.of(fault))), before)
+    assert torch.equal(taken(camera), before)
+
+
+@pytest.mark.parametrize(
+    ("build", "fault"),
+    [
+        (spectral, "height_error"), (spectral, "shear_error"), (light_field, "height_error"),
+        (spectral_depth, "shear_error"),
+    ],
+)  # fmt: skip
+def test_a_fault_that_a_camera_cannot_have_is_refused_and_leaves_it_as_it_is(build, fault):
+    camera = build()
+    before = taken(camera)
+    with pytest.raises(SettingError, match=f"{fault}: found 0.2, expected none in a {camera.application} camera"):
+        imperfect(camera, Hardware.of({fault: 0.2}))
     assert torch.equal(taken(camera), before)
 
 

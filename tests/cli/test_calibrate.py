@@ -158,7 +158,14 @@ def test_views_and_points_are_measured_too(capsys, tmp_path, monkeypatch):
         step(capsys, "dark", f"{camera}/dark", "--out", camera, "--no-figures")
     on = ("--onto", "light-field", "--no-figures")
     shown = ("--patterns", "light-field/patterns")
-    step(capsys, "registration", "light-field/registration", *shown, *on)
+    registration = ("calibrate", "registration", "light-field/registration", *shown, *on)
+    main([*registration, "--json"])
+    without = capsys.readouterr()
+    assert json.loads(without.out)["step"] == "registration"
+    assert without.err.startswith("tmca: behind a disperser a registration needs --wavelength")
+    assert without.err.count("\n") == 1
+    main([*registration, "--wavelength", "550"])
+    assert "--wavelength" not in capsys.readouterr().err
     truth = json.loads((tmp_path / "light-field" / "truth.json").read_text())
     shear = step(capsys, "shear", "light-field/shear", *shown, *on)
     assert [shear["y_pixels_per_view"], shear["x_pixels_per_view"]] == pytest.approx(truth["step"], abs=0.02)

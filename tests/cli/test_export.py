@@ -63,7 +63,7 @@ def test_what_cannot_be_is_one_line(capsys, arguments, words):
     ("options", "words"),
     [
         ([], "--scene"), (["--scene", "coffee", "--set", "a=1"], "simulated bench"),
-        (["--device", "laser"], "simulated"),
+        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "as long as it takes"),
         (["--scene", "coffee", "--snapshot", "sim.nc"], "--overwrite"), (["--scene", "coffee", "--bits", "40"], "bits"),
     ],
 )  # fmt: skip
@@ -80,6 +80,17 @@ def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
     write_codes("codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
     main(["export", "codes.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
     assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")
+
+
+def test_a_manifest_that_was_edited_is_one_line(capsys, tmp_path):
+    main([*EXPORT, "--out", "ex"])
+    text = (tmp_path / "ex" / "manifest.json").read_text()
+    edited = text.replace('"exposure_s": 0.1', '"exposure_s": 0.3')
+    assert edited != text
+    (tmp_path / "ex" / "manifest.json").write_text(edited)
+    for arguments in (["export", "check", "ex"], ["capture", "ex", "--scene", "coffee"]):
+        assert "manifest.json: found a manifest that was changed" in refused(capsys, *arguments)
+    assert not (tmp_path / "captures").exists()
 
 
 def test_frames_of_two_scenes_are_never_mixed(capsys, tmp_path):

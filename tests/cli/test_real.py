@@ -9,6 +9,7 @@ import yaml
 
 from tests.cli.refusals import refused
 from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
+from tmca.cameras import Snapshot
 from tmca.cli import main
 from tmca.lab.real_captures import Registration, registered
 
@@ -53,6 +54,23 @@ def test_a_capture_is_imported_and_reconstructed(capsys, folder, bench):
     assert about["bands"] == 4
     assert "snapshot" in said(capsys, "inspect", "s.nc")
     assert "dagger" in said(capsys, "reconstruct", "s.nc", "-d", "dagger", "--no-figures", "--out", "e.nc")
+
+
+def test_saturated_pixels_are_told_and_withheld_if_asked(capsys, folder, bench, tmp_path):
+    described = {**DESCRIBED, "saturation": 0.8}
+    (tmp_path / "bright.yaml").write_text(yaml.safe_dump(described))
+    how = ("import", folder / "capture.mat", "--prototype", "bright.yaml", "--mask", folder / "mask.mat")
+    kept, gone = said(capsys, *how, "--out", "kept.nc"), said(capsys, *how, "--out", "gone.nc", "--withhold-saturated")
+    assert "of the pixels are saturated, and kept; --withhold-saturated takes them out" in kept
+    assert "of the pixels are saturated, and withheld" in gone
+    withheld = Snapshot.load("gone.nc")
+    share = float((withheld.camera.codes()[1] == 0).float().mean())
+    assert 0 < share < 0.5
+    assert withheld.notes["saturated_share"] == pytest.approx(share)
+    assert "dagger" in said(capsys, "reconstruct", "gone.nc", "-d", "dagger", "--no-figures", "--out", "e.nc")
+    plain = refused(capsys, "import", folder / "capture.mat", *bench, "--withhold-saturated", "--out", "no.nc")
+    assert "--withhold-saturated: found no saturation in the prototype" in plain
+    assert not (tmp_path / "no.nc").exists()
 
 
 def test_the_mask_is_put_in_register(capsys, folder, bench):

@@ -111,9 +111,99 @@ def test_other_wavelengths_than_those_asked_for_are_named(tmp_path):
         read_scan(*paths, wavelengths=nm_to_metres(NM))
     with pytest.raises(DataError, match=r"white: found frames at 450 nm, expected the 30 wavelengths"):
         read_scan(*paths)
-    (paths[0] / "scene_430.0nm.png").write_bytes((paths[0] / "scene_430nm.png").read_bytes())
-    with pytest.raises(DataError, match="430 nm twice"):
-        read_scan(*paths)
+    (paths[0] / "scene_450.7nm.png").write_bytes((paths[0] / "scene_430nm.png").read_bytes())
+    with pytest.raises(DataError, match=r"no frame at 450 nm and frames at 450\.7 nm"):
+        read_scan(*paths, wavelengths=nm_to_metres(NM))
+
+
+def repeated(place, kind, nm, frames):
+    """More frames of one wavelength, each named as the first with the number of its repeat."""
+    for n, frame in enumerate(frames):
+        Image.fromarray(frame).save(place / kind / f"{kind}_{nm:g}nm_r{n + 1}.png")
+
+
+def test_frames_of_one_wavelength_are_averaged_one_by_one(tmp_path):
+    counts = {"scene": (3, 1, 2), "white": (1, 4, 2), "dark": (2, 1, 3)}
+    rng, wanted = np.random.default_rng(4), {}
+    for kind, level in (("scene", 9000), ("white", 20000), ("dark", 300)):
+        (tmp_path / kind).mkdir()
+        for nm, count in zip(NM[:3], counts[kind], strict=True):
+            frames = rng.integers(level, level + 3000, (count, 5, 4)).astype(np.uint16)
+            if (kind, nm) == ("scene", 420):
+                frames[1, 2, 3] = 65535
+            Image.fromarray(frames[0]).save(tmp_path / kind / f"{kind}_{nm:g}nm.png")
+            repeated(tmp_path, kind, nm, frames[1:])
+            wanted[kind, nm] = frames
+    scan = read_scan(tmp_path / "scene", tmp_path / "dark", tmp_path / "white")
+    found = measure_reflectance(scan, read_noise=7.0, gain=0.5)
+    for band, nm in enumerate(NM[:3]):
+        for y in range(5):
+            for x in range(4):
+                means, variances = [], []
+                for kind in ("scene", "white", "dark"):
+                    values = [float(frame[y, x]) for frame in wanted[kind, nm]]
+                    means.append(sum(values) / len(values))
+                    variances.append((49 + 1 / 12) / len(values))
+                above, range_ = means[0] - means[2], means[1] - means[2]
+                variances[0] += 0.5 * above / len(wanted["scene", nm])
+                variances[1] += 0.5 * range_ / len(wanted["white", nm])
+                ratio = above / range_
+                var = variances[0] + ratio**2 * variances[1] + (1 - ratio) ** 2 * variances[2]
+                if (band, y, x) == (2, 2, 3):
+                    assert found["quality"].values[band, y, x] == 1
+                    continue
+                assert found["reflectance"].values[band, y, x] == pytest.approx(ratio, rel=1e-5)
+                assert found["reflectance_std"].values[band, y, x] == pytest.approx(np.sqrt(var) / range_, rel=1e-5)
+    assert found.attrs["saturated_pixels"] == 1
+
+
+def test_the_standard_deviation_of_repeats_is_that_of_many_scans(tmp_path):
+    truth, estimates = cube(2, (8, 9)), []
+    for seed in range(60):
+        seen = [render_scan(truth, read_noise=8.0, gain=0.2, darks=4, seed=5 * seed + n) for n in range(4)]
+        paths = folders(tmp_path, seen[0], NM[:2])
+        for band in range(2):
+            repeated(tmp_path, "scene", NM[band], [one.scene[band] for one in seen[1:]])
+            repeated(tmp_path, "white", NM[band], [seen[1].white[band]])
+        found = measure_reflectance(read_scan(*paths, saturation=4095), gain=0.2, read_noise=8.0)
+        estimates.append(found["reflectance"].values)
+    spread = np.std(estimates, axis=0, ddof=1)
+    assert np.sqrt(np.mean(spread**2 / found["reflectance_std"].values ** 2)) == pytest.approx(1, abs=0.05)
+
+
+def test_as_many_repeats_of_all_frames_divide_the_standard_deviation_by_their_square_root(tmp_path):
+    seen = render_scan(cube(3), bits=16, darks=3, seed=2)
+    once = measure_reflectance(read_scan(*folders(tmp_path / "once", seen, NM[:3])), read_noise=4.0)
+    paths = folders(tmp_path / "more", seen, NM[:3])
+    for band in range(3):
+        for kind in ("scene", "white"):
+            repeated(tmp_path / "more", kind, NM[band], [getattr(seen, kind)[band]] * 3)
+    np.save(tmp_path / "dark.npy", np.tile(seen.dark, (4, 1, 1)))
+    more = measure_reflectance(read_scan(paths[0], tmp_path / "dark.npy", paths[2]), read_noise=4.0)
+    np.testing.assert_allclose(more["reflectance_std"], once["reflectance_std"] / 2, rtol=1e-5)
+    np.testing.assert_allclose(more["reflectance"], once["reflectance"], rtol=1e-5)
+
+
+def test_repeated_dark_frames_of_every_wavelength_tell_the_noise_of_one(tmp_path):
+    seen = render_scan(cube(), read_noise=8.0, darks=31 * 4, seed=1)
+    scene, _, white = folders(tmp_path, seen)
+    (tmp_path / "own").mkdir()
+    for i, frame in enumerate(seen.dark):
+        Image.fromarray(frame).save(tmp_path / "own" / f"dark_{NM[i % 31]:g}nm_r{i // 31}.png")
+    scan = read_scan(scene, tmp_path / "own", white)
+    assert scan.read_noise == pytest.approx(8.0, rel=0.05)
+    assert scan.dark_frames.tolist() == [4] * 31
+
+
+def test_frames_near_a_wavelength_asked_for_are_its_repeats_and_serve_no_other(tmp_path):
+    seen = render_scan(cube(2), bits=16)
+    paths = folders(tmp_path, seen, np.array([449.8, 460.0]))
+    Image.fromarray(seen.scene[0]).save(paths[0] / "scene_450.2nm.png")
+    scan = read_scan(*paths, wavelengths=nm_to_metres([450, 460]))
+    assert scan.scene_frames.tolist() == [2, 1]
+    assert scan.scene.values.shape[0] == 2
+    with pytest.raises(DataError, match=r"no frame at 460\.4 nm, expected the 3 wavelengths"):
+        read_scan(*paths, wavelengths=nm_to_metres([450, 460, 460.4]))
 
 
 def test_scans_that_cannot_be_used_are_refused(tmp_path):

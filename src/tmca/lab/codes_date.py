@@ -1,7 +1,8 @@
-"""When codes were made, which a calibration must not be older than."""
+"""When codes were made, and when frames were taken: a calibration must not be older than the codes."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,6 +11,8 @@ from tmca.errors import DataError
 
 CODES_DATE = "codes_date"
 """Attribute of files of codes, snapshots and exports: date of the codes, ISO 8601."""
+CAPTURES = "captures.json"
+"""List of the frames of a capture, with the date of each, beside them."""
 _LABELLED = (".nc", ".h5", ".zarr")
 
 
@@ -53,3 +56,33 @@ def _date_of(path: Path) -> datetime:
     if not file.exists():
         raise DataError(path, "no such file", "codes", "check the path")
     return datetime.fromtimestamp(file.stat().st_mtime, UTC).replace(microsecond=0)
+
+
+def date_of_frames(sources: Iterable[str | Path]) -> datetime | None:
+    """When the oldest frame of some captures was taken, UTC; None where no list of captures says.
+
+    Args:
+        sources: folders, all frames of whose list count, for copies may have other names; or files of frames.
+
+    Raises:
+        DataError: a list of captures that is none, or a date that is none.
+    """
+    return min((date for source in sources for date in _taken(Path(source))), default=None)
+
+
+def _taken(source: Path) -> list[datetime]:
+    folder = source if source.is_dir() else source.parent
+    file = folder / CAPTURES
+    if not file.is_file():
+        return []
+    try:
+        frames = json.loads(file.read_text(encoding="utf-8"))["frames"]
+        dates = {name: about["taken"] for name, about in frames.items() if "taken" in about}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        remedy = "take an unchanged copy, or take it out of the folder"
+        raise DataError(file, "no list of captures", "what `tmca capture` wrote", remedy) from None
+    return [
+        parsed_date(date, file).astimezone(UTC)
+        for name, date in dates.items()
+        if folder == source or name == source.stem
+    ]

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tmca.cameras import SpectralCamera
 from tmca.errors import DataError, OutputError
+from tmca.lab.calibration.apply import check_fits
+from tmca.lab.calibration.as_taken import bench_of
 from tmca.lab.calibration.calibration_file import Calibration, find_calibration, load_calibration
 from tmca.lab.calibration.captures import WAVE as BY_WAVE
 from tmca.lab.calibration.captures import averaged, corrected, named, read_captures
@@ -177,3 +180,58 @@ def test_a_later_step_of_the_sensor_does_not_make_codes_younger(tmp_path, monkey
     assert again.created.day == 4
     assert again.codes_seen.day == 1
     assert load_calibration(again.path).part("timing").repeats is False
+
+
+def listed(folder, **taken):
+    """A list of captures as `tmca capture` writes it, with the date of every frame."""
+    folder.mkdir(exist_ok=True)
+    frames = {name: {"slot": None, "of": name, "sha256": ""} | ({"taken": date} if date else {})
+              for name, date in taken.items()}  # fmt: skip
+    (folder / "captures.json").write_text(json.dumps({"frames": frames}))
+    return folder
+
+
+def dated(sources):
+    timing = Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2)
+    return Calibration.empty().with_part("timing", timing, {}, sources)
+
+
+def test_a_step_is_as_old_as_its_oldest_frame(tmp_path):
+    late, early = "2026-03-04T10:00:00+00:00", "2026-03-02T10:00:00+02:00"
+    folder = listed(tmp_path / "frames", slot_000=late, slot_001=early, slot_002=None)
+    for name in ("slot_000", "slot_002"):
+        (folder / f"{name}.tif").write_bytes(b"frame")
+    assert dated([folder]).codes_seen == datetime(2026, 3, 2, 8, tzinfo=UTC)
+    assert dated([folder / "slot_000.tif"]).codes_seen == datetime(2026, 3, 4, 10, tzinfo=UTC)
+    other = listed(tmp_path / "other", dark="2026-03-01T00:00:00+00:00")
+    assert dated([folder, other]).codes_seen == datetime(2026, 3, 1, tzinfo=UTC)
+
+
+def test_a_step_whose_frames_have_no_date_or_a_later_one_is_of_now(tmp_path, monkeypatch):
+    now = datetime(2026, 5, 1, tzinfo=UTC)
+    monkeypatch.setattr("tmca.lab.calibration.calibration_file._now", lambda: now)
+    folder = listed(tmp_path / "frames", slot_000=None, slot_001="2027-01-01T00:00:00+00:00")
+    (folder / "slot_000.tif").write_bytes(b"frame")
+    (tmp_path / "plain").mkdir()
+    for source in (folder, folder / "slot_000.tif", tmp_path / "plain"):
+        assert dated([source]).codes_seen == now
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [("{", "no list"), ('{"frames": 3}', "no list"), ('{"frames": {"a": {"taken": "x"}}}', "'x'")]
+)
+def test_a_list_of_captures_that_is_none_is_refused(tmp_path, text, words):
+    (tmp_path / "captures.json").write_text(text)
+    with pytest.raises(DataError, match=f"captures.json: found {words}") as found:
+        dated([tmp_path])
+    assert "\n" not in str(found.value)
+
+
+def test_codes_made_after_the_frames_are_not_those_of_the_calibration(tmp_path):
+    camera = SpectralCamera(3, (4, 5), 2, seed=1)
+    folder = listed(tmp_path / "frames", slot_000="2026-03-02T10:00:00+00:00")
+    known = dated([folder])
+    check_fits(camera, known, {"codes_date": "2026-03-02T09:00:00+00:00"})
+    with pytest.raises(DataError, match="a calibration of 2026-03-02 10:00, expected one after the codes"):
+        check_fits(camera, known, {"codes_date": "2026-03-02T11:00:00+00:00"})
+    check_fits(camera, known, bench_of(camera, known.save(tmp_path / "cam").path).notes)

@@ -1,10 +1,15 @@
 """Drivers of real benches: how they plug in, what they answer, what becomes of the frames when they fail."""
 
+import subprocess
+import sys
+import threading
+import time
+
 import numpy as np
 import pytest
 import torch
 
-from tests.lab.devices.test_capture import exported
+from tests.lab.devices.test_capture import exported, scene_of
 from tests.lab.devices.test_export import spectral
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.calibration.apply import calibrated_snapshot
@@ -12,6 +17,8 @@ from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.dark_flat import DarkField, FlatField
 from tmca.lab.devices import Device, capture, find_device, joined
 from tmca.lab.devices import protocol as protocol_module
+from tmca.lab.devices.simulated import SimulatedBench
+from tmca.lab.devices.time_limit import Calls, time_limit
 
 
 class Lamp:
@@ -76,6 +83,97 @@ def test_drivers_that_fail_do_so_in_one_line_and_lose_no_frame(tmp_path, failure
     assert [file.name for file in sorted((tmp_path / "frames").glob("*.tif"))] == ["dark.tif", "slot_000.tif"]
     capture(export, Lamp(900), tmp_path / "frames")
     assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
+
+
+class Hanging(Lamp):
+    """A driver that answers no more from a call on."""
+
+    def __init__(self, call, after):
+        super().__init__(900)
+        self.left, self.threads = after, []
+        setattr(self, call, self.counted(getattr(self, call)))
+
+    def counted(self, call):
+        def counted(*given, **named):
+            self.threads.append(threading.current_thread())
+            self.left -= 1
+            return call(*given, **named) if self.left >= 0 else threading.Event().wait()
+
+        return counted
+
+
+@pytest.mark.parametrize(("call", "after", "kept"), [("load", 0, 0), ("show", 1, 1), ("capture", 2, 2)])
+def test_a_driver_that_hangs_ends_the_capture_in_one_line_and_loses_no_frame(tmp_path, call, after, kept):
+    export, hanging = exported(tmp_path, spectral()), Hanging(call, after)
+    with pytest.raises(DeviceError, match=r"device Hanging: found no answer in 0\.2 s, .*--timeout") as found:
+        capture(export, hanging, tmp_path / "frames", timeout=0.2)
+    assert "\n" not in str(found.value)
+    assert len([*(tmp_path / "frames").glob("*.tif")]) == kept
+    assert len({*hanging.threads}) == 1
+    assert hanging.threads[0].daemon
+    capture(export, Lamp(900), tmp_path / "frames", timeout=10)
+    assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
+
+
+def test_the_process_ends_while_a_driver_hangs():
+    code = "\n".join([
+        "import threading",
+        "from tmca.errors import DeviceError",
+        "from tmca.lab.devices.time_limit import Calls",
+        "try:",
+        "    with Calls(object(), 0.1) as calls:",
+        "        calls.of(threading.Event().wait)",
+        "except DeviceError:",
+        "    raise SystemExit(2)",
+    ])  # fmt: skip
+    assert subprocess.run([sys.executable, "-c", code], timeout=100, check=False).returncode == 2
+
+
+def test_frames_do_not_depend_on_the_time_limit_and_no_thread_stays(tmp_path):
+    export, lamp = exported(tmp_path, spectral()), Hanging("capture", 99)
+    limited = capture(export, lamp, tmp_path / "limited")
+    within, lamp.threads = {*lamp.threads}, []
+    unlimited = capture(export, lamp, tmp_path / "unlimited", timeout=0)
+    assert {*lamp.threads} == {threading.current_thread()}
+    assert len(within) == 1
+    (thread,) = within
+    thread.join(10)
+    assert not thread.is_alive()
+    for file in unlimited.glob("*.tif"):
+        assert file.read_bytes() == (limited / file.name).read_bytes()
+
+
+def test_a_simulated_bench_computes_as_long_as_it_takes(tmp_path, monkeypatch):
+    camera, threads = spectral(), []
+    export, bench = exported(tmp_path, camera), SimulatedBench(camera, scene_of(camera))
+    own = bench.capture
+
+    def slow(whole=False):
+        threads.append(threading.current_thread())
+        time.sleep(0.02)
+        return own(whole)
+
+    monkeypatch.setattr(bench, "capture", slow)
+    capture(export, bench, tmp_path / "frames", timeout=0.001)
+    assert {*threads} == {threading.current_thread()}
+
+
+@pytest.mark.parametrize(("exposure", "asked", "limit"), [
+    (0.1, None, 30), (20, None, 60), (20, 5, 5), (20, 0, None), (20, 1e30, 1e30),
+])  # fmt: skip
+def test_the_limit_is_longer_than_an_exposure(exposure, asked, limit):
+    assert time_limit({"exposure_s": exposure}, asked) == limit
+
+
+@pytest.mark.parametrize("asked", [-1.0, np.nan, np.inf])
+def test_an_impossible_time_limit_is_refused(asked):
+    with pytest.raises(SettingError, match="--timeout"):
+        time_limit({"exposure_s": 1.0}, asked)
+
+
+def test_a_limit_beyond_what_a_thread_can_wait_is_none():
+    with Calls(Lamp(900), 1e30) as calls:
+        assert calls.of(lambda: 3) == 3
 
 
 def test_frames_of_another_size_are_refused_when_they_come(tmp_path):

@@ -1,6 +1,7 @@
 """Exports come back as the very codes; what a device cannot show, and files that were touched, are refused."""
 
 import csv
+import hashlib
 import json
 import shutil
 
@@ -13,6 +14,7 @@ from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDep
 from tmca.codes import write_codes
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.lab.devices import PRESETS, check_export, device_named, export_codes, read_export, read_planes
+from tmca.lab.devices.manifest import DIGEST
 from tmca.lab.devices.mirror import peak
 from tmca.lab.devices.response import grey_of, light_of
 from tmca.optics import ZernikeHeights
@@ -161,6 +163,43 @@ def test_an_export_carries_the_response_that_it_is_read_with(tmp_path):
 def written(tmp_path):
     devices = [device_named("dli4120"), device_named("emulated-shutter")]
     return export_codes(read_planes(snapshot(tmp_path, spectral())), devices, tmp_path / "out").folder
+
+
+def changed(manifest, path, value):
+    *way, last = path
+    place = manifest
+    for step in way:
+        place = place[step]
+    assert place[last] != value
+    place[last] = value
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("exposure_s",), 0.2), (("planes", 0, "placement", "offset"), [1, 0]), (("camera",), "light-field"),
+        (("planes", 1, "frames", 0, "duration_s"), 1.0), (("source",), "elsewhere"),
+    ],
+)  # fmt: skip
+def test_a_manifest_that_was_changed_is_refused_in_one_line(written, path, value):
+    manifest = check_export(written)
+    changed(manifest, path, value)
+    (written / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(DataError, match=r"manifest.json: found a manifest that was changed after the export") as found:
+        check_export(written)
+    assert "\n" not in str(found.value)
+
+
+def test_the_digest_of_a_manifest_is_of_what_it_says_and_older_ones_have_none(written):
+    sealed = json.loads((written / "manifest.json").read_text())
+    older = {name: value for name, value in sealed.items() if name != DIGEST}
+    (written / "manifest.json").write_text(json.dumps(older))
+    assert check_export(written) == older
+    backwards = {name: sealed[name] for name in reversed(sealed)}
+    (written / "manifest.json").write_text(json.dumps(backwards, indent=7))
+    assert check_export(written) == sealed
+    said = json.dumps(older, sort_keys=True, separators=(",", ":"))
+    assert sealed[DIGEST] == hashlib.sha256(said.encode()).hexdigest()
 
 
 def test_a_missing_frame_is_named(written):

@@ -39,6 +39,7 @@ def test_a_response_by_bandwidth_is_the_width_of_the_bands(tmp_path):
         ({"wavelengths_nm": NM[::-1]}, "wavelengths_nm that rise"),
         ({"response": [1.0, 2.0]}, "a response of 2 values for 4 bands"),
         ({"white": 0.05}, "white above black"),
+        ({"saturation": 0.1}, "saturation above black"),
         ({"pixels_per_band": None}, "pixels_per_band"),
         ({"colour": "blue"}, "colour: Extra inputs"),
         ({"kind": "lens"}, "kind"),

@@ -22,6 +22,7 @@ class AskedBench:
         settings: NAME=VALUE of a driver.
         bits, seed, stops_after, hardware: of the simulated one.
         scene: before it; none where it is lit by a lamp.
+        timeout: seconds that a driver has for an answer.
 
     Raises:
         SettingError: options of the other kind of bench.
@@ -34,9 +35,13 @@ class AskedBench:
     stops_after: int | None
     hardware: Hardware
     scene: str | None = None
+    timeout: float | None = None
 
     def __post_init__(self) -> None:
         if self.device == "simulated":
+            if self.timeout is not None:
+                expected = "none: the simulated bench computes as long as it takes"
+                raise SettingError("--timeout", f"{self.timeout:g}", expected)
             if self.settings:
                 expected = "none: the simulated bench has options of its own"
                 raise SettingError("--set", self.settings[0], expected)

@@ -36,6 +36,7 @@ def capture(
     count: Whole = 2,
     reflectance: float = 0.5,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    timeout: float | None = None,
     bits: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     seed: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     stops_after: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
@@ -58,6 +59,7 @@ def capture(
         count: of coded patterns.
         reflectance: of the white reference.
         set_: NAME=VALUE settings of a driver.
+        timeout: seconds that a driver has for each answer, 0 for no limit; 30 s or three exposures without.
         bits: of the simulated bench's digital numbers, 16 without.
         seed: of its noise and faults, 0 without.
         stops_after: frames after which it does not answer any more.
@@ -66,14 +68,14 @@ def capture(
     from tmca.lab.devices.manifest import read_manifest
 
     taken = known_camera(export, like)
-    asked = AskedBench(device, set_ or [], bits, seed, stops_after, hardware.faults())
+    asked = AskedBench(device, set_ or [], bits, seed, stops_after, hardware.faults(), None, timeout)
     waves = _wavelengths(wavelength, taken.camera, device)
     wanted = Asked(frames, waves, pattern, count, reflectance)
     known = steps_of(taken.camera, read_manifest(export))
     for one in _all(known, device, taken.camera) if step == "all" else (step,):
         first = _APART * (1 + known.index(one)) if one in known else 0
         bench, _ = asked.bench(taken, first)
-        _captured(one, export, bench, out, taken.camera, wanted, asked.said())
+        _captured(one, export, bench, out, taken.camera, wanted, asked)
         print(_next(one, out, wanted))
 
 
@@ -137,13 +139,13 @@ def _parsed(text: str) -> list[float]:
     return found
 
 
-def _captured(step: str, export: Path, bench: Any, out: Path, camera: Any, asked: Asked, about: dict[str, Any]) -> None:
+def _captured(step: str, export: Path, bench: Any, out: Path, camera: Any, wanted: Asked, asked: AskedBench) -> None:
     from tmca.cli.progress import progress_bar
     from tmca.lab.calibrating.session import capture_step
 
     with progress_bar(f"capture: {step}") as told:
         capture_step(
-            step, export, bench, out, camera, asked, bench=about,
+            step, export, bench, out, camera, wanted, bench=asked.said(), timeout=asked.timeout,
             progress=lambda done, total, name: told(done / total, name),
         )  # fmt: skip
 

@@ -31,7 +31,7 @@ def registration(
         scale: sensor pixels per mask pixel, to 6 %.
         device: HEIGHTxWIDTH of the mask, refused if the patterns differ.
     """
-    from tmca.cli.options import size
+    from tmca.cli.options import size, warned
     from tmca.data import nm_to_metres
     from tmca.lab.calibration.optics_steps import registration_step
 
@@ -43,6 +43,10 @@ def registration(
         saturation=how.saturation,
     )  # fmt: skip
     finished(found, "registration", how)
+    if wavelength is None:
+        warned(
+            "behind a disperser a registration needs --wavelength: `tmca reconstruct --calibration` refuses this one"
+        )
 
 
 def dispersion(

@@ -32,6 +32,7 @@ def capture(
     like: Path | None = None,
     repeat: Whole = 1,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    timeout: float | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     scene: Annotated[str | None, Parameter(group=_BENCH)] = None,
     bits: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
@@ -53,6 +54,8 @@ def capture(
         like: snapshot file whose camera this is; that of the export where it was made from a snapshot.
         repeat: frames of each kind, which are averaged; more of them later add to those that are there.
         set_: NAME=VALUE settings of a driver.
+        timeout: seconds that a driver has for each answer, 0 for no limit; 30 s or three exposures without, whichever
+            is longer.
         overwrite: replace the snapshot file.
         scene: before the simulated bench: a file, or the name of a rendered scene.
         bits: of its digital numbers, 16 without.
@@ -73,9 +76,9 @@ def capture(
     faults = hardware.faults()
     if device == "simulated" and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
-    asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene)
+    asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene, timeout)
     bench, gain = asked.bench(taken, len(kept_so_far(out, export)["frames"]))
-    how = {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": asked.said()}
+    how = {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": asked.said(), "timeout": timeout}
     _captured(export, bench, out, how)
     found = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}

@@ -65,17 +65,17 @@ def export(
     if calibration is not None:
         _refuse_beside(own, offset)
         affine = _registered(source, calibration, devices)
-    found = export_codes(
+    manifest = export_codes(
         read_planes(source), devices, out, exposure=exposure, affine=affine,
         code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
-    )  # fmt: skip
+    ).manifest  # fmt: skip
     if figures:
         from tmca.experiments.figures import save_figure
         from tmca.lab.devices.figures import export_figure
 
-        save_figure(export_figure(found.manifest, out), out / "overview.png", overwrite=True)
-    _say(found.manifest, out, json)
+        save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
+    _say(manifest, out, json)
 
 
 def _refuse_beside(own: dict[str, Any], offset: str | None) -> None:

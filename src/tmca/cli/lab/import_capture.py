@@ -23,6 +23,7 @@ def import_(
     mask: Path | None = None,
     name: str | None = None,
     noise: float | None = None,
+    withhold_saturated: Annotated[bool, Parameter(negative="")] = False,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -35,18 +36,24 @@ def import_(
         mask: file of the mask of a single disperser.
         name: which capture, where a file holds several.
         noise: standard deviation in the capture's numbers; estimated from its darkest part without it.
+        withhold_saturated: close the shutter of saturated pixels and set them to 0, so that no decoder takes them at
+            their word.
         overwrite: replace the file if it exists.
         json: print JSON instead of text.
     """
+    from tmca.lab.captured_notes import SATURATED
     from tmca.lab.real_captures import import_capture, load_prototype
+    from tmca.lab.real_captures.saturation import WITHHELD
 
     check_targets([out], overwrite, capture)
-    taken = import_capture(capture, load_prototype(prototype), mask, name=name, noise=noise)
+    known = load_prototype(prototype)
+    taken = import_capture(capture, known, mask, name=name, noise=noise, withhold_saturated=withhold_saturated)
     taken.save(out, overwrite=overwrite)
     camera, notes = taken.camera, taken.notes
     about = {
         "snapshot": str(out), "scene": notes["scene"], "size": list(camera.size), "bands": camera.bands,
         "slots": camera.slots, "gain": notes["gain"], "noise_in_capture": notes["noise_in_capture"],
+        "saturated_share": notes.get(SATURATED), "saturated_withheld": bool(notes.get(WITHHELD)),
     }  # fmt: skip
     if json:
         print(json_module.dumps(about, indent=1))
@@ -54,3 +61,6 @@ def import_(
     size = f"{camera.size[0]}×{camera.size[1]} pixels, {camera.bands} bands, {camera.slots} slots"
     print(f"{out}: {notes['scene']}, {size}")
     print(f"  1 of the capture is {notes['gain']:.4g}; noise {notes['noise_in_capture']:.2g} of the capture")
+    if share := notes.get(SATURATED):
+        what = "withheld" if withhold_saturated else "kept; --withhold-saturated takes them out"
+        print(f"  {share:.2%} of the pixels are saturated, and {what}")

@@ -29,12 +29,13 @@ def spectra(
     overwrite: Flag = False,
     json: Flag = False,
 ) -> None:
-    """Reflectance of SCENE from a frame per wavelength of a tunable source, with its standard deviation.
+    """Reflectance of SCENE from frames under each wavelength of a tunable source, with its standard deviation.
 
     Args:
-        scene: folder of frames with the wavelength in their names (scene_450nm.png), or in order, or a stack.
-        dark: dark frames, averaged; or one per wavelength.
-        white: frames of a white reference, one per wavelength.
+        scene: folder of frames with the wavelength in their names (scene_450nm.png), or in order, or a stack; those
+            of one wavelength (scene_450nm_r1.png) are averaged.
+        dark: dark frames, averaged; or some per wavelength.
+        white: frames of a white reference, likewise.
         out: NetCDF file to write.
         wavelengths: asked for, in nm: FIRST:LAST:COUNT or a list; those of the names without it.
         saturation: value from which on a pixel is saturated; an integer type's maximum without it.

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.errors import SettingError
+from tmca.lab.real_captures.saturation import without_pixels
 from tmca.metrics import psnr, sam
 from tmca.operators import LinearOperator
 
@@ -40,15 +41,9 @@ def withheld(
     """
     if not 0 < share < 1:
         raise SettingError("share", f"{share:g}", "between 0 and 1")
-    camera = snapshot.camera
-    aperture, shutter = camera.codes()
-    hidden = torch.rand(shutter.shape[1:], generator=torch.Generator().manual_seed(seed)) < share
-    shown = (~hidden).to(shutter)
-    blind = SpectralCamera(
-        bands=camera.wavelengths, size=camera.size, slots=camera.slots, aperture=aperture, shutter=shutter * shown,
-        exposure=camera.exposure, dispersion=camera.dispersion, response=camera.response, sensor=camera.sensor,
-    )  # fmt: skip
-    return Snapshot(snapshot.values * shown, blind, snapshot.notes), hidden
+    size = snapshot.values.shape[-2:]
+    hidden = torch.rand(size, generator=torch.Generator().manual_seed(seed)) < share
+    return without_pixels(snapshot, hidden), hidden
 
 
 def foretelling_error(operator: LinearOperator, estimate: Tensor, snapshot: Tensor, hidden: Tensor) -> float:

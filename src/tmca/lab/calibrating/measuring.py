@@ -13,7 +13,8 @@ from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.dispersion import Curve
 from tmca.lab.calibration.optics_steps import dispersion_step, registration_step, shear_step, timing_step
 from tmca.lab.calibration.sensor_steps import dark_step, flat_step, linearity_step
-from tmca.lab.devices.captures import CAPTURES, read_captures
+from tmca.lab.codes_date import CAPTURES
+from tmca.lab.devices.captures import read_captures
 
 STEPS = ("dark", "flat", "linearity", "registration", "timing", "dispersion", "shear")
 

@@ -14,9 +14,10 @@ from tmca.lab.calibrating.shown import ShownCodes
 from tmca.lab.devices.captures import going_on, keep, kept_so_far
 from tmca.lab.devices.joining import check_camera
 from tmca.lab.devices.light import Lamp
-from tmca.lab.devices.protocol import Device, answering, saturation_of
+from tmca.lab.devices.protocol import Device, saturation_of
 from tmca.lab.devices.reading import check_export
-from tmca.lab.devices.session import check_saturated, frame_of
+from tmca.lab.devices.session import calls_of, check_saturated, frame_of
+from tmca.lab.devices.time_limit import Calls
 
 Progress = Callable[[int, int, str], None]
 
@@ -30,6 +31,7 @@ def capture_step(
     asked: Asked | None = None,
     *,
     bench: Mapping[str, Any] | None = None,
+    timeout: float | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Capture the frames of a step into ``OUT/STEP``, 16-bit TIFF named as `tmca calibrate` reads them.
@@ -45,6 +47,7 @@ def capture_step(
         camera: whose codes were exported.
         asked: how many frames and which light.
         bench: what frames depend on beside the export, as JSON values; kept with them.
+        timeout: see `tmca.lab.devices.capture`.
         progress: told (frames done, all, name).
 
     Returns:
@@ -68,12 +71,13 @@ def capture_step(
     about = {"saturation": saturation_of(device), "gain": 1.0, **(bench or {}), **told(step, how)}
     kept = going_on(kept_so_far(folder, export), about, folder)
     loaded = ""
-    for done, shot in enumerate(shots):
-        if shot.name not in kept["frames"]:
-            loaded = _loaded(device, shot, shown, loaded)
-            keep(_frame(device, shot, folder, step), shot.step, kept, folder)
-        if progress:
-            progress(done + 1, len(shots), shot.name)
+    with calls_of(device, manifest, timeout) as calls:
+        for done, shot in enumerate(shots):
+            if shot.name not in kept["frames"]:
+                loaded = _loaded(calls, shot, shown, loaded)
+                keep(_frame(calls, shot, folder, step), shot.step, kept, folder)
+            if progress:
+                progress(done + 1, len(shots), shot.name)
     return folder
 
 
@@ -86,21 +90,23 @@ def told(step: str, asked: Asked) -> dict[str, Any]:
     return {"pattern": asked.pattern} if step in ("dispersion", "shear") else {}
 
 
-def _loaded(device: Device, shot: Shot, shown: ShownCodes, loaded: str) -> str:
+def _loaded(calls: Calls, shot: Shot, shown: ShownCodes, loaded: str) -> str:
     """Codes and light as a frame wants them."""
-    with answering(device):
-        if shot.shown != loaded:
-            device.load(shown.export(shot.shown))
-        if isinstance(device, Lamp):
-            device.illuminate(shot.light)
+    device = calls.device
+    if shot.shown != loaded:
+        export = shown.export(shot.shown)
+        calls.of(lambda: device.load(export))
+    if isinstance(device, Lamp):
+        lamp = device
+        calls.of(lambda: lamp.illuminate(shot.light))
     return shot.shown
 
 
-def _frame(device: Device, shot: Shot, folder: Path, step: str) -> Any:
-    frame = frame_of(device, shot.slot, shot.whole)
+def _frame(calls: Calls, shot: Shot, folder: Path, step: str) -> Any:
+    frame = frame_of(calls, shot.slot, shot.whole)
     if frame.ndim != 2:
         found = "×".join(map(str, frame.shape))
         raise DataError(folder / shot.name, f"a frame of {found}", "grey frames (H, W)", "read the bare sensor")
     if step != "linearity":
-        check_saturated(frame, saturation_of(device), folder / shot.name)
+        check_saturated(frame, saturation_of(calls.device), folder / shot.name)
     return frame

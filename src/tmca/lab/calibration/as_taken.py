@@ -70,4 +70,5 @@ def bench_of(
 
 
 def _date(calibration: Calibration) -> str:
-    return now() if calibration.created is None else calibration.created.isoformat()
+    seen = calibration.codes_seen
+    return now() if seen is None else seen.isoformat()

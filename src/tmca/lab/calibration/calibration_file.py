@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.data import check_target, checksum_of, read_dataset, write_dataset, write_json
 from tmca.errors import DataError
 from tmca.lab.calibration.parts import KINDS, from_variables, kind_of, to_variables
+from tmca.lab.codes_date import date_of_frames
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,6 +80,8 @@ class Calibration:
     ) -> Calibration:
         """This and one more step, or one measured again.
 
+        It is dated by the oldest of its frames, where the list of a capture lies beside them; else by now.
+
         Args:
             name: of the part.
             part: what was measured.
@@ -88,7 +91,8 @@ class Calibration:
             settings: of the step.
 
         Raises:
-            DataError: a sensor or mask of another size than in the steps before: another camera.
+            DataError: a sensor or mask of another size than in the steps before: another camera; or a list of captures
+                that is none.
         """
         camera = dict(self.about["camera"])
         for what, size in (("sensor", sensor), ("codes", codes)):
@@ -97,11 +101,12 @@ class Calibration:
                 remedy = "calibrate another camera in a calibration of its own"
                 raise DataError(self.where, f"{what} of {found} pixels in {name}", f"{known} as before", remedy)
             camera[what] = camera.get(what) if size is None else list(size)
+        now = _now()
         step = {
             "residuals": dict(residuals),
             "sources": [{"path": str(source), "sha256": checksum_of(source)} for source in sources],
             "settings": dict(settings or {}),
-            "measured": _now().isoformat(),
+            "measured": min(now, date_of_frames(sources) or now).isoformat(),
         }
         about = {**self.about, "camera": camera, "steps": {**self.about["steps"], name: step}}
         return Calibration({**self.parts, name: part}, about, self.path)

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import DataError, OutputError
+from tmca.lab.codes_date import CAPTURES
 from tmca.lab.devices.manifest import NAME, checksum, exposed_whole
 
-CAPTURES, DARK, WHOLE = "captures.json", "dark", "exposure"
+DARK, WHOLE = "dark", "exposure"
 _DARKS = 4
 """Least number of dark frames: their mean is taken from every other frame, and their spread is the read noise."""
 

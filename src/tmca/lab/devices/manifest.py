@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Any
 
+from tmca.data import plain
 from tmca.errors import DataError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 
 NAME, FORMAT = "manifest.json", "tmca export 1"
+DIGEST = "manifest_sha256"
+"""Of the manifest's own content; exports of before have none."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +64,23 @@ def shown_files(files: Sequence[Path], folder: Path, timing: Timing, trigger: di
     ]
 
 
+def content_digest(manifest: Mapping[str, Any]) -> str:
+    """SHA-256 of what a manifest says but for its own digest, whatever the order and the white space of its JSON."""
+    said = plain({name: value for name, value in manifest.items() if name != DIGEST})
+    text = json.dumps(said, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def sealed(manifest: dict[str, Any]) -> dict[str, Any]:
+    """A manifest with its own digest."""
+    return manifest | {DIGEST: content_digest(manifest)}
+
+
 def read_manifest(folder: str | Path) -> dict[str, Any]:
     """The manifest of an export.
 
     Raises:
-        DataError: no export, or one of another version.
+        DataError: no export, one of another version, or a manifest that was changed.
     """
     file = Path(folder) / NAME
     try:
@@ -76,19 +91,21 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
+    if DIGEST in found and found[DIGEST] != content_digest(found):
+        raise DataError(file, "a manifest that was changed after the export", f"that of its {DIGEST}", "export again")
     _check_planes(found, file)
     return found
 
 
 def _check_planes(found: dict[str, Any], file: Path) -> None:
-    """Raises DataError for a manifest that was altered: no planes, or files of other slots than it states."""
+    """Raises DataError for a manifest that was altered: without planes or exposure, or with files of other slots."""
     try:
         slots = {len({shown["slot"] for shown in plane["frames"]}) for plane in found["planes"]}
         stated = {int(found["slots"])}
+        float(found["exposure_s"])
     except (KeyError, TypeError, ValueError):
-        raise DataError(
-            file, "no slots, or planes without frames", "the manifest of an export", "export again"
-        ) from None
+        said = "no slots, no exposure time, or planes without frames"
+        raise DataError(file, said, "the manifest of an export", "export again") from None
     if not slots or slots != stated:
         said = f"{', '.join(map(str, sorted(slots))) or 'no'} slots shown where {found['slots']} are stated"
         raise DataError(file, said, "as many as it states", "export again")

@@ -14,8 +14,10 @@ from tmca.errors import DataError, DeviceError, SettingError
 from tmca.lab.devices.captures import DARK, WHOLE, Step, going_on, keep, kept_so_far, read_tif, steps
 from tmca.lab.devices.export import Export
 from tmca.lab.devices.joining import check_camera
-from tmca.lab.devices.protocol import Device, answering, saturation_of
+from tmca.lab.devices.protocol import Device, saturation_of
 from tmca.lab.devices.reading import check_export
+from tmca.lab.devices.simulated import SimulatedBench
+from tmca.lab.devices.time_limit import Calls, time_limit
 
 _SATURATED, _DARK = 0.5, 3.0
 """Share of saturated pixels, and mean above the dark frame in its standard deviations, that are refused."""
@@ -31,6 +33,7 @@ def capture(
     repeats: int = 1,
     camera: Camera | None = None,
     bench: Mapping[str, Any] | None = None,
+    timeout: float | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Capture every frame of an export; what is there already stays.
@@ -46,13 +49,15 @@ def capture(
         repeats: times that every frame is captured; more of them later add to those that are there.
         camera: as it is known; where it is given, other codes and frames of another size are refused at once.
         bench: what frames depend on beside the export (driver, its settings, scene), as JSON values; kept with them.
+        timeout: seconds that a driver has for each of its answers, which then run in a thread of their own; 0 for as
+            long as it takes; 30 s or three exposures, whichever is longer, without. A simulated bench has no limit.
         progress: told (frames done, all, name).
 
     Raises:
-        DeviceError: the bench does not answer, or with something that is no frame; frames so far are kept.
+        DeviceError: the bench does not answer, not in time, or with something that is no frame; frames so far are kept.
         DataError: an export or a kept frame that was changed, a saturated or a dark capture, another camera's codes.
         OutputError: the folder holds something else, or frames of another bench, gain or saturation.
-        SettingError: no repeat.
+        SettingError: no repeat, or a time below 0.
     """
     if repeats < 1:
         raise SettingError("--repeat", str(repeats), "1 or more")
@@ -61,29 +66,34 @@ def capture(
         check_camera(export, camera)
     saturation = saturation_of(device)
     kept = going_on(kept_so_far(folder, export), {"gain": gain, "saturation": saturation, **(bench or {})}, folder)
-    with answering(device):
-        device.load(Export(Path(export), manifest))
     wanted = steps(manifest, repeats)
-    for done, step in enumerate(wanted):
-        if step.name not in kept["frames"]:
-            frame = frame_of(device, step.slot, step.of == WHOLE)
-            _check_size(frame, step, folder, camera)
-            _check_light(frame, step, saturation, folder)
-            keep(frame, step, kept, folder)
-        if progress:
-            progress(done + 1, len(wanted), step.name)
+    with calls_of(device, manifest, timeout) as calls:
+        calls.of(lambda: device.load(Export(Path(export), manifest)))
+        for done, step in enumerate(wanted):
+            if step.name not in kept["frames"]:
+                frame = frame_of(calls, step.slot, step.of == WHOLE)
+                _check_size(frame, step, folder, camera)
+                _check_light(frame, step, saturation, folder)
+                keep(frame, step, kept, folder)
+            if progress:
+                progress(done + 1, len(wanted), step.name)
     return folder
 
 
-def frame_of(device: Device, slot: int | None, whole: bool) -> NDArray[np.integer]:
+def calls_of(device: Device, manifest: dict[str, Any], timeout: float | None) -> Calls:
+    """A context of calls of a bench; a simulated one takes as long as it computes."""
+    return Calls(device, None if isinstance(device, SimulatedBench) else time_limit(manifest, timeout))
+
+
+def frame_of(calls: Calls, slot: int | None, whole: bool) -> NDArray[np.integer]:
     """(H, W) or (C, H, W) digital numbers of a slot, or of a whole exposure.
 
     Raises:
         DeviceError: no answer, or something that is no frame.
     """
-    with answering(device):
-        device.show(slot)
-        found: NDArray[Any] = np.asarray(device.capture(whole=whole))
+    device = calls.device
+    calls.of(lambda: device.show(slot))
+    found: NDArray[Any] = calls.of(lambda: np.asarray(device.capture(whole=whole)))
     whole_numbers = np.issubdtype(found.dtype, np.integer)
     if not whole_numbers or found.ndim not in (2, 3) or found.size == 0 or found.min() < 0 or found.max() > 65535:
         said = f"{found.dtype} values of shape {found.shape}"

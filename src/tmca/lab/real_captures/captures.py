@@ -15,6 +15,7 @@ from tmca.errors import DataError, SettingError, TmcaError
 from tmca.lab.real_captures.noise import dark_noise
 from tmca.lab.real_captures.prototype import PixelShutter, SingleDisperser
 from tmca.lab.real_captures.registration import registered
+from tmca.lab.real_captures.saturation import marked
 from tmca.lab.real_captures.shutter_place import overlapping
 from tmca.sensor import Sensor
 
@@ -28,6 +29,7 @@ def import_capture(
     *,
     name: str | None = None,
     noise: float | None = None,
+    withhold_saturated: bool = False,
 ) -> Snapshot[SpectralCamera]:
     """A real capture with the camera that took it.
 
@@ -37,25 +39,32 @@ def import_capture(
         mask: file of the mask of a single disperser.
         name: which capture of a pixel shutter's file.
         noise: standard deviation in the capture's numbers; estimated from its darkest part without it.
+        withhold_saturated: close the shutter of pixels at or above the prototype's saturation, and set them to 0.
 
     Returns:
         A snapshot whose values are in the package's units: 1 is one band of a white scene through open codes.
 
     Raises:
         DataError: a file that does not hold what the prototype says, or of another size.
-        SettingError: a mask or a name that is missing, or given where none is used.
+        SettingError: a mask or a name that is missing, or given where none is used; pixels to be withheld where no
+            saturation is known.
     """
     if isinstance(prototype, SingleDisperser):
         if mask is None or name is not None:
             found, wanted = ("none", "the file of the mask") if mask is None else (repr(name), "none")
             raise SettingError("--mask" if mask is None else "--name", found, wanted)
-        return _dispersed(Path(capture), prototype, Path(mask), noise)
+        taken, values = _dispersed(Path(capture), prototype, Path(mask), noise)
+        return marked(taken, values, prototype.saturation, withhold_saturated)
     if mask is not None:
         raise SettingError("--mask", str(mask), "none: the shutter lies in the capture's file", "leave it out")
-    return _shuttered(Path(capture), prototype, name, noise)
+    taken, values = _shuttered(Path(capture), prototype, name, noise)
+    return marked(taken, values, prototype.saturation, withhold_saturated)
 
 
-def _dispersed(capture: Path, prototype: SingleDisperser, mask: Path, noise: float | None) -> Snapshot[SpectralCamera]:
+def _dispersed(
+    capture: Path, prototype: SingleDisperser, mask: Path, noise: float | None
+) -> tuple[Snapshot[SpectralCamera], Array]:
+    """The snapshot, and the capture in its own numbers."""
     values = _plane(capture, prototype.capture_key)
     code = _plane(mask, prototype.mask_key)
     if code.min() < 0 or code.max() > 1:
@@ -78,12 +87,13 @@ def _dispersed(capture: Path, prototype: SingleDisperser, mask: Path, noise: flo
         "mask": str(mask), "mask_sha256": checksum_of(mask), "registration": prototype.registration.model_dump_json(),
         "response": str(prototype.response), "scene": prototype.scenes.get(capture.stem, capture.stem),
     }  # fmt: skip
-    return Snapshot(_tensor((values - prototype.black) * unit), camera, about)
+    return Snapshot(_tensor((values - prototype.black) * unit), camera, about), values
 
 
 def _shuttered(
     capture: Path, prototype: PixelShutter, name: str | None, noise: float | None
-) -> Snapshot[SpectralCamera]:
+) -> tuple[Snapshot[SpectralCamera], Array]:
+    """The snapshot, and the part of the capture that its shutter covers in its own numbers."""
     if name not in prototype.captures:
         raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
     pair = prototype.captures[name]
@@ -99,17 +109,16 @@ def _shuttered(
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
     spread = noise if noise is not None else dark_noise(values)
     unit = 1 / (prototype.white - prototype.black)
-    bad = values >= prototype.saturation if prototype.saturation is not None else np.zeros(values.shape, dtype=bool)
     camera = SpectralCamera(
         bands=[prototype.wavelength_nm * 1e-9], size=values.shape, slots=len(shutter), exposure="per-slot",
         aperture=torch.ones(len(shutter), *values.shape), shutter=shutter, dispersion=0.0,
         sensor=Sensor(read_noise=spread * unit),
     )  # fmt: skip
     about = _notes(prototype, capture, spread, unit) | {
-        "capture": name, "scene": prototype.scenes.get(name, name), "saturated_pixels": int(bad.sum()),
+        "capture": name, "scene": prototype.scenes.get(name, name),
         "shutter_shift": list(pair.shutter_shift), "first_slot": pair.first_slot,
     }  # fmt: skip
-    return Snapshot(_tensor((values - prototype.black) * unit), camera, about)
+    return Snapshot(_tensor((values - prototype.black) * unit), camera, about), values
 
 
 def _plane(file: Path, key: str | None) -> Array:

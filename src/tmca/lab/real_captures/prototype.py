@@ -25,6 +25,7 @@ class _Prototype(_Strict):
     Args:
         device: what took the captures.
         black, white: levels of no light and of a white scene behind its codes, in the capture's numbers.
+        saturation: value from which on a pixel of the capture says nothing; None where it is not known.
         turned: degrees by which pictures are turned to stand upright.
         scenes: what captures show, by the stem of their file or by their name.
         points: places of a scene (row, column) whose spectra are worth a look, by the same names.
@@ -33,6 +34,7 @@ class _Prototype(_Strict):
     device: str
     black: float = 0.0
     white: Positive = 1.0
+    saturation: Positive | None = None
     turned: Literal[0, 90, 180, 270] = 0
     scenes: dict[str, str] = {}
     points: dict[str, dict[str, tuple[int, int]]] = {}
@@ -41,6 +43,8 @@ class _Prototype(_Strict):
     def _light(self) -> _Prototype:
         if self.white <= self.black:
             raise ValueError(f"white {self.white:g}, black {self.black:g}: white above black")
+        if self.saturation is not None and self.saturation <= self.black:
+            raise ValueError(f"saturation {self.saturation:g}, black {self.black:g}: saturation above black")
         return self
 
 
@@ -105,13 +109,11 @@ class PixelShutter(_Prototype):
     Args:
         captures: by name, the variables of the capture (H, W) and of its shutter (H, W, K).
         wavelength_nm: of the one band.
-        saturation: value from which on a pixel of the capture says nothing.
     """
 
     kind: Literal["pixel-shutter"]
     captures: dict[str, CodedPair] = Field(min_length=1)
     wavelength_nm: Positive = 550.0
-    saturation: Positive | None = None
 
 
 Prototype = Annotated[SingleDisperser | PixelShutter, Field(discriminator="kind")]

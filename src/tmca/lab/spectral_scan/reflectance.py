@@ -27,7 +27,8 @@ def measure_reflectance(
     """``R = ρ (S - D) / (W - D)`` per pixel and band, and its standard deviation by first-order error propagation.
 
     ``σ_R² = ρ² [σ_S² + q² σ_W² + (1 - q)² σ_D²] / (W - D)²`` with ``q = (S - D)/(W - D)``: the dark is common to both
-    differences. A frame's variance is ``read_noise² + step²/12 + gain (frame - dark)``.
+    differences. A frame's variance is ``read_noise² + step²/12 + gain (frame - dark)``, that of the mean of n
+    independent frames of a wavelength an n-th of it.
 
     Args:
         scan: the frames.
@@ -55,14 +56,18 @@ def measure_reflectance(
     above = scan.scene.values - scan.dark
     range_ = scan.white.values - scan.dark
     floor = own**2 + scan.scene.step**2 / 12
-    noise = [floor + gain * np.maximum(light, 0) for light in (above, range_)]
+    counts = (scan.scene_frames, scan.white_frames)
+    noise = [
+        (floor + gain * np.maximum(light, 0)) / count[:, None, None]
+        for light, count in zip((above, range_), counts, strict=True)
+    ]
     quality = np.where(range_ <= _DARKEST * np.sqrt(noise[1]), 2, 0).astype(np.uint8)
     quality[scan.scene.saturated | scan.white.saturated] = 1
     if (quality > 0).all():
         raise DataError(scan.source, "no pixel that is neither saturated nor dark", "some", "expose again")
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = above / range_
-        dark = floor / scan.dark_frames
+        dark = floor / scan.dark_frames[:, None, None]
         std = white * np.sqrt(noise[0] + ratio**2 * noise[1] + (1 - ratio) ** 2 * dark) / np.abs(range_)
     return _labelled(scan, white * ratio, std, quality)
 

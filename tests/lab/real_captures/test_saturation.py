@@ -1,0 +1,96 @@
+"""Saturated pixels of real captures: kept and told of, or withheld from the data and from the operator alike."""
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
+from tmca.cameras import Snapshot
+from tmca.errors import DataError, SettingError
+from tmca.experiments.real.merit import foretelling_error, withheld
+from tmca.experiments.real.movies import moving_part
+from tmca.lab.real_captures import import_capture, load_prototype
+from tmca.lab.real_captures.movie import decode_movie, frame_operator
+from tmca.lab.real_captures.saturation import without_pixels
+
+
+def prototype(folder, **described):
+    (folder / "p.yaml").write_text(yaml.safe_dump(described))
+    return load_prototype(folder / "p.yaml")
+
+
+def dispersed(folder, saturation, size=(9, 12)):
+    mask, scene = mask_of(*size), smooth_scene(4, *size)
+    values = 0.1 + 0.2 * captured(scene, mask)
+    files = write_mat(folder / "capture.mat", y=values), write_mat(folder / "mask.mat", mask=mask)
+    return files, prototype(folder, **DESCRIBED, **({} if saturation is None else {"saturation": saturation})), values
+
+
+def shuttered(folder, saturation, size=(6, 7)):
+    rng = np.random.default_rng(0)
+    shutter = (rng.integers(8, size=(*size, 1)) == np.arange(8)).astype(np.uint8)
+    values = rng.uniform(10, 250, size)
+    captures = {"one": {"capture_key": "a", "shutter_key": "s"}}
+    described = {"kind": "pixel-shutter", "device": "paper", "black": 10, "white": 250, "captures": captures}
+    own = prototype(folder, **described, **({} if saturation is None else {"saturation": saturation}))
+    return (write_mat(folder / "c.mat", a=values, s=shutter), None), own, values
+
+
+@pytest.mark.parametrize(
+    ("make", "saturation", "size"),
+    [
+        (dispersed, 0.2, (9, 12)), (dispersed, 0.2, (10, 13)), (shuttered, 180.0, (6, 7)), (shuttered, 180.0, (7, 8)),
+    ],
+)  # fmt: skip
+def test_withheld_pixels_see_nothing_and_all_others_what_they_saw(tmp_path, make, saturation, size):
+    (capture, mask), own, values = make(tmp_path, saturation, size)
+    how = {"name": "one"} if mask is None else {}
+    kept = import_capture(capture, own, mask, **how)
+    gone = import_capture(capture, own, mask, **how, withhold_saturated=True)
+    bad = values >= saturation
+    assert 0 < bad.sum() < bad.size
+    assert gone.notes["saturated_pixels"] == kept.notes["saturated_pixels"] == bad.sum()
+    assert gone.notes["saturated_share"] == pytest.approx(bad.mean())
+    assert (gone.notes["saturated_withheld"], kept.notes["saturated_withheld"]) == (1, 0)
+    imaged = [taken.camera.A(torch.rand(1, *taken.camera.scene_shape, generator=torch.Generator().manual_seed(1)))
+              for taken in (kept, gone)]  # fmt: skip
+    for y in range(values.shape[0]):
+        for x in range(values.shape[1]):
+            for before, after in ((kept.values, gone.values), imaged):
+                assert float(after[0, 0, y, x]) == (0 if bad[y, x] else float(before[0, 0, y, x]))
+    gone.save(tmp_path / "gone.nc")
+    torch.testing.assert_close(Snapshot.load(tmp_path / "gone.nc").camera.codes()[1], gone.camera.codes()[1])
+
+
+@pytest.mark.parametrize("make", [dispersed, shuttered])
+def test_pixels_whose_saturation_is_not_known_cannot_be_withheld(tmp_path, make):
+    (capture, mask), own, _ = make(tmp_path, None)
+    how = {"name": "one"} if mask is None else {}
+    with pytest.raises(SettingError, match="--withhold-saturated: found no saturation in the prototype"):
+        import_capture(capture, own, mask, **how, withhold_saturated=True)
+    assert "saturated_share" not in import_capture(capture, own, mask, **how).notes
+
+
+def test_a_capture_without_any_pixel_left_is_refused(tmp_path):
+    (capture, _), own, _ = shuttered(tmp_path, 10.001)
+    with pytest.raises(DataError, match=r"c\.mat: found nothing below the saturation"):
+        import_capture(capture, own, name="one", withhold_saturated=True)
+
+
+@pytest.mark.parametrize(("name", "share", "kept", "gone"), [
+    ("opt", 0.162, (0.0497, 0.0698), (0.0497, 0.0696)), ("rnd", 0.230, (0.0756, 0.1208), (0.0752, 0.1185)),
+])  # fmt: skip
+def test_withholding_saturated_wine_hardly_helps_the_pixels_that_are_not(real_data, name, share, kept, gone):
+    """The figures of docs/real-captures.md: errors of foretold pixels below saturation, of all and of moving ones."""
+    file, own = real_data / "cassi" / "pixel_shutter_wine" / "wine.mat", load_prototype("pixel-shutter-wine")
+    taken = import_capture(file, own, name=name)
+    bad = import_capture(file, own, name=name, withhold_saturated=True).camera.codes()[1].amax(0) == 0
+    assert taken.notes["saturated_share"] == pytest.approx(share, abs=5e-4)
+    operator, (blind, hidden), moving = frame_operator(taken.camera, 16), withheld(taken), moving_part(taken)
+    for shown, wanted in ((blind, kept), (without_pixels(blind, bad), gone)):
+        guessed = decode_movie(shown, 16, "smoothed", time=3.0).frames[None]
+        found = [foretelling_error(operator, guessed, taken.values, hidden & ~bad & part)
+                 for part in (torch.ones_like(bad), moving)]  # fmt: skip
+        assert found == pytest.approx(wanted, abs=2e-4)
+    assert float(operator.A(guessed)[0, 0][bad].mean()) < 0.75 * float(taken.values[0, 0][bad].mean())
