@@ -170,7 +170,7 @@ def test_a_driver_without_a_lamp_takes_one_light_at_a_time(tmp_path):
     assert len(json.loads((folder / "captures.json").read_text())["frames"]) == 2
 
 
-@pytest.mark.parametrize(("found", "said"), [((3, 17, 22), "3×17×22"), ((17, 22), "saturated")])
+@pytest.mark.parametrize(("found", "said"), [((3, 17, 22), "3×17×22"), ((17, 21), "17×21"), ((17, 22), "saturated")])
 def test_frames_that_calibration_cannot_use_are_refused(tmp_path, found, said):
     camera = spectral()
     driver = Driver(found, 4095 if said == "saturated" else 900)

@@ -6,17 +6,19 @@ import torch
 
 from tests.lab.calibrating.test_frames import light_field
 from tests.lab.devices.test_capture import exported
-from tmca.cameras import SpectralCamera
+from tmca.cameras import SpectralCamera, SpectralDepthCamera
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.codes import slot_overlap
-from tmca.errors import DataError
+from tmca.errors import DataError, DeviceError
 from tmca.lab.calibrating.measuring import Known, measured_steps
 from tmca.lab.calibrating.session import capture_step
 from tmca.lab.calibrating.shots import Asked, steps_of
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
+from tmca.lab.calibration.zernike_fit import MODES
 from tmca.lab.devices import capture, find_device, joined
 from tmca.lab.devices.manifest import read_manifest
+from tmca.optics import ZernikeHeights
 from tmca.sensor import Sensor
 
 SHUTTERS = ("coded-exposure", "emulated-shutter")
@@ -128,6 +130,47 @@ def test_electrons_come_from_the_linearity(tmp_path, exposure, shutter):
     known = measured(tmp_path / "bench", export, camera, Hardware(), Asked(16, tuple(camera.wavelengths)))
     found = calibrated_snapshot(seen, known)
     assert found.camera.noise.shot == pytest.approx(camera.noise.shot, rel=0.1)
+
+
+def mirror_on_a_bench(folder, hardware, **settings):
+    """A spectral-depth camera behind a mirror, its export, and the frames of all its steps."""
+    maps = ZernikeHeights(1e-7 * torch.randn(2, 12, generator=torch.Generator().manual_seed(1)), MODES, (64, 64))
+    camera = SpectralDepthCamera.from_preset(
+        "quick", size=(48, 54), slots=2, mask=maps, shutter="one-hot", sensor=Sensor(1e-3), **settings
+    )
+    export = exported(folder, camera, "dmp40", SHUTTERS[0])
+    depths = tuple(float(z) for z in camera.planes.metres[[0, 3, -1]])
+    asked = Asked(8, tuple(camera.wavelengths[::3]), depths)
+    for step in steps_of(camera, read_manifest(export)):
+        bench = find_device("simulated", camera=camera, scene=[], hardware=hardware)
+        capture_step(step, export, bench, folder / "bench", camera, asked)
+    return camera, export
+
+
+def test_the_wavefront_of_a_bench_is_found_and_explains_what_it_captured(tmp_path):
+    hardware = Hardware(wavefront_error=60e-9)
+    camera, export = mirror_on_a_bench(tmp_path, hardware, filters="clear")
+    known = Known(camera=tmp_path / "taken.nc")
+    found = list(measured_steps(tmp_path / "bench", Calibration.empty(), known))[-1][1]
+    scene, depth = scene_of(camera), torch.full((1, 1, *camera.size), float(camera.planes.metres[2]))
+    bench = find_device("simulated", camera=camera, scene=[scene, depth], hardware=hardware)
+    seen = joined(capture(export, bench, tmp_path / "frames", gain=bench.gain), export, camera)
+    with torch.no_grad():
+        drawn, own = (one.A(scene, depth) for one in (camera, calibrated_snapshot(seen, found).camera))
+    left = [float((seen.values - one).norm() / seen.values.norm()) for one in (drawn, own)]
+    assert left[0] > 0.02
+    assert left[1] < 0.2 * left[0]
+
+
+def test_points_behind_colour_filters_and_between_planes_are_refused(tmp_path):
+    with pytest.raises(DeviceError, match="colour filters"):
+        mirror_on_a_bench(tmp_path, Hardware())
+
+
+def test_points_need_the_camera_that_they_are_of(tmp_path):
+    (tmp_path / "psf0").mkdir()
+    with pytest.raises(DataError, match="--snapshot"):
+        list(measured_steps(tmp_path, Calibration.empty(), Known()))
 
 
 def test_a_folder_without_frames_is_refused(tmp_path):

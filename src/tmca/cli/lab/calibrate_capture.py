@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -31,6 +32,7 @@ def capture(
     device: str = "simulated",
     like: Path | None = None,
     wavelength: str | None = None,
+    depth: str | None = None,
     frames: Whole = 16,
     pattern: Whole = 3,
     count: Whole = 2,
@@ -44,16 +46,18 @@ def capture(
 ) -> None:
     """Take the frames of STEP on the bench that EXPORT is to be captured on, and say how to measure them.
 
-    STEP is dark, flat, white, linearity, registration, timing, dispersion or shear, or all, where the bench sets its
-    light itself. Patterns lie on the devices as the codes of EXPORT do. A step that was stopped goes on.
+    STEP is dark, flat, white, linearity, registration, timing, dispersion or shear, of a spectral-depth camera dark or
+    psf0, psf1, …; or all, where the bench sets its light itself. Patterns lie on the devices as the codes of EXPORT do.
+    A step that was stopped goes on.
 
     Args:
-        step: dark, flat, white, linearity, registration, timing, dispersion, shear, or all.
+        step: dark, flat, white, linearity, registration, timing, dispersion, shear, psf0 …, or all.
         export: folder of `tmca export`.
         out: folder of all steps; one folder each, and the patterns that were shown.
         device: simulated, or the name of a driver (entry points tmca.devices).
         like: snapshot file whose camera this is; that of the export where it was made from a snapshot.
         wavelength: NM or NM,NM,… of the light; a simulated spectral camera's bands without.
+        depth: METRES,METRES,… of the point of psf; three planes of a simulated camera without.
         frames: of dark, flat and white.
         pattern: that dispersion and shear show, counted from 0.
         count: of coded patterns.
@@ -70,7 +74,7 @@ def capture(
     taken = known_camera(export, like)
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, hardware.faults(), None, timeout)
     waves = _wavelengths(wavelength, taken.camera, device)
-    wanted = Asked(frames, waves, pattern, count, reflectance)
+    wanted = Asked(frames, waves, _depths(depth, taken.camera, device), pattern, count, reflectance)
     known = steps_of(taken.camera, read_manifest(export))
     for one in _all(known, device, taken.camera) if step == "all" else (step,):
         first = _APART * (1 + known.index(one)) if one in known else 0
@@ -96,24 +100,26 @@ def measure_all(
     power: Path | None = None,
     curve: Literal["cauchy", "polynomial", "measured"] = "cauchy",
     scale: float = 1.0,
+    snapshot: Path | None = None,
     how: CalibrationOptions = _USUAL,
 ) -> None:
     """Measure every step whose frames are in FOLDER, in their order: what capture and render write.
 
     Args:
-        folder: with the folders dark, flat, white, linearity, registration, timing, dispersion, shear, patterns.
+        folder: with folders dark, flat, white, linearity, registration, timing, dispersion, shear, psf0 …, patterns.
         wavelength: of the registration, nm; what capture took says it.
         reflectance: of the white reference; what capture took says it, else 1.
         power: text file of the source: wavelength in nm, power; FOLDER/source.csv where it is there.
         curve: of the dispersion: powers of 1/λ² (cauchy) or of λ (polynomial), or none (measured).
         scale: sensor pixels per mask pixel, to 6 %.
+        snapshot: a snapshot file of the camera, for points before a spectral-depth camera (psf0, …).
     """
     from tmca.data import nm_to_metres
     from tmca.lab.calibrating.measuring import Known, measured_steps
 
     waves = _parsed(f"{wavelength:g}") if wavelength is not None else ()
     metres = float(nm_to_metres(waves[0])) if waves else None
-    known = Known(metres, reflectance, power, curve, scale, how.saturation)
+    known = Known(metres, reflectance, power, curve, scale, how.saturation, snapshot)
     for step, found in measured_steps(folder, started(how), known):
         finished(found, step, how)
 
@@ -124,8 +130,25 @@ def _wavelengths(text: str | None, camera: Any, device: str) -> tuple[float, ...
 
     if text is None:
         bands = list(getattr(camera, "wavelengths", ())) if device == "simulated" else []
+        if hasattr(camera, "planes"):
+            bands = bands[:: max(1, len(bands) // 2)]
         return tuple(sorted(bands, key=lambda one: abs(one - sorted(bands)[len(bands) // 2])))
     return tuple(float(nm_to_metres(one)) for one in _parsed(text))
+
+
+def _depths(text: str | None, camera: Any, device: str) -> tuple[float, ...]:
+    """Metres; of a simulated spectral-depth camera without a choice its farthest, middle and nearest plane."""
+    if text is None:
+        planes = [float(one) for one in camera.planes.metres] if hasattr(camera, "planes") else []
+        known = [one for one in planes if isfinite(one)] if device == "simulated" else []
+        return tuple(dict.fromkeys(known[k] for k in (0, len(known) // 2, -1))) if known else ()
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = [0.0]
+    if not all(0 < one < inf for one in found):
+        raise SettingError("--depth", repr(text), "metres above 0, METRES,METRES")
+    return tuple(found)
 
 
 def _parsed(text: str) -> list[float]:
@@ -157,6 +180,9 @@ def _next(step: str, out: Path, asked: Asked) -> str:
     shown, place = f"--patterns {out / 'patterns'}", out / step
     if step == "white":
         return f"{place}: for tmca calibrate flat {out / 'flat'} --white {place} --reflectance {asked.reflectance:g}"
+    if step.startswith("psf"):
+        slot = step.removeprefix("psf")
+        return f"{place}: measure it with tmca calibrate psf {place} --slot {slot} --snapshot CAMERA.nc --onto NAME"
     wave = f" --wavelength {metres_to_nm(asked.wavelengths[0]):g}" if asked.wavelengths else ""
     own = {
         "flat": f" --white {out / 'white'} --reflectance {asked.reflectance:g}",

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import nm_to_metres
 from tmca.errors import DataError
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.dispersion import Curve
 from tmca.lab.calibration.optics_steps import dispersion_step, registration_step, shear_step, timing_step
+from tmca.lab.calibration.psf_step import psf_step
 from tmca.lab.calibration.sensor_steps import dark_step, flat_step, linearity_step
 from tmca.lab.codes_date import CAPTURES
 from tmca.lab.devices.captures import read_captures
@@ -30,6 +32,7 @@ class Known:
         curve: of the dispersion.
         scale: sensor pixels per mask pixel.
         saturation: of all frames.
+        camera: a snapshot file of the camera, whose masks and bench ``psf`` frames are of.
     """
 
     wavelength: float | None = None
@@ -38,6 +41,7 @@ class Known:
     curve: Curve = "cauchy"
     scale: float = 1.0
     saturation: float | None = None
+    camera: str | Path | None = None
 
 
 def measured_steps(folder: str | Path, start: Calibration, known: Known) -> Iterator[tuple[str, Calibration]]:
@@ -45,7 +49,7 @@ def measured_steps(folder: str | Path, start: Calibration, known: Known) -> Iter
 
     Args:
         folder: with ``dark``, ``flat``, ``white``, ``linearity``, ``registration``, ``timing``, ``dispersion`` or
-            ``shear``, and ``patterns``: what `tmca calibrate capture` or `tmca calibrate render` wrote.
+            ``shear``, ``psf0`` …, and ``patterns``: what `tmca calibrate capture` or `tmca calibrate render` wrote.
         start: what is built on.
         known: what frames do not say.
 
@@ -57,13 +61,17 @@ def measured_steps(folder: str | Path, start: Calibration, known: Known) -> Iter
     """
     place = Path(folder)
     there = [name for name in STEPS if (place / name).is_dir()]
-    if not there:
+    slots = [k for k in range(len(list(place.glob("psf*")))) if (place / f"psf{k}").is_dir()]
+    if not there and not slots:
         remedy = "take them with tmca calibrate capture, or name one step's folder: tmca calibrate dark FOLDER"
         raise DataError(folder, "no frames of any step", f"folders {', '.join(STEPS)}", remedy)
     found = start
     for name in there:
         found = _MEASURED[name](found, place, known)
         yield name, found
+    for slot in slots:
+        found = _psf(found, place, slot, known)
+        yield f"wavefront{slot}", found
 
 
 def _told(place: Path, step: str) -> dict[str, Any]:
@@ -118,6 +126,20 @@ def _dispersion(found: Calibration, place: Path, known: Known) -> Calibration:
 def _shear(found: Calibration, place: Path, known: Known) -> Calibration:
     pattern, top = int(_told(place, "shear").get("pattern", 3)), _saturation(place, "shear", known)
     return shear_step(found, place / "shear", place / "patterns", pattern=pattern, saturation=top)
+
+
+def _psf(found: Calibration, place: Path, slot: int, known: Known) -> Calibration:
+    folder = place / f"psf{slot}"
+    if known.camera is None:
+        raise DataError(folder, "points, and no camera", "a snapshot file that says its masks", "name it: --snapshot")
+    camera = Snapshot.load(known.camera).camera
+    if not isinstance(camera, SpectralDepthCamera) or slot >= camera.slots:
+        raise DataError(known.camera, f"a {camera.application} camera", f"a spectral-depth one with slot {slot}")
+    nominal = camera.codes()[0][slot].detach().double().numpy()
+    return psf_step(
+        found, folder, camera.bench, slot=slot, nominal=nominal, saturation=_saturation(place, folder.name, known),
+        source=known.camera,
+    )  # fmt: skip
 
 
 _MEASURED: dict[str, Callable[[Calibration, Path, Known], Calibration]] = {

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tmca.cameras import Camera
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
@@ -75,7 +77,7 @@ def capture_step(
         for done, shot in enumerate(shots):
             if shot.name not in kept["frames"]:
                 loaded = _loaded(calls, shot, shown, loaded)
-                keep(_frame(calls, shot, folder, step), shot.step, kept, folder)
+                keep(_frame(calls, shot, folder, step, camera.snapshot_shape), shot.step, kept, folder)
             if progress:
                 progress(done + 1, len(shots), shot.name)
     return folder
@@ -102,11 +104,12 @@ def _loaded(calls: Calls, shot: Shot, shown: ShownCodes, loaded: str) -> str:
     return shot.shown
 
 
-def _frame(calls: Calls, shot: Shot, folder: Path, step: str) -> Any:
+def _frame(calls: Calls, shot: Shot, folder: Path, step: str, shape: tuple[int, ...]) -> Any:
+    """(H, W); of a sensor with channels their mean, as `tmca calibrate` reads colours."""
     frame = frame_of(calls, shot.slot, shot.whole)
-    if frame.ndim != 2:
-        found = "×".join(map(str, frame.shape))
-        raise DataError(folder / shot.name, f"a frame of {found}", "grey frames (H, W)", "read the bare sensor")
+    if tuple(frame.shape[-2:]) != tuple(shape[1:]) or frame.ndim != (2 if shape[0] == 1 else 3):
+        found, known = ("×".join(map(str, one)) for one in (frame.shape, shape if shape[0] > 1 else shape[1:]))
+        raise DataError(folder / shot.name, f"a frame of {found}", f"{known} pixels", "set the sensor's region to that")
     if step != "linearity":
         check_saturated(frame, saturation_of(calls.device), folder / shot.name)
-    return frame
+    return frame if frame.ndim == 2 else np.rint(frame.mean(0)).astype(np.uint16)

@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tmca.cameras import Camera, LightFieldCamera, SpectralCamera
+from tmca.cameras import Camera, LightFieldCamera, SpectralCamera, SpectralDepthCamera
 from tmca.data import metres_to_nm
 from tmca.errors import SettingError
 from tmca.lab.devices.captures import Step
 from tmca.lab.devices.light import Light
 from tmca.lab.devices.manifest import exposed_whole, frame_time
 
-PATTERNS, OPEN = "patterns", "open"
+PATTERNS, OPEN, CODES = "patterns", "open", "codes"
 REFLECTANCE = 0.5
 _EXPOSURES = (0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2)
 _APART = 2
@@ -26,7 +26,8 @@ class Asked:
 
     Args:
         frames: of each kind for dark, flat and white.
-        wavelengths: metres, of registration (the first) and dispersion.
+        wavelengths: metres, of registration (the first), dispersion and point.
+        depths: metres, of the point.
         pattern: that dispersion and shear show.
         count: of coded patterns.
         reflectance: of the white reference.
@@ -35,6 +36,7 @@ class Asked:
 
     frames: int = 16
     wavelengths: tuple[float, ...] = ()
+    depths: tuple[float, ...] = ()
     pattern: int = 3
     count: int = 2
     reflectance: float = REFLECTANCE
@@ -56,7 +58,8 @@ class Shot:
     Args:
         name: of its file.
         light: before the camera.
-        shown: name of the codes on the devices: ``patterns``, ``open``, or ``aperture_I_shutter_J``.
+        shown: name of the codes on the devices: ``patterns``, ``open``, ``aperture_I_shutter_J``, or ``codes``, those
+            of the export.
         slot: of them; None for all shut, or for a whole exposure.
         whole: whether it is a whole exposure, in which the sensor codes its shutter.
     """
@@ -74,15 +77,9 @@ class Shot:
 
 
 def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
-    """Steps of a camera behind the devices of an export, in their order.
-
-    Raises:
-        SettingError: a camera that is calibrated in another way.
-    """
-    if not isinstance(camera, SpectralCamera | LightFieldCamera):
-        expected = "a spectral or light-field camera"
-        remedy = "capture points at several depths: tmca calibrate psf"
-        raise SettingError("camera", f"a {camera.application} camera", expected, remedy)
+    """Steps of a camera behind the devices of an export, in their order."""
+    if isinstance(camera, SpectralDepthCamera):
+        return ("dark", *(f"psf{slot}" for slot in range(camera.slots)))
     timed = ("timing",) if exposed_whole(manifest) else ()
     last = "dispersion" if isinstance(camera, SpectralCamera) else "shear"
     return ("dark", "flat", "white", "linearity", "registration", *timed, last)
@@ -97,6 +94,8 @@ def shots_of(step: str, camera: Camera, manifest: dict[str, Any], asked: Asked) 
     known = steps_of(camera, manifest)
     if step not in known:
         raise SettingError("step", repr(step), f"one of this camera behind these devices: {', '.join(known)}")
+    if step.startswith("psf"):
+        return _psf(int(step.removeprefix("psf")), asked)
     return _MADE[step](camera, manifest, asked)
 
 
@@ -105,7 +104,8 @@ def _repeated(name: str, light: Light, asked: Asked, **shown: Any) -> list[Shot]
 
 
 def _dark(camera: Camera, manifest: dict[str, Any], asked: Asked) -> list[Shot]:
-    return _repeated("dark", Light("none"), asked, slot=None)
+    shown = CODES if isinstance(camera, SpectralDepthCamera) else OPEN
+    return [Shot(f"dark_{n}", Light("none"), shown, None) for n in range(asked.frames)]
 
 
 def _flat(camera: Camera, manifest: dict[str, Any], asked: Asked) -> list[Shot]:
@@ -156,6 +156,16 @@ def _shear(camera: Camera, manifest: dict[str, Any], asked: Asked) -> list[Shot]
     rows, columns = (range(-(n // 2), n - n // 2) for n in camera.views)
     places = [(v, u) for v in rows for u in columns]
     return [Shot(f"view_{v}_{u}", Light("white", view=(v, u)), PATTERNS, asked.pattern) for v, u in places]
+
+
+def _psf(slot: int, asked: Asked) -> list[Shot]:
+    if len(asked.depths) < 2:
+        raise SettingError("--depth", f"{len(asked.depths)} of them", "two or more for psf, metres, METRES,METRES")
+    pairs = [(z, wave) for z in asked.depths for wave in _wavelengths(asked, "psf")]
+    return [
+        Shot(f"point_{z:.6g}m_{metres_to_nm(wave):g}nm", Light("point", wavelength=wave, depth=z), CODES, slot)
+        for z, wave in pairs
+    ]
 
 
 def _wavelengths(asked: Asked, step: str) -> Sequence[float]:

@@ -10,7 +10,7 @@ import torch
 
 from tmca.data import make_folder
 from tmca.errors import DataError, OutputError
-from tmca.lab.calibrating.shots import OPEN, PATTERNS, Asked, pair_name
+from tmca.lab.calibrating.shots import CODES, OPEN, PATTERNS, Asked, pair_name
 from tmca.lab.calibration.patterns import calibration_patterns, write_patterns
 from tmca.lab.calibration.steps import read_patterns
 from tmca.lab.devices.descriptions import DeviceDescription
@@ -31,17 +31,11 @@ class ShownCodes:
         export: of the codes that are to be captured afterwards.
         folder: of the calibration's frames; ``FOLDER/patterns`` holds the patterns as pictures.
         asked: how many of them.
-
-    Raises:
-        DataError: an export without an aperture of pixels.
     """
 
     def __init__(self, export: str | Path, folder: Path, asked: Asked) -> None:
-        self.manifest, self.folder, self.asked = read_manifest(export), folder, asked
+        self.source, self.manifest, self.folder, self.asked = Path(export), read_manifest(export), folder, asked
         self.placed = _placed(export, self.manifest)
-        if "aperture" not in self.placed:
-            found = f"an export of {', '.join(self.placed) or 'masks'}"
-            raise DataError(export, found, "an aperture of pixels", "export it to the device that shows it")
 
     @property
     def size(self) -> tuple[int, int]:
@@ -52,8 +46,14 @@ class ShownCodes:
         """The codes of a ``Shot`` for the devices.
 
         Raises:
+            DataError: an export without an aperture of pixels.
             OutputError: other patterns in their place.
         """
+        if name == CODES:
+            return Export(self.source, self.manifest)
+        if "aperture" not in self.placed:
+            found = f"an export of {', '.join(self.placed) or 'masks'}"
+            raise DataError(self.source, found, "an aperture of pixels", "export it to the device that shows it")
         planes = self._patterns() if name == PATTERNS else self._slots(name)
         placed = {plane: self.placed[plane] for plane in planes}
         codes = Planes("codes of a calibration", self.manifest["camera"], planes)

@@ -100,14 +100,14 @@ class SimulatedBench:
 
     def _seen(self, whole: bool) -> Tensor:
         """(1, C, H, W) what the sensor reads, snapshot units."""
-        if self.light is not None and self.light.kind != "white":
+        if self.light is not None and self.light.kind in ("none", "even"):
             bright = self.light.reflectance * self.light.exposure if self.light.kind == "even" else 0.0
             return self._even(bright)
         if not whole and self.shown is None:
             return self._even(0)
         shown = None if whole else self.shown
         camera = self.camera if shown is None else of_one_slot(self.camera, shown, self.known.slots)
-        scene = self.scene if self.light is None else (lit_scene(self.known, self.light),)
+        scene = self.scene if self.light is None else lit_scene(camera, self.light)
         found: Tensor = camera(*scene, self._noise())
         return found
 
