@@ -51,10 +51,12 @@ def test_from_captures_to_a_reconstruction(capsys, bench):
     assert sensor["electrons_per_dn"] == pytest.approx(truth["gain"], rel=0.05)
     found = step(capsys, "registration", "bench/registration", *SHOWN, "--wavelength", "550", "--device", "40x45", *ON)
     assert found["corner_std_pixels"] < 0.02
+    assert 1 / found["contrast_ratio"] == pytest.approx(1 / truth["contrast_ratio"], abs=1e-3)
     power = ("--power", "bench/source.csv")
     assert step(capsys, "dispersion", "bench/dispersion", *SHOWN, *power, *ON)["x_residual_pixels"] < 0.05
     timing = step(capsys, "timing", "bench/timing", "--onto", "rendered")
     assert timing["delay_slots"] == pytest.approx(truth["delay"], abs=0.002)
+    assert timing["leakage"] == pytest.approx(truth["leakage"], abs=1.5e-3)
     measured = load_calibration("rendered")
     assert measured.part("registration").offset(truth["matrix"]) < 0.05
     assert np.abs(measured.part("dispersion").at(truth["wavelengths"]) - truth["shifts"]).max() < 0.1

@@ -95,6 +95,22 @@ def test_what_leaks_by_hand():
     assert found[0, 1] == pytest.approx(0.01 + 0.75 * 0.02 + 0.25 * 0.0002, abs=1e-4)
 
 
+@pytest.mark.parametrize("delay", [0.25, -0.2])
+def test_snapshots_and_pairs_of_slots_leak_alike(delay):
+    from tmca.cameras import LightFieldCamera
+
+    known = LightFieldCamera(1, (24, 25), 2)
+    place = nominal_matrix(known.mask_size, known.size)
+    drawn = ideal(BenchTruth.drawn(known.mask_size, known.size, place, 0.0, 2, 0), place, 0.0)
+    truth = replace(drawn, delay=delay, ratio=0.97, contrast_ratio=20.0, leakage=0.1)
+    pairs, slots = pairs_in_time(2, delay, 0.97, 20.0, 0.1), torch.eye(2)[:, :, None, None]
+    for i, j in np.ndindex(2, 2):
+        own, other = slots[i].expand(-1, *known.mask_size), slots[j].expand(-1, *known.size)
+        camera = LightFieldCamera(1, known.size, 2, aperture=own, shutter=other)
+        seen = light_field_light(camera, truth, np.ones((1, 1, *known.size)))
+        assert np.allclose(seen, pairs[i, j] / 2, atol=1e-6)
+
+
 def test_leaks_leave_the_other_hidden_numbers_of_a_seed_as_they_were():
     place = nominal_matrix((24, 25), (24, 25))
     drawn = [BenchTruth.drawn((24, 25), (24, 25), place, 11.0, 2, seed) for seed in range(20)]

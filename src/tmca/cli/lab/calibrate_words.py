@@ -113,7 +113,7 @@ def plain_numbers(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _said(residuals: Mapping[str, Any]) -> None:
     for name, value in residuals.items():
-        shown = "not reached" if value is None or value != value else f"{value:.5g}"
+        shown = "not known" if value is None or value != value else f"{value:.5g}"
         print(f"  {name.replace('_', ' '):<32} {shown}")
 
 

@@ -110,35 +110,45 @@ def measure_timing(
         SettingError: not a square of two slots or more.
         DataError: hardly any light, levels that no delay explains, or a leakage above a half.
     """
+    seen = _seen(levels, source)
+    slots, top = len(seen), float(np.nanmax(seen))
+    # pairs of slots that never meet are the darkest
+    closed = float(np.clip(np.nanmin(seen) / top, 0.0, LARGEST_LEAKAGE))
+    alone, again = (
+        _best_fit(_misfit(seen / top, aperture_leakage, repeats), slots, closed) for repeats in (False, True)
+    )
+    repeats = again.cost < _CLEARLY * alone.cost
+    found = again if repeats else alone
+    delay, ratio, light, leakage = (float(value) for value in found.x)
+    left = found.fun[:-1]
+    residual = float(np.sqrt((left**2).mean() * slots) / max(light, 1e-12))
+    _check(found.x, residual, source)
+    std = _spread(found, left)
+    delay = (delay + slots / 2) % slots - slots / 2 if repeats else delay
+    own_std = float(np.hypot(std[3], aperture_leakage_std))
+    return Timing(delay, ratio, std[:2], light * top, residual, slots, repeats, leakage, own_std)
+
+
+def _seen(levels: ArrayLike, source: object) -> Array:
+    """The levels as they were given; errors as of ``measure_timing``."""
     seen = np.asarray(levels, dtype=np.float64)
     if seen.ndim != 2 or seen.shape[0] != seen.shape[1] or len(seen) < 2 or np.isfinite(seen).sum() < 4:
         raise SettingError("timing", f"levels of shape {seen.shape}", "(K, K) of two slots or more, four of them known")
-    slots, known = len(seen), np.isfinite(seen)
-    top = float(np.nanmax(seen))
-    if not top > 0:
+    if not np.nanmax(seen) > 0:
         raise DataError(source, "no light in any pair of slots", "light where both are open", "check both triggers")
+    return seen
 
-    def misfit(repeats: bool) -> Callable[[Array], Array]:
-        def residuals(values: Array) -> Array:
-            delay, ratio, light, leakage = values
-            light_of = light * pair_light(slot_overlap(slots, delay, ratio, repeats), aperture_leakage, leakage)
-            return np.append((light_of - seen / top)[known], _PULL * leakage)
 
-        return residuals
+def _misfit(shares: Array, aperture: float, repeats: bool) -> Callable[[Array], Array]:
+    """What delay, ratio, light and leakage leave of the known levels, and the pull on the leakage."""
+    known = np.isfinite(shares)
 
-    # pairs of slots that never meet are the darkest
-    closed = float(np.clip(np.nanmin(seen) / top, 0.0, LARGEST_LEAKAGE))
-    alone, again = (_best_fit(misfit(repeats), slots, closed) for repeats in (False, True))
-    repeats = again.cost < _CLEARLY * alone.cost
-    found = again if repeats else alone
-    left = found.fun[:-1]
-    residual = float(np.sqrt((left**2).mean() * slots) / max(found.x[2], 1e-12))
-    _check(found.x, residual, source)
-    std = _spread(found, left)
-    delay = (found.x[0] + slots / 2) % slots - slots / 2 if repeats else found.x[0]
-    _, ratio, light, leakage = (float(value) for value in found.x)
-    leakage_std = float(np.hypot(std[3], aperture_leakage_std))
-    return Timing(float(delay), ratio, std[:2], light * top, residual, slots, repeats, leakage, leakage_std)
+    def residuals(values: Array) -> Array:
+        delay, ratio, light, leakage = values
+        there = light * pair_light(slot_overlap(len(shares), delay, ratio, repeats), aperture, leakage)
+        return np.append((there - shares)[known], _PULL * leakage)
+
+    return residuals
 
 
 def _check(values: Array, residual: float, source: object) -> None:
