@@ -29,7 +29,7 @@ class BenchTruth:
         coefficients: (K, M) heights of the mask beside those asked for, metres rms.
         sensor: with its faults.
         contrast_ratio: light that open mask pixels pass over that of closed ones.
-        leakage: share of the light that a closed shutter records.
+        leakage: share of the light that a closed shutter records; the spectral-depth bench has neither leaks nor delay.
     """
 
     matrix: Array
