@@ -17,7 +17,7 @@ LARGEST_RESIDUAL = 0.1
 """Share of a whole slot's light that the fit may leave, root mean square."""
 LARGEST_LEAKAGE = 0.5
 _PULL = 1e-2
-"""Weight of the leakage itself beside the levels: of two explanations, as two slots have, that of less leakage."""
+"""Weight, beside the levels, of the leakage and of a ratio other than 1: it decides where levels have many causes."""
 _STARTS = 4
 _CLEARLY = 0.8
 """Below this share of the other's misfit an exposure is taken for one that repeats."""
@@ -96,8 +96,8 @@ def measure_timing(
     less.
 
     A leakage adds the same to all levels: a pedestal (stray light, a dark of another exposure), and what the aperture
-    leaks beside ``aperture_leakage``, cannot be told from it. With two slots it cannot be told from an exposure that
-    repeats either; what needs less leakage is taken.
+    leaks beside ``aperture_leakage``, cannot be told from it. Nor can a delay where no pair was captured that never
+    meets, nor, of two slots, an exposure that repeats: then what needs less leakage, and slots more alike, is taken.
 
     Args:
         levels: (K, K) mean light above the dark with slot i of the aperture and slot j of the shutter alone open;
@@ -112,15 +112,11 @@ def measure_timing(
     """
     seen = _seen(levels, source)
     slots, top = len(seen), float(np.nanmax(seen))
-    # pairs of slots that never meet are the darkest
-    closed = float(np.clip(np.nanmin(seen) / top, 0.0, LARGEST_LEAKAGE))
-    alone, again = (
-        _best_fit(_misfit(seen / top, aperture_leakage, repeats), slots, closed) for repeats in (False, True)
-    )
-    repeats = again.cost < _CLEARLY * alone.cost
+    alone, again = (_best_fit(_misfit(seen / top, aperture_leakage, repeats), seen / top) for repeats in (False, True))
+    repeats = bool(again.cost < _CLEARLY * alone.cost)
     found = again if repeats else alone
     delay, ratio, light, leakage = (float(value) for value in found.x)
-    left = found.fun[:-1]
+    left = found.fun[:-2]
     residual = float(np.sqrt((left**2).mean() * slots) / max(light, 1e-12))
     _check(found.x, residual, source)
     std = _spread(found, left)
@@ -140,13 +136,13 @@ def _seen(levels: ArrayLike, source: object) -> Array:
 
 
 def _misfit(shares: Array, aperture: float, repeats: bool) -> Callable[[Array], Array]:
-    """What delay, ratio, light and leakage leave of the known levels, and the pull on the leakage."""
+    """What delay, ratio, light and leakage leave of the known levels, and the pull on leakage and ratio."""
     known = np.isfinite(shares)
 
     def residuals(values: Array) -> Array:
         delay, ratio, light, leakage = values
         there = light * pair_light(slot_overlap(len(shares), delay, ratio, repeats), aperture, leakage)
-        return np.append((there - shares)[known], _PULL * leakage)
+        return np.concatenate([(there - shares)[known], [_PULL * leakage, _PULL * (ratio - 1)]])
 
     return residuals
 
@@ -168,12 +164,15 @@ def _spread(found: Any, left: Array) -> Array:
     return np.asarray(np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * variance))
 
 
-def _best_fit(residuals: Callable[[Array], Array], slots: int, leakage: float) -> Any:
+def _best_fit(residuals: Callable[[Array], Array], shares: Array) -> Any:
     from scipy.optimize import least_squares
 
-    starts = sorted(_starts(residuals, slots, leakage), key=lambda one: one[0])[:_STARTS]
+    # pairs of slots that never meet are the darkest
+    closed = float(np.clip(np.nanmin(shares), 0.0, LARGEST_LEAKAGE))
+    grids = [sorted(_starts(residuals, len(shares), share), key=lambda one: one[0]) for share in (0.0, closed)]
     bounds = ([-np.inf, -np.inf, -np.inf, 0.0], [np.inf, np.inf, np.inf, 1.0])
-    fits = [least_squares(residuals, start, bounds=bounds, xtol=1e-10, ftol=1e-12) for _, start in starts]
+    starts = [start for grid in grids for _, start in grid[:_STARTS]]
+    fits = [least_squares(residuals, start, bounds=bounds, xtol=1e-10, ftol=1e-12) for start in starts]
     return min(fits, key=lambda fit: fit.cost)
 
 
