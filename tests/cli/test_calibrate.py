@@ -51,10 +51,12 @@ def test_from_captures_to_a_reconstruction(capsys, bench):
     assert sensor["electrons_per_dn"] == pytest.approx(truth["gain"], rel=0.05)
     found = step(capsys, "registration", "bench/registration", *SHOWN, "--wavelength", "550", "--device", "40x45", *ON)
     assert found["corner_std_pixels"] < 0.02
+    assert 1 / found["contrast_ratio"] == pytest.approx(1 / truth["contrast_ratio"], abs=1e-3)
     power = ("--power", "bench/source.csv")
     assert step(capsys, "dispersion", "bench/dispersion", *SHOWN, *power, *ON)["x_residual_pixels"] < 0.05
     timing = step(capsys, "timing", "bench/timing", "--onto", "rendered")
     assert timing["delay_slots"] == pytest.approx(truth["delay"], abs=0.002)
+    assert timing["leakage"] == pytest.approx(truth["leakage"], abs=1.5e-3)
     measured = load_calibration("rendered")
     assert measured.part("registration").offset(truth["matrix"]) < 0.05
     assert np.abs(measured.part("dispersion").at(truth["wavelengths"]) - truth["shifts"]).max() < 0.1
@@ -190,7 +192,7 @@ def test_impossible_benches_are_refused(capsys, tmp_path, monkeypatch):
 def exported(tmp_path, monkeypatch, capsys):
     """Codes of a spectral camera on a DMD and a coded shutter."""
     monkeypatch.chdir(tmp_path)
-    camera = ("--slots", "2", "--shutter", "one-hot", "--read-noise", "0.001", "--out", "sim.nc", "--no-figures")
+    camera = ("--slots", "3", "--shutter", "one-hot", "--read-noise", "0.001", "--out", "sim.nc", "--no-figures")
     said(capsys, "simulate", "spectral", "coffee", "--crop", "32x37", *camera)
     devices = ("--device", "dli4120", "--device", "coded-exposure", "--macro-pixel", "4", "--mounting-angle", "45")
     said(capsys, "export", "sim.nc", *devices, "--out", "shown")
@@ -211,7 +213,7 @@ def test_a_bench_with_faults_is_calibrated_by_its_own_frames(capsys):
     whole, steps = (load_calibration(name) for name in ("whole", "steps"))
     np.testing.assert_array_equal(whole.part("registration").matrix, steps.part("registration").matrix)
     np.testing.assert_array_equal(whole.part("dispersion").shifts, steps.part("dispersion").shifts)
-    assert abs(whole.part("timing").delay) == pytest.approx(0.2, abs=1e-3)  # of two slots late and early are alike
+    assert whole.part("timing").delay == pytest.approx(0.2, abs=1e-3)
     said(capsys, "capture", "shown", "--scene", "coffee", "--out", "frames", *FAULTS)
     truth = ("--truth", "coffee", "--no-figures", "--json")
     found = [

@@ -16,6 +16,16 @@ def test_mirrors_are_found_to_a_fiftieth_of_a_wave_and_explain_the_snapshot():
     assert explained["calibrated"] == pytest.approx(explained["true"], abs=0.5)
 
 
+def test_leaks_are_found_and_explain_the_snapshot():
+    found = prove(1, (40, 41), cameras=("light-field",)).stated()
+    errors = {row["quantity"]: row["error"] for row in found["errors"]}
+    assert errors["leakage of the aperture"] < 1e-3
+    assert errors["leakage of the shutter"] < 1e-3
+    explained = {row["operator"]: row["explained"] for row in found["reconstruction"]}
+    assert explained["calibrated"] == pytest.approx(explained["true"], abs=0.5)
+    assert explained["calibrated"] > explained["without contrast and leakage"] + 1
+
+
 def test_the_worst_bench_counts_and_a_missed_bound_is_said(capsys):
     proof = Proof(2, 40.0)
     for error in (0.01, 0.07):

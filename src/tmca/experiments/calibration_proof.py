@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +41,8 @@ BOUNDS: dict[str, tuple[str, float | None]] = {
     "shear": ("px per view", 0.02),
     "delay of the shutter": ("slots", None),
     "duration of its slots": ("relative", None),
+    "leakage of the aperture": ("share of the light", None),
+    "leakage of the shutter": ("share of the light", None),
     "wavefront": ("waves rms", 0.02),
     "electrons per digital number": ("relative", None),
 }
@@ -159,6 +161,8 @@ def _compare(proof: Proof, calibration: Calibration, truth: dict[str, Any]) -> N
         timing = calibration.part("timing")
         proof.add("delay of the shutter", abs(timing.delay - truth["delay"]))
         proof.add("duration of its slots", abs(timing.ratio / truth["ratio"] - 1))
+        proof.add("leakage of the aperture", abs(part.leakage - 1 / truth["contrast_ratio"]))
+        proof.add("leakage of the shutter", abs(timing.leakage - truth["leakage"]))
     part = calibration.part("dispersion")
     if part is not None:
         proof.add("dispersion", np.abs(part.at(WAVES) - truth["shifts"]).max())
@@ -192,6 +196,8 @@ def _reconstruct(
         "true": true_calibration(calibration, truth),
         **{f"without {name}": calibration.without(name) for name in _OPTICS[camera]},
     }
+    if "timing" in _OPTICS[camera]:
+        operators["without contrast and leakage"] = _without_leaks(calibration)
     for name, own in operators.items():
         taken = calibrated_snapshot(raw, own)
         estimate = None if camera == "spectral-depth" else _estimate(taken)
@@ -200,6 +206,13 @@ def _reconstruct(
         proof.rows.append(row)
         if camera == "spectral" and seed == 0 and estimate is not None and not name.startswith("without"):
             proof.cubes[name], proof.scene, proof.wavelengths = estimate, scene, taken.camera.wavelengths
+
+
+def _without_leaks(calibration: Calibration) -> Calibration:
+    """As if codes were shut where they are closed."""
+    registration, timing = calibration.part("registration"), calibration.part("timing")
+    shut = {"registration": replace(registration, leakage=None), "timing": replace(timing, leakage=0.0)}
+    return Calibration({**calibration.parts, **shut}, calibration.about, calibration.path)
 
 
 def _scene(folder: Path) -> Array:

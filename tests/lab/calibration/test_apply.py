@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.cameras.hardware import Hardware, imperfect
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
@@ -128,6 +129,55 @@ def test_slots_that_are_late_mix_as_a_slow_integral_over_time(delay, ratio, expo
         exact = exact + light[pair] * images(one, scene)
     exact = exact / (3 if exposure == "equal" else 1)
     assert torch.allclose(images(found, scene), exact, atol=3e-3)
+
+
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+def test_closed_codes_leak_as_a_slow_integral_over_time(delay, exposure):
+    slots, share, shut = 3, 0.03, 0.02
+    camera = SpectralCamera(WAVES, (5, 6), slots, exposure=exposure)
+    aperture, shutter = camera.codes()
+    mask = replace(registered((5, 6), (5, 8), [[1, 0, 0], [0, 1, 1]]), leakage=share)
+    # of an exposure that repeats, so that the shutter is in one of its slots at all times
+    timing = Timing(delay, 1.0, np.zeros(2), 1.0, 0.0, slots, True, shut)
+    found = calibrated(camera, with_parts(registration=mask, timing=timing))
+    scene, exact, instants = torch.rand(1, 3, 5, 6), 0, 40
+    for time in (np.arange(slots * instants) + 0.5) / instants:
+        passed, caught = aperture[int(time)], shutter[int(np.floor(time - delay)) % slots]
+        passed, caught = passed + share * (1 - passed), caught + shut * (1 - caught)
+        one = SpectralCamera(WAVES, (5, 6), 1, aperture=passed[None], shutter=caught[None])
+        exact = exact + images(one, scene) / instants / (slots if exposure == "equal" else 1)
+    assert torch.allclose(images(found, scene), exact, atol=1e-5)
+
+
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+def test_a_light_field_camera_leaks_as_its_faults_do(exposure):
+    camera = LightFieldCamera(3, (8, 9), 2, exposure=exposure)
+    place = nominal_matrix(camera.mask_size, camera.size)
+    mask = replace(registered(camera.mask_size, (8, 9), place), leakage=1 / 40)
+    found = calibrated(
+        camera, with_parts(registration=mask, timing=Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2, leakage=0.05))
+    )
+    scene = torch.rand(1, 3, 3, 8, 9)
+    wanted = images(imperfect(camera, Hardware(contrast_ratio=40, leakage=0.05)), scene)
+    assert torch.allclose(images(found, scene), wanted, atol=1e-5)
+
+
+def test_pixels_whose_code_is_always_closed_keep_what_leaks_and_defects_are_shut():
+    shutter = torch.ones(2, 6, 14)
+    shutter[:, 1, 5] = 0
+    camera = SpectralCamera(WAVES, (6, 12), 2, shutter=shutter)
+    parts = raw_parts((6, 14), hot=[(3, 4)])
+    place = registered((6, 12), (6, 14), [[1, 0, 0], [0, 1, 1]])
+    timing = Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2, leakage=0.02)
+    own = with_parts(**parts, registration=place, dispersion=dispersed((-2.5, 0, 2.5)), timing=timing)
+    taken = calibrated_snapshot(Snapshot(torch.ones(1, 1, 6, 14), camera), own)
+    seen = taken.camera.codes()[1][0]
+    assert seen[1, 5 + 2] == pytest.approx(0.02)
+    assert seen[3, 4 + 2] == 0
+    assert not seen[:, :2].any()
+    assert not seen[:, -2:].any()
+    assert torch.equal(taken.values[0, 0] == 0, seen == 0)
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -7,19 +7,29 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralCamera
+from tmca.cameras.hardware import Hardware, imperfect
 from tmca.lab.calibration.registration import nominal_matrix
 from tmca.lab.calibration.rendered.cameras import nominal_spectral, place_of_codes, spectral_truth
 from tmca.lab.calibration.rendered.light import light_field_light, spectral_light
-from tmca.lab.calibration.rendered.physics import BenchSensor, glass_shift, overlap_in_time, point_of, seen_by_rays
+from tmca.lab.calibration.rendered.physics import (
+    BenchSensor,
+    glass_shift,
+    overlap_in_time,
+    pairs_in_time,
+    point_of,
+    seen_by_rays,
+    time_beside,
+)
 from tmca.lab.calibration.rendered.truth import BenchTruth
 from tmca.optics import PhaseMaskBench
 
 
 def ideal(truth, matrix, span):
-    """The truth without faults: no blur, tilt, delay, and with this place and dispersion."""
+    """The truth without faults: no blur, tilt, delay, leak, and with this place and dispersion."""
     return replace(
-        truth, matrix=matrix, span=span, tilt=0.0, blur=0.0, delay=0.0, ratio=1.0, step=np.ones(2), fall_off=0
-    )
+        truth, matrix=matrix, span=span, tilt=0.0, blur=0.0, delay=0.0, ratio=1.0, step=np.ones(2), fall_off=0,
+        contrast_ratio=np.inf, leakage=0.0,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("size", [(24, 31), (25, 28)])
@@ -46,15 +56,17 @@ def test_without_faults_the_spectral_bench_is_the_camera(size):
     assert np.abs(spectral_light(camera, Whole(), scene) - exact).max() < 1e-3
 
 
-def test_without_faults_the_light_field_bench_is_the_camera():
+@pytest.mark.parametrize("leaks", [{}, {"contrast_ratio": 30.0, "leakage": 0.04}])
+def test_without_faults_of_place_and_time_the_light_field_bench_is_the_camera(leaks):
     from tmca.cameras import LightFieldCamera
 
     camera = LightFieldCamera(3, (24, 27), 2)
     drawn = BenchTruth.drawn(camera.mask_size, camera.size, nominal_matrix(camera.mask_size, camera.size), 0.0, 2, 0)
-    truth = ideal(drawn, nominal_matrix(camera.mask_size, camera.size), 0.0)
+    truth = replace(ideal(drawn, nominal_matrix(camera.mask_size, camera.size), 0.0), **leaks)
     scene = np.random.default_rng(1).uniform(0, 1, (3, 3, 24, 27))
     with torch.no_grad():
-        exact = camera.A(torch.from_numpy(scene)[None].float())[0, 0].numpy() / camera.full_scale
+        image = imperfect(camera, Hardware(**leaks)).A(torch.from_numpy(scene)[None].float())
+    exact = image[0, 0].numpy() / camera.full_scale
     assert np.abs(light_field_light(camera, truth, scene) - exact).max() < 1e-3
 
 
@@ -72,6 +84,40 @@ def test_slots_overlap_by_hand():
     # the shutter is late by a quarter of a slot and as long as the aperture's slots
     assert np.allclose(overlap_in_time(2, 0.25, 1.0), [[0.75, 0], [0.25, 0.75]], atol=1e-3)
     assert np.allclose(overlap_in_time(2, 0.0, 0.5), [[0.5, 0.5], [0, 0]], atol=1e-3)
+    assert np.allclose(time_beside(2, 0.25, 1.0), [0.25, 0], atol=1e-3)
+    assert np.allclose(time_beside(2, 0.0, 0.5), [0, 1], atol=1e-3)
+
+
+def test_what_leaks_by_hand():
+    # first slot of both: 3/4 open in both, 1/4 behind the closed shutter; 1 behind both closed
+    found = pairs_in_time(2, 0.25, 1.0, 50.0, 0.01)
+    assert found[0, 0] == pytest.approx(0.75 + 0.25 * 0.01 + 0.25 * 0.02 + 0.75 * 0.0002, abs=1e-3)
+    assert found[0, 1] == pytest.approx(0.01 + 0.75 * 0.02 + 0.25 * 0.0002, abs=1e-4)
+
+
+@pytest.mark.parametrize("delay", [0.25, -0.2])
+def test_snapshots_and_pairs_of_slots_leak_alike(delay):
+    from tmca.cameras import LightFieldCamera
+
+    known = LightFieldCamera(1, (24, 25), 2)
+    place = nominal_matrix(known.mask_size, known.size)
+    drawn = ideal(BenchTruth.drawn(known.mask_size, known.size, place, 0.0, 2, 0), place, 0.0)
+    truth = replace(drawn, delay=delay, ratio=0.97, contrast_ratio=20.0, leakage=0.1)
+    pairs, slots = pairs_in_time(2, delay, 0.97, 20.0, 0.1), torch.eye(2)[:, :, None, None]
+    for i, j in np.ndindex(2, 2):
+        own, other = slots[i].expand(-1, *known.mask_size), slots[j].expand(-1, *known.size)
+        camera = LightFieldCamera(1, known.size, 2, aperture=own, shutter=other)
+        seen = light_field_light(camera, truth, np.ones((1, 1, *known.size)))
+        assert np.allclose(seen, pairs[i, j] / 2, atol=1e-6)
+
+
+def test_leaks_leave_the_other_hidden_numbers_of_a_seed_as_they_were():
+    place = nominal_matrix((24, 25), (24, 25))
+    drawn = [BenchTruth.drawn((24, 25), (24, 25), place, 11.0, 2, seed) for seed in range(20)]
+    # as they were drawn before there were leaks
+    assert (drawn[0].delay, drawn[0].sensor.offset[3, 4]) == pytest.approx((0.10296640585380991, 1014.5218757789553))
+    assert all(50 <= one.contrast_ratio <= 400 and 0 <= one.leakage <= 0.02 for one in drawn)
+    assert len({one.leakage for one in drawn}) == 20
 
 
 def test_a_flat_mirror_in_focus_gives_the_airy_disk():

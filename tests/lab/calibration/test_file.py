@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from tmca.cameras import SpectralCamera
+from tmca.data import checksum_of, read_dataset, write_dataset
 from tmca.errors import DataError, OutputError
 from tmca.lab.calibration.apply import check_fits
 from tmca.lab.calibration.as_taken import bench_of
@@ -38,12 +39,12 @@ PARTS = {
     "dark": DarkField(array(*SIZE), array(*SIZE) ** 2, NONE, 8),
     "flat": FlatField(1 + 0.1 * array(*SIZE), 900.0, 0.01, 1e-4, NONE, 8),
     "linearity": Linearity(array(4), array(4), array(4), 3.0, 1.0, array(4), float("nan"), 2.5, 0.1, 9.0),
-    "registration": Registration(array(2, 3), array(2, 3), 0.3, 0.02, (5, 6), SIZE, 550e-9),
+    "registration": Registration(array(2, 3), array(2, 3), 0.3, 0.02, (5, 6), SIZE, 550e-9, 0.004, 1e-4),
     "dispersion": MeasuredDispersion(
         np.arange(4, 7) * 1e-7, array(3, 2), array(3, 2), "cauchy", array(2, 2), array(2), array(3), array(3)
     ),
     "shear": MeasuredShear(array(4, 2), array(4, 2), array(2), array(2), array(2), 0.1, array(4)),
-    "timing": Timing(0.1, 0.98, array(2), 100.0, 0.01, 4),
+    "timing": Timing(0.1, 0.98, array(2), 100.0, 0.01, 4, False, 0.02, 1e-3),
     "psf0": PsfStack(array(2, 3, 5, 5), array(2), array(3), array(2, 2), array(2, 3)),
     "psf1": PsfStack(array(3, 2, 7, 7), array(3), array(2), array(3, 2), array(3, 2)),
     "wavefront0": ZernikeFit(((2, 0), (2, 2)), array(2), array(2) ** 2, array(2, 2), 0.02, 1),
@@ -65,6 +66,19 @@ def test_every_part_comes_back_as_it_was(tmp_path):
             own, back = getattr(part, field.name), getattr(found.parts[name], field.name)
             assert type(back) is type(own), (name, field.name)
             assert np.array_equal(np.asarray(own), np.asarray(back), equal_nan=not isinstance(own, str)), field.name
+
+
+def test_files_from_before_leaks_were_measured_are_read(tmp_path):
+    path = whole().save(tmp_path / "cam").path
+    newer = [f"{part}_{name}" for part in ("registration", "timing") for name in ("leakage", "leakage_std")]
+    older = read_dataset(path).drop_vars(newer)
+    side, own = path.with_suffix(".json"), checksum_of(path)
+    write_dataset(older, path, overwrite=True)
+    side.write_text(side.read_text().replace(own, checksum_of(path)))
+    found = load_calibration(path)
+    assert (found.part("registration").leakage, found.part("registration").closed_light) == (None, 0.0)
+    assert found.part("registration").contrast_ratio == np.inf
+    assert (found.part("timing").leakage, found.part("timing").delay) == (0.0, 0.1)
 
 
 def test_a_calibration_is_dated_and_never_overwritten(tmp_path):

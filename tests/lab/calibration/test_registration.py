@@ -5,6 +5,7 @@ import pytest
 
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.closed_light import closed_light
 from tmca.lab.calibration.displacement import displacement_of
 from tmca.lab.calibration.pattern_image import inverse, mapped, moved, seen_patterns
 from tmca.lab.calibration.patterns import calibration_patterns
@@ -92,6 +93,36 @@ def test_the_standard_deviation_is_that_of_many_captures():
     spread = np.std([one.matrix @ middle for one in found], axis=0, ddof=1)
     # the dark and open frames' noise is not in the fit's own count of it
     assert (spread / found[0].std[:, 2]).mean() == pytest.approx(1.3, abs=0.6)
+
+
+@pytest.mark.parametrize(("codes", "sensor"), [ODD, EVEN])
+@pytest.mark.parametrize("share", [0.0, 0.004, 0.05])
+def test_light_through_closed_pixels_is_found_again(codes, sensor, share):
+    patterns, matrix = calibration_patterns(codes), affine(codes, sensor, turn=0.6, shift=(0.2, -0.4))
+    light = 900 * (1 - 0.4 * np.linspace(0, 1, sensor[1]))
+    frames = noisy(light * seen_by_rays(patterns + share * (1 - patterns), matrix, sensor, blur=0.3))
+    found = register(frames, patterns, start=matrix, above_dark=True)
+    assert found.leakage == pytest.approx(share, abs=4 * found.leakage_std)
+    assert 0 < found.leakage_std < 1e-3
+    assert found.offset(matrix) < 0.05
+    assert found.closed_light == max(0, found.leakage)
+    # the sensor's own dark would be taken for light
+    unknown = register(frames + 40, patterns, start=matrix)
+    assert (unknown.leakage, unknown.closed_light, unknown.contrast_ratio) == (None, 0.0, np.inf)
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_the_deviation_of_closed_light_is_that_of_many_captures(cut):
+    rng, lit = np.random.default_rng(3), np.ones((40, 41), bool)
+    light = rng.uniform(300, 1000, lit.shape)
+    found = []
+    for _ in range(60):
+        dark = 0.01 * light + 20 * rng.standard_normal(lit.shape)
+        dark[rng.uniform(size=lit.shape) < 0.005] = 4000
+        found.append(closed_light(np.maximum(dark, -15) if cut else dark, light, lit))
+    shares, stds = np.transpose(found)
+    assert shares.mean() == pytest.approx(0.01, abs=5 * shares.std() / np.sqrt(60))
+    assert stds.mean() == pytest.approx(shares.std(ddof=1), rel=0.3)
 
 
 def test_patterns_that_were_not_shown_are_refused():

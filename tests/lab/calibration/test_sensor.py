@@ -10,7 +10,7 @@ from tmca.codes import slot_overlap as repeated_overlap
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.dark_flat import DEAD, HOT, measure_dark, measure_flat
 from tmca.lab.calibration.linearity import measure_linearity
-from tmca.lab.calibration.timing import measure_timing, slot_overlap
+from tmca.lab.calibration.timing import measure_timing, pair_light, slot_overlap
 
 SIZE = (37, 42)
 GAIN, READ, OFFSET = 2.5, 4.0, 300.0
@@ -143,7 +143,80 @@ def test_an_exposure_that_repeats_is_told_from_one_alone(slots, delay):
     assert not measure_timing(800 * slot_overlap(slots, delay)).repeats
 
 
+def followed(slots, delay, ratio, aperture, shutter, repeats):
+    """Light of every pair of slots, instant by instant over the exposure."""
+    time = (np.arange(slots * 4000) + 0.5) / 4000
+    on = np.floor((time - delay) / ratio)
+    if repeats:
+        on = np.floor((time - delay) % slots / ratio)
+    masks = [np.where(np.floor(time) == i, 1.0, aperture) for i in range(slots)]
+    shutters = [np.where(on == j, 1.0, shutter) for j in range(slots)]
+    return np.array([[(one * other).sum() / 4000 for other in shutters] for one in masks])
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    slots=st.integers(2, 7), delay=st.floats(-0.5, 0.5), ratio=st.floats(0.8, 1.0), aperture=st.floats(0, 0.1),
+    shutter=st.floats(0, 0.3), repeats=st.booleans(),
+)  # fmt: skip
+def test_light_of_pairs_is_that_of_instants(slots, delay, ratio, aperture, shutter, repeats):
+    ratio = 1.0 if repeats else ratio
+    found = pair_light(slot_overlap(slots, delay, ratio, repeats), aperture, shutter)
+    assert np.abs(found - followed(slots, delay, ratio, aperture, shutter, repeats)).max() < 3e-3
+
+
+@pytest.mark.parametrize("slots", [3, 4, 7])
+@pytest.mark.parametrize("repeats", [False, True])
+@pytest.mark.parametrize(
+    ("delay", "aperture", "shutter"), [(0.0, 0.02, 0.0), (0.21, 0.0, 0.05), (-0.17, 0.01, 0.15), (0.3, 0.005, 0.004)]
+)
+def test_leakage_is_found_again_beside_delay_and_ratio(slots, repeats, delay, aperture, shutter):
+    ratio = 1.0 if repeats else 0.98
+    levels = 6000 * followed(slots, delay, ratio, aperture, shutter, repeats)
+    levels += 3 * np.random.default_rng(slots).standard_normal(levels.shape)
+    found = measure_timing(levels, aperture_leakage=aperture)
+    assert found.leakage == pytest.approx(shutter, abs=0.0015)
+    assert (found.delay, found.ratio) == pytest.approx((delay, ratio), abs=0.004)
+    assert found.light == pytest.approx(6000, rel=0.005)
+    assert found.repeats == (repeats and delay != 0)
+    # what the mask leaks is counted to the shutter where it is not known
+    assert measure_timing(levels).leakage == pytest.approx(shutter + aperture, abs=0.004 + 6 * shutter * aperture)
+
+
+def test_the_deviation_of_a_leakage_is_that_of_many_captures():
+    clean = 1000 * followed(4, 0.2, 1.0, 0.01, 0.02, False)
+    noise = 2 * np.random.default_rng(0).standard_normal((40, 4, 4))
+    found = [measure_timing(clean + one, aperture_leakage=0.01) for one in noise]
+    spread = np.std([one.leakage for one in found], ddof=1)
+    assert np.mean([one.leakage_std for one in found]) == pytest.approx(spread, rel=0.35)
+    wide = measure_timing(clean, aperture_leakage=0.01, aperture_leakage_std=0.003)
+    assert wide.leakage_std == pytest.approx(0.003, rel=0.01)
+
+
+def test_without_pairs_that_never_meet_the_least_leakage_is_taken():
+    levels = 1000 * followed(4, 0.2, 0.98, 0.01, 0.02, False)
+    met = np.eye(4) + np.eye(4, k=-1) > 0
+    found = measure_timing(np.where(met, levels, np.nan), aperture_leakage=0.01)
+    assert found.leakage <= 0.02
+    assert (found.delay, found.ratio) == pytest.approx((0.2, 0.98), abs=0.01)
+    there = found.light * pair_light(found.overlap(), 0.01, found.leakage)
+    assert np.abs(there - levels)[met].max() < 1
+
+
+def test_two_slots_give_the_explanation_of_least_leakage():
+    alone = measure_timing(500 * followed(2, 0.2, 1.0, 0.01, 0.02, False), aperture_leakage=0.01)
+    assert (alone.repeats, alone.delay, alone.leakage) == pytest.approx((False, 0.2, 0.02), abs=2e-3)
+    again = measure_timing(500 * followed(2, 0.2, 1.0, 0.0, 0.0, True))
+    # late and early are the same where two slots repeat
+    assert (again.repeats, abs(again.delay), again.leakage) == pytest.approx((True, 0.2, 0.0), abs=2e-3)
+    assert np.isnan(alone.std).all()
+
+
 def test_levels_that_no_delay_explains_are_refused():
+    with pytest.raises(DataError, match="of the light in closed slots, expected 50% at most"):
+        measure_timing(np.ones((4, 4)) + np.eye(4) / 2)
+    with pytest.raises(DataError, match=r"no delay explains|in closed slots"):
+        measure_timing(np.ones((4, 4)))
     with pytest.raises(DataError, match="no delay explains"):
         measure_timing(np.random.default_rng(0).uniform(0, 1, (4, 4)))
     with pytest.raises(DataError, match="no light"):

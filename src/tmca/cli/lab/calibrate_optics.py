@@ -22,7 +22,7 @@ def registration(
     device: str | None = None,
     how: CalibrationOptions = _USUAL,
 ) -> None:
-    """Where mask pixels fall on the sensor, from CAPTURES of patterns.
+    """Where mask pixels fall on the sensor, and what closed ones pass, from CAPTURES of patterns.
 
     Args:
         captures: folder or stack, in the order of the patterns.
@@ -94,7 +94,7 @@ def shear(captures: Path, /, *, patterns: Path, pattern: Whole = 3, how: Calibra
 
 
 def timing(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
-    """Delay and duration of the shutter's slots, from CAPTURES with one slot of aperture and shutter open each.
+    """Delay, duration and leakage of the shutter's slots, from CAPTURES with one slot of both devices open each.
 
     Args:
         captures: folder of frames named by their slots, such as aperture_0_shutter_1.

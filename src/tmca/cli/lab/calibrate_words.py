@@ -117,7 +117,7 @@ def plain_numbers(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _said(residuals: Mapping[str, Any]) -> None:
     for name, value in residuals.items():
-        shown = "not reached" if value is None or value != value else f"{value:.5g}"
+        shown = "not known" if value is None or value != value else f"{value:.5g}"
         print(f"  {name.replace('_', ' '):<32} {shown}")
 
 
@@ -145,7 +145,7 @@ def said_proof(found: Mapping[str, Any], json: bool) -> None:
         bound = "" if row["bound"] is None else f"{row['bound']:g}"
         mark = "" if row["bound"] is None or row["error"] <= row["bound"] else "  missed"
         print(f"{row['quantity'] + ' (' + row['unit'] + ')':<44} {row['error']:>10.4g} {bound:>8}{mark}")
-    print(f"\n{'camera':<16}{'operator':<22} {'PSNR (dB)':>10} {'snapshot explained (dB)':>25}")
+    print(f"\n{'camera':<16}{'operator':<30} {'PSNR (dB)':>10} {'snapshot explained (dB)':>25}")
     for row in found["reconstruction"]:
         psnr = "" if row["psnr"] is None else f"{row['psnr']:.2f}"
-        print(f"{row['camera']:<16}{row['operator']:<22} {psnr:>10} {row['explained']:>25.1f}")
+        print(f"{row['camera']:<16}{row['operator']:<30} {psnr:>10} {row['explained']:>25.1f}")

@@ -125,7 +125,7 @@ def _timing(axes: Any, part: Timing) -> None:
         axes[0].barh(0.45, 1, left=slot, height=0.35, color=_BLUE, edgecolor="white")
         axes[0].barh(0, part.ratio, left=part.delay + part.ratio * slot, height=0.35, color=_RED, edgecolor="white")
     axes[0].set_yticks([0, 0.45], ["shutter", "aperture"])
-    title = f"delay {part.delay:+.4f} slots, ratio {part.ratio:.4f}"
+    title = f"delay {part.delay:+.4f} slots, ratio {part.ratio:.4f}, leakage {part.leakage:.2%}"
     _named(axes[0], title, "slots of the aperture", "")
     shown = axes[1].imshow(part.overlap(), cmap="viridis", vmin=0)
     axes[1].set(xticks=range(part.slots), yticks=range(part.slots))

@@ -1,4 +1,4 @@
-"""Cameras as they were measured: codes where they fall on the sensor, dispersion, response, shear, timing, mask."""
+"""Cameras as they were measured: codes where they fall on the sensor, with their leaks; optics, timing, mask."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
+from tmca.codes import leaked
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
@@ -23,7 +24,9 @@ from tmca.sensor import Sensor
 
 def _mixed(codes: Tensor, calibration: Calibration) -> tuple[Array, float]:
     """(K, h, w) what the aperture shows during every slot of the shutter, and the light by which a slot is longer."""
-    planes, timing = codes.detach().double().numpy(), calibration.part("timing")
+    registration, timing = calibration.part("registration"), calibration.part("timing")
+    closed = 0.0 if registration is None else registration.closed_light
+    planes = leaked(codes.detach().double(), closed).numpy()
     if timing is None:
         return planes, 1.0
     if timing.slots != len(planes):
@@ -35,8 +38,9 @@ def _mixed(codes: Tensor, calibration: Calibration) -> tuple[Array, float]:
 
 
 def _open_shutter(shutter: Tensor, calibration: Calibration) -> Array:
-    """(K, H, W) the shutter, closed over defective pixels."""
-    planes, bad = shutter.detach().double().numpy(), defects(calibration)
+    """(K, H, W) the shutter with its leakage, closed over defective pixels."""
+    timing, bad = calibration.part("timing"), defects(calibration)
+    planes = leaked(shutter.detach().double(), 0.0 if timing is None else timing.leakage).numpy()
     return planes if bad is None else np.where(bad, 0.0, planes)
 
 

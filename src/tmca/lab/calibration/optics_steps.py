@@ -13,7 +13,7 @@ from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import averaged, corrected, in_order, named, read_captures
 from tmca.lab.calibration.dispersion import Curve, measure_dispersion
-from tmca.lab.calibration.registration import register
+from tmca.lab.calibration.registration import Registration, register
 from tmca.lab.calibration.shear import measure_shear
 from tmca.lab.calibration.steps import needed, read_patterns, sensor_size, shown_pattern
 from tmca.lab.calibration.timing import measure_timing
@@ -32,7 +32,7 @@ def registration_step(
     """Captures of patterns, in the order of the patterns → the map from mask to sensor.
 
     Args:
-        calibration: to build on.
+        calibration: to build on; with its dark, light that passes closed mask pixels is measured as well.
         path: captures.
         patterns: that were shown, an open and a dark one among them.
         wavelength: of the light, metres; needed before a disperser.
@@ -46,18 +46,31 @@ def registration_step(
     shown = read_patterns(patterns, device)
     frames = read_captures(path, saturation=saturation, sensor=sensor_size(calibration))
     values = corrected(in_order(frames, len(shown), "pattern"), calibration)
-    found = register(values, shown, scale=scale, wavelength=wavelength, source=path)
+    above_dark = calibration.part("dark") is not None
+    found = register(values, shown, scale=scale, wavelength=wavelength, above_dark=above_dark, source=path)
     residuals = {
         "residual_of_contrast": found.residual,
         "corner_std_pixels": found.edge_std,
         "blur_pixels": found.blur,
         "scale": float(np.sqrt(abs(np.linalg.det(found.matrix[:, :2])))),
         "turn_degrees": float(np.rad2deg(np.arctan2(found.matrix[1, 0], found.matrix[0, 0]))),
+        **_leakage_said(found),
     }
     settings = {"wavelength_m": wavelength, "scale": scale}
     return calibration.with_part(
         "registration", found, residuals, (path, patterns), sensor=found.sensor, codes=found.codes, settings=settings
     )
+
+
+def _leakage_said(found: Registration) -> dict[str, float]:
+    """What closed mask pixels pass; nothing where the sensor's dark was not known."""
+    if found.leakage is None or found.leakage_std is None:
+        return {}
+    return {
+        "contrast_ratio": found.contrast_ratio,
+        "leakage": found.leakage,
+        "leakage_std": found.leakage_std,
+    }
 
 
 def dispersion_step(
@@ -153,10 +166,10 @@ def shear_step(
 
 
 def timing_step(calibration: Calibration, path: str | Path, *, saturation: float | None = None) -> Calibration:
-    """Captures with one slot of aperture and shutter open each (``aperture_0_shutter_1``) → delay and ratio.
+    """Captures with one slot of aperture and shutter open each (``aperture_0_shutter_1``) → delay, ratio and leakage.
 
     Args:
-        calibration: with dark.
+        calibration: with dark; with registration, what the aperture leaks is told from what the shutter does.
         path, saturation: see ``dispersion_step``.
 
     Raises:
@@ -174,14 +187,19 @@ def timing_step(calibration: Calibration, path: str | Path, *, saturation: float
     light = corrected(frames.values, calibration).mean(axis=(1, 2))
     for key in set(keys):
         levels[key] = np.mean([one for one, own in zip(light, keys, strict=True) if own == key])
-    measured = measure_timing(levels, source=path)
+    registration = calibration.part("registration")
+    aperture, std = (0.0, 0.0) if registration is None else (registration.closed_light, registration.leakage_std or 0.0)
+    measured = measure_timing(levels, aperture_leakage=aperture, aperture_leakage_std=std, source=path)
     residuals = {
         "residual_of_a_slot": measured.residual,
         "delay_slots": measured.delay,
         "ratio": measured.ratio,
         "delay_std_slots": float(measured.std[0]),
         "ratio_std": float(measured.std[1]),
+        "leakage": measured.leakage,
+        "leakage_std": measured.leakage_std,
         "repeats": float(measured.repeats),
     }
     size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
-    return calibration.with_part("timing", measured, residuals, (path,), sensor=size)
+    settings = {"aperture_leakage": aperture}
+    return calibration.with_part("timing", measured, residuals, (path,), sensor=size, settings=settings)

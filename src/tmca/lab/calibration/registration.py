@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.closed_light import closed_light
 from tmca.lab.calibration.coarse import find_coarse
 from tmca.lab.calibration.pattern_image import SAMPLES, mapped, seen_patterns
 
@@ -31,6 +32,9 @@ class Registration:
         residual: rms of what the fit leaves, as a share of the patterns' contrast.
         codes, sensor: (rows, columns) of mask and sensor.
         wavelength: of the light, metres; None if it was not said.
+        leakage: share of the light that closed mask pixels pass, 1/contrast ratio; below 0 by noise, None if the
+            sensor's dark was not known.
+        leakage_std: its standard deviation, from the pixels' scatter.
     """
 
     matrix: Array
@@ -40,6 +44,18 @@ class Registration:
     codes: tuple[int, int]
     sensor: tuple[int, int]
     wavelength: float | None = None
+    leakage: float | None = None
+    leakage_std: float | None = None
+
+    @property
+    def closed_light(self) -> float:
+        """The leakage as it is applied: 0 where it is unknown or below."""
+        return max(0.0, self.leakage or 0.0)
+
+    @property
+    def contrast_ratio(self) -> float:
+        """Light of open mask pixels over that of closed ones; infinite where none was measured."""
+        return 1 / self.closed_light if self.closed_light else np.inf
 
     @property
     def edge_std(self) -> float:
@@ -68,6 +84,7 @@ def register(
     scale: float = 1.0,
     start: ArrayLike | None = None,
     wavelength: float | None = None,
+    above_dark: bool = False,
     source: object = "registration",
 ) -> Registration:
     """Fit the map by least squares of seen patterns, from coarse to fine.
@@ -78,6 +95,7 @@ def register(
         scale: sensor pixels per mask pixel, to 6 %.
         start: (2, 3) map to begin at; searched over shifts, flips and quarter turns without it.
         wavelength: of the light, metres.
+        above_dark: the frames are without the sensor's dark; then light of the dark pattern is measured as leakage.
         source: named in errors.
 
     Raises:
@@ -101,7 +119,15 @@ def register(
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
     size = (int(shares.shape[1]), int(shares.shape[2]))
     codes = (int(shown.shape[1]), int(shown.shape[2]))
-    return Registration(found, std, abs(float(values.x[6])), residual / (2 * contrast), codes, size, wavelength)
+    leakage = _leakage(frames, patterns, lit) if above_dark else (None, None)
+    blur = abs(float(values.x[6]))
+    return Registration(found, std, blur, residual / (2 * contrast), codes, size, wavelength, *leakage)
+
+
+def _leakage(frames: ArrayLike, patterns: ArrayLike, lit: np.ndarray) -> tuple[float, float]:
+    """Through the dark patterns, and its standard deviation."""
+    values, mean = np.asarray(frames, dtype=np.float64), np.mean(np.asarray(patterns), axis=(1, 2))
+    return closed_light(values[mean == 0].mean(axis=0), values[mean == 1].mean(axis=0), lit)
 
 
 def _coded(patterns: Array) -> Array:

@@ -15,6 +15,9 @@ from tmca.lab.calibration.arrays import Array
 
 LARGEST_RESIDUAL = 0.1
 """Share of a whole slot's light that the fit may leave, root mean square."""
+LARGEST_LEAKAGE = 0.5
+_PULL = 1e-2
+"""Weight, beside the levels, of the leakage and of a ratio other than 1: it decides where levels have many causes."""
 _STARTS = 4
 _CLEARLY = 0.8
 """Below this share of the other's misfit an exposure is taken for one that repeats."""
@@ -32,6 +35,8 @@ class Timing:
         residual: rms of what the fit leaves in a slot, as a share of ``light``.
         slots: K.
         repeats: the exposure repeats, so that before its first aperture comes the last one; else all is shut.
+        leakage: share of the light that a closed shutter records.
+        leakage_std: its standard deviation, from the fit and from that of the aperture's leakage.
     """
 
     delay: float
@@ -41,6 +46,8 @@ class Timing:
     residual: float
     slots: int
     repeats: bool = False
+    leakage: float = 0.0
+    leakage_std: float = 0.0
 
     def overlap(self) -> Array:
         """(K, K) see ``slot_overlap``."""
@@ -62,56 +69,115 @@ def slot_overlap(slots: int, delay: float, ratio: float = 1.0, repeats: bool = F
     return found
 
 
-def measure_timing(levels: ArrayLike, *, source: object = "timing") -> Timing:
-    """Fit delay, ratio and light to mean levels, of an exposure that repeats or of one alone, whichever leaves less.
+def pair_light(overlap: ArrayLike, aperture: float = 0.0, shutter: float = 0.0) -> Array:
+    """(K, K) light with slot i of the aperture and slot j of the shutter alone open, 1 for a whole slot without leaks.
+
+    The integral of ``A_i(t) S_j(t)`` over the K slots of the aperture: each is 1 in its slot, and its leakage at all
+    other times. That is the exposure; before and after it nothing leaks.
+
+    Args:
+        overlap: (K, K) see ``slot_overlap``.
+        aperture: share of the light that passes where the aperture is closed.
+        shutter: share of the light that is recorded where the shutter is closed.
+    """
+    both = np.asarray(overlap, dtype=np.float64)
+    opened = (1 - aperture) * both + aperture * both.sum(axis=0)
+    return (1 - shutter) * opened + shutter * (1 - aperture + aperture * len(both))
+
+
+def measure_timing(
+    levels: ArrayLike,
+    *,
+    aperture_leakage: float = 0.0,
+    aperture_leakage_std: float = 0.0,
+    source: object = "timing",
+) -> Timing:
+    """Fit delay, ratio, light and leakage to mean levels, of an exposure that repeats or of one alone, whichever leaves
+    less.
+
+    A leakage adds the same to all levels: a pedestal (stray light, a dark of another exposure), and what the aperture
+    leaks beside ``aperture_leakage``, cannot be told from it. Nor can a delay where no pair was captured that never
+    meets, nor, of two slots, an exposure that repeats: then what needs less leakage, and slots more alike, is taken.
 
     Args:
         levels: (K, K) mean light above the dark with slot i of the aperture and slot j of the shutter alone open;
             NaN where it was not captured.
+        aperture_leakage: share of the light that a closed aperture passes, as a registration measures it.
+        aperture_leakage_std: its standard deviation: what it is too large by, the shutter's is too small by.
         source: named in errors.
 
     Raises:
         SettingError: not a square of two slots or more.
-        DataError: hardly any light, or levels that no delay explains.
+        DataError: hardly any light, levels that no delay explains, or a leakage above a half.
     """
+    seen = _seen(levels, source)
+    slots, top = len(seen), float(np.nanmax(seen))
+    alone, again = (_best_fit(_misfit(seen / top, aperture_leakage, repeats), seen / top) for repeats in (False, True))
+    repeats = bool(again.cost < _CLEARLY * alone.cost)
+    found = again if repeats else alone
+    delay, ratio, light, leakage = (float(value) for value in found.x)
+    left = found.fun[:-2]
+    residual = float(np.sqrt((left**2).mean() * slots) / max(light, 1e-12))
+    _check(found.x, residual, source)
+    std = _spread(found, left)
+    delay = (delay + slots / 2) % slots - slots / 2 if repeats else delay
+    own_std = float(np.hypot(std[3], aperture_leakage_std))
+    return Timing(delay, ratio, std[:2], light * top, residual, slots, repeats, leakage, own_std)
+
+
+def _seen(levels: ArrayLike, source: object) -> Array:
+    """The levels as they were given; errors as of ``measure_timing``."""
     seen = np.asarray(levels, dtype=np.float64)
     if seen.ndim != 2 or seen.shape[0] != seen.shape[1] or len(seen) < 2 or np.isfinite(seen).sum() < 4:
         raise SettingError("timing", f"levels of shape {seen.shape}", "(K, K) of two slots or more, four of them known")
-    slots, known = len(seen), np.isfinite(seen)
-    top = float(np.nanmax(seen))
-    if not top > 0:
+    if not np.nanmax(seen) > 0:
         raise DataError(source, "no light in any pair of slots", "light where both are open", "check both triggers")
+    return seen
 
-    def misfit(repeats: bool) -> Callable[[Array], Array]:
-        def residuals(values: Array) -> Array:
-            return np.asarray((values[2] * slot_overlap(slots, values[0], values[1], repeats) - seen / top)[known])
 
-        return residuals
+def _misfit(shares: Array, aperture: float, repeats: bool) -> Callable[[Array], Array]:
+    """What delay, ratio, light and leakage leave of the known levels, and the pull on leakage and ratio."""
+    known = np.isfinite(shares)
 
-    alone, again = (_best_fit(misfit(repeats), slots) for repeats in (False, True))
-    repeats = again.cost < _CLEARLY * alone.cost
-    found = again if repeats else alone
-    light = float(found.x[2] * top)
-    residual = float(np.sqrt((found.fun**2).mean() * slots) / max(found.x[2], 1e-12))
-    if residual > LARGEST_RESIDUAL or not 0.2 < found.x[1] < 5:
+    def residuals(values: Array) -> Array:
+        delay, ratio, light, leakage = values
+        there = light * pair_light(slot_overlap(len(shares), delay, ratio, repeats), aperture, leakage)
+        return np.concatenate([(there - shares)[known], [_PULL * leakage, _PULL * (ratio - 1)]])
+
+    return residuals
+
+
+def _check(values: Array, residual: float, source: object) -> None:
+    """Raises DataError for levels that no delay explains, and for a shutter that hardly closes."""
+    if residual > LARGEST_RESIDUAL or not 0.2 < values[1] < 5:
         what = f"levels that no delay explains (a fit leaves {residual:.0%} of a slot's light)"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", "check which slots each capture had open")
-    freedom = max(1, int(known.sum()) - 3)
-    std = np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac))[:2] * float((found.fun**2).sum()) / freedom)
-    delay = (found.x[0] + slots / 2) % slots - slots / 2 if repeats else found.x[0]
-    return Timing(float(delay), float(found.x[1]), std, light, residual, slots, repeats)
+    if values[3] > LARGEST_LEAKAGE:
+        what, remedy = f"{values[3]:.0%} of the light in closed slots", "check which slots each capture had open"
+        raise DataError(source, what, f"{LARGEST_LEAKAGE:.0%} at most", remedy)
 
 
-def _best_fit(residuals: Callable[[Array], Array], slots: int) -> Any:
+def _spread(found: Any, left: Array) -> Array:
+    """(4,) standard deviations from the fit's Jacobian; not known where there are no more levels than numbers."""
+    freedom = left.size - found.x.size
+    variance = float((left**2).sum()) / freedom if freedom > 0 else np.nan
+    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * variance))
+
+
+def _best_fit(residuals: Callable[[Array], Array], shares: Array) -> Any:
     from scipy.optimize import least_squares
 
-    starts = sorted(_starts(residuals, slots), key=lambda one: one[0])[:_STARTS]
-    fits = [least_squares(residuals, start, xtol=1e-10, ftol=1e-12) for _, start in starts]
+    # pairs of slots that never meet are the darkest
+    closed = float(np.clip(np.nanmin(shares), 0.0, LARGEST_LEAKAGE))
+    grids = [sorted(_starts(residuals, len(shares), share), key=lambda one: one[0]) for share in (0.0, closed)]
+    bounds = ([-np.inf, -np.inf, -np.inf, 0.0], [np.inf, np.inf, np.inf, 1.0])
+    starts = [start for grid in grids for _, start in grid[:_STARTS]]
+    fits = [least_squares(residuals, start, bounds=bounds, xtol=1e-10, ftol=1e-12) for start in starts]
     return min(fits, key=lambda fit: fit.cost)
 
 
-def _starts(residuals: Callable[[Array], Array], slots: int) -> list[tuple[float, Array]]:
+def _starts(residuals: Callable[[Array], Array], slots: int, leakage: float) -> list[tuple[float, Array]]:
     """Misfit and place of a grid of delays and ratios: the levels have kinks, over which a fit does not climb."""
     grid = product(np.arange(-slots + 0.5, slots, 0.25), np.arange(0.6, 1.5, 0.1))
-    places = [np.array([delay, ratio, 1 / max(1.0, ratio)]) for delay, ratio in grid]
+    places = [np.array([delay, ratio, 1 / max(1.0, ratio), leakage]) for delay, ratio in grid]
     return [(float((residuals(place) ** 2).sum()), place) for place in places]

@@ -15,7 +15,7 @@ from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.patterns import calibration_patterns
 from tmca.lab.calibration.registration import nominal_matrix
 from tmca.lab.calibration.rendered.light import light_field_light, spectral_light, white_power
-from tmca.lab.calibration.rendered.physics import glass_shift, overlap_in_time, point_of, seen_by_rays
+from tmca.lab.calibration.rendered.physics import glass_shift, pairs_in_time, point_of, seen_by_rays, shown_by
 from tmca.lab.calibration.rendered.truth import REFERENCE, BenchTruth
 from tmca.lab.calibration.zernike_fit import MODES
 from tmca.lab.codes_date import CODES_DATE, now
@@ -62,10 +62,10 @@ def spectral_bench(size: tuple[int, int], slots: int, snr_db: float, seed: int) 
     truth, rng = spectral_truth(camera, seed), np.random.default_rng(seed + 1)
     patterns = calibration_patterns(size, seed=seed)
     frames = _sensor_frames(truth, rng) | _pattern_frames(truth, patterns, truth.matrix, slots, rng, snr_db)
-    light = white_power(WAVES) * truth.response(WAVES)
+    light, shown = white_power(WAVES) * truth.response(WAVES), shown_by(patterns[3:4], truth.contrast_ratio)
     size_there = _sensor_size(truth)
     seen = [
-        _SHARE * share * seen_by_rays(patterns[3:4], moved(truth.matrix, shift), size_there, blur=truth.blur)[0]
+        _SHARE * share * seen_by_rays(shown, moved(truth.matrix, shift), size_there, blur=truth.blur)[0]
         for share, shift in zip(light / light.max(), truth.shifts(WAVES), strict=True)
     ]
     names = [f"band_{w * 1e9:.0f}nm" for w in WAVES]
@@ -87,11 +87,12 @@ def light_field_bench(size: tuple[int, int], slots: int, snr_db: float, seed: in
     rng = np.random.default_rng(seed + 1)
     patterns = calibration_patterns(camera.mask_size, seed=seed)
     frames = _sensor_frames(truth, rng) | _pattern_frames(truth, patterns, truth.matrix, slots, rng, snr_db)
+    shown = shown_by(patterns[3:4], truth.contrast_ratio)
     views = [(v, u) for v in (-2, 0, 2) for u in (-2, 0, 2)]
     frames["shear"] = {}
     for (v, u), share in zip(views, truth.view_light(np.array(views)), strict=True):
         shift = -truth.step * (v, u)
-        seen = seen_by_rays(patterns[3:4], moved(truth.matrix, shift), size, blur=truth.blur)[0]
+        seen = seen_by_rays(shown, moved(truth.matrix, shift), size, blur=truth.blur)[0]
         frames["shear"][f"view_{v}_{u}"] = truth.sensor.recorded(_SHARE * share * seen, rng, snr_db)
     field = rendered_light_field("coffee", size=size, views=5)
     shares = light_field_light(camera, truth, field["light_field"].values.astype(np.float64))
@@ -156,13 +157,13 @@ def _sensor_frames(truth: BenchTruth, rng: Any) -> Frames:
 def _pattern_frames(truth: BenchTruth, patterns: Array, matrix: Array, slots: int, rng: Any, snr_db: float) -> Frames:
     """Patterns, what is seen of them, and pairs of slots."""
     size, sensor = _sensor_size(truth), truth.sensor
-    seen = _SHARE * seen_by_rays(patterns, matrix, size, blur=truth.blur)
-    overlap = overlap_in_time(slots, truth.delay, truth.ratio)
+    seen = _SHARE * seen_by_rays(shown_by(patterns, truth.contrast_ratio), matrix, size, blur=truth.blur)
+    pairs = pairs_in_time(slots, truth.delay, truth.ratio, truth.contrast_ratio, truth.leakage)
     return {
         "patterns": {f"pattern_{i}": (255 * one).astype(np.uint8) for i, one in enumerate(patterns)},
         "registration": {f"pattern_{i}": one for i, one in enumerate(sensor.recorded(seen, rng, snr_db))},
         "timing": {
-            f"aperture_{i}_shutter_{j}": sensor.recorded(_SHARE * overlap[i, j] * seen[0], rng, None)
+            f"aperture_{i}_shutter_{j}": sensor.recorded(_SHARE * pairs[i, j] * seen[0], rng, None)
             for i in range(slots)
             for j in range(slots)
         },

@@ -36,9 +36,12 @@ def true_calibration(calibration: Calibration, truth: dict[str, Any]) -> Calibra
     parts = dict(calibration.parts)
     if "registration" in parts:
         parts["registration"] = replace(
-            parts["registration"], matrix=np.asarray(truth["matrix"]), blur=float(truth["blur"])
+            parts["registration"],
+            matrix=np.asarray(truth["matrix"]),
+            blur=float(truth["blur"]),
+            leakage=1 / truth["contrast_ratio"],
         )
-        parts["timing"] = replace(parts["timing"], delay=truth["delay"], ratio=truth["ratio"])
+        parts["timing"] = replace(parts["timing"], delay=truth["delay"], ratio=truth["ratio"], leakage=truth["leakage"])
     if "dispersion" in parts:
         fine = tuple(np.asarray(truth[f"fine_{name}"]) for name in ("wavelengths", "shifts", "response"))
         known = {f.name: getattr(parts["dispersion"], f.name) for f in fields(MeasuredDispersion)}

@@ -47,12 +47,34 @@ def seen_by_rays(patterns: Array, matrix: Array, size: tuple[int, int], rays: in
     return on_pixels(looked_up(patterns, through(matrix, rays_of(size, rays))), rays, blur)
 
 
+def shown_by(mask: Array, contrast_ratio: float) -> Array:
+    """Light that a mask of zeros, ones or greys passes: a ray in ``contrast_ratio`` where it is closed."""
+    return mask + (1 - mask) / contrast_ratio
+
+
 def overlap_in_time(slots: int, delay: float, ratio: float) -> Array:
     """(K, K) share of an aperture slot in which it and a slot of the shutter are on, counted instant by instant."""
     time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
     aperture, shutter = np.floor(time), np.floor((time - delay) / ratio)
     found = [[((aperture == i) & (shutter == j)).mean() * slots for j in range(slots)] for i in range(slots)]
     return np.array(found)
+
+
+def time_beside(slots: int, delay: float, ratio: float) -> Array:
+    """(K,) share of an aperture slot in which no slot of the shutter is on, counted instant by instant."""
+    time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
+    aperture, shutter = np.floor(time), np.floor((time - delay) / ratio)
+    beside = (shutter < 0) | (shutter >= slots)
+    return np.array([((aperture == i) & beside).mean() * slots for i in range(slots)])
+
+
+def pairs_in_time(slots: int, delay: float, ratio: float, contrast_ratio: float, leakage: float) -> Array:
+    """(K, K) light, in whole slots, with slot i of a mask and slot j of a shutter alone open, instant by instant."""
+    time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
+    aperture, shutter = np.floor(time), np.floor((time - delay) / ratio)
+    passed = [np.where(aperture == i, 1.0, 1 / contrast_ratio) for i in range(slots)]
+    caught = [np.where(shutter == j, 1.0, leakage) for j in range(slots)]
+    return np.array([[(one * other).mean() * slots for other in caught] for one in passed])
 
 
 def glass_shift(wavelengths: Sequence[float], reference: float, span: float) -> Array:
