@@ -134,9 +134,9 @@ def test_electrons_come_from_the_linearity(tmp_path, exposure, shutter):
 
 def mirror_on_a_bench(folder, hardware, **settings):
     """A spectral-depth camera behind a mirror, its export, and the frames of all its steps."""
-    maps = ZernikeHeights(1e-7 * torch.randn(2, 12, generator=torch.Generator().manual_seed(1)), MODES, (64, 64))
+    maps = ZernikeHeights(2.5e-8 * torch.randn(2, 12, generator=torch.Generator().manual_seed(1)), MODES, (64, 64))
     camera = SpectralDepthCamera.from_preset(
-        "quick", size=(48, 54), slots=2, mask=maps, shutter="one-hot", sensor=Sensor(1e-3), **settings
+        "quick", size=(60, 65), slots=2, mask=maps, shutter="one-hot", sensor=Sensor(1e-3), **settings
     )
     export = exported(folder, camera, "dmp40", SHUTTERS[0])
     depths = tuple(float(z) for z in camera.planes.metres[[0, 3, -1]])
@@ -148,7 +148,7 @@ def mirror_on_a_bench(folder, hardware, **settings):
 
 
 def test_the_wavefront_of_a_bench_is_found_and_explains_what_it_captured(tmp_path):
-    hardware = Hardware(wavefront_error=150e-9)
+    hardware = Hardware(wavefront_error=60e-9)
     camera, export = mirror_on_a_bench(tmp_path, hardware, filters="clear")
     known = Known(camera=tmp_path / "taken.nc")
     found = list(measured_steps(tmp_path / "bench", Calibration.empty(), known))[-1][1]
@@ -159,11 +159,11 @@ def test_the_wavefront_of_a_bench_is_found_and_explains_what_it_captured(tmp_pat
     with torch.no_grad():
         drawn, own = (one.A(scene, depth) for one in (camera, calibrated_snapshot(seen, found).camera))
     left = [float((seen.values - one).norm() / seen.values.norm()) for one in (drawn, own)]
-    assert left[0] > 0.02
+    assert left[0] > 0.01
     assert left[1] < 0.2 * left[0]
 
 
-def test_points_behind_colour_filters_and_between_planes_are_refused(tmp_path):
+def test_points_behind_colour_filters_are_refused(tmp_path):
     with pytest.raises(DeviceError, match="colour filters"):
         mirror_on_a_bench(tmp_path, Hardware())
 
@@ -172,6 +172,15 @@ def test_points_need_the_camera_that_they_are_of(tmp_path):
     (tmp_path / "psf0").mkdir()
     with pytest.raises(DataError, match="--snapshot"):
         list(measured_steps(tmp_path, Calibration.empty(), Known()))
+
+
+def test_even_light_of_a_bench_does_not_stand_for_white(tmp_path):
+    camera = spectral((18, 21))
+    export, bench = exported(tmp_path, camera), find_device("simulated", camera=camera, scene=[])
+    for step in ("dark", "flat"):
+        capture_step(step, export, bench, tmp_path / "bench", camera, Asked(2))
+    with pytest.raises(DataError, match="calibrate capture white"):
+        list(measured_steps(tmp_path / "bench", Calibration.empty(), Known()))
 
 
 def test_a_folder_without_frames_is_refused(tmp_path):

@@ -91,6 +91,9 @@ def _dark(found: Calibration, place: Path, known: Known) -> Calibration:
 
 def _flat(found: Calibration, place: Path, known: Known) -> Calibration:
     white = place / "white" if (place / "white").is_dir() else None
+    if white is None and _told(place, "flat"):
+        remedy = "take them: tmca calibrate capture white"
+        raise DataError(place / "white", "no frames", "those of white: even light of a bench is not as bright", remedy)
     told = known.reflectance or _told(place, "white").get("reflectance", 1.0)
     top = _saturation(place, "flat", known)
     return flat_step(found, place / "flat", white=white, reflectance=float(told), saturation=top)
