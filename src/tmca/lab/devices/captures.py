@@ -119,7 +119,7 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
 
 def _check_kept(frame: Path, known: str, frames: dict[str, tuple[str, str]]) -> None:
     if not frame.is_file():
-        remedy = "go on with `tmca capture`, which takes it again"
+        remedy = "run again what captured it, which takes it again"
         raise DataError(frame, "no such file", f"the frame {frame.stem}", remedy)
     there = checksum(frame)
     if there != known:
