@@ -17,7 +17,7 @@ from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.zernike_fit import MODES
 from tmca.lab.devices import capture, find_device, joined
-from tmca.lab.devices.manifest import read_manifest
+from tmca.lab.devices.manifest import exposed_whole, read_manifest
 from tmca.optics import ZernikeHeights
 from tmca.sensor import Sensor
 
@@ -37,16 +37,19 @@ def measured(folder, export, camera, hardware, asked=None, known=None):
     """The calibration of a simulated bench, from frames of all steps."""
     waves = tuple(getattr(camera, "wavelengths", ()))
     asked = asked or Asked(frames=8, wavelengths=(*waves[2:], *waves[:2]))
-    for index, step in enumerate(steps_of(camera, read_manifest(export))):
+    manifest = read_manifest(export)
+    for index, step in enumerate(steps_of(camera, manifest)):
         if step == "linearity" and camera.sensor.full_well is None:
             continue
-        bench = find_device("simulated", camera=camera, scene=[], hardware=hardware, taken=1000 * index)
+        how = {"hardware": hardware, "taken": 1000 * index, "whole": exposed_whole(manifest)}
+        bench = find_device("simulated", camera=camera, scene=[], **how)
         capture_step(step, export, bench, folder, camera, asked)
     return list(measured_steps(folder, Calibration.empty(), known or Known(curve="measured")))[-1][1]
 
 
 def taken(folder, export, camera, hardware=None):
-    bench = find_device("simulated", camera=camera, scene=[scene_of(camera)], hardware=hardware, taken=90_000)
+    how = {"hardware": hardware, "taken": 90_000, "whole": exposed_whole(read_manifest(export))}
+    bench = find_device("simulated", camera=camera, scene=[scene_of(camera)], **how)
     return joined(capture(export, bench, folder, gain=bench.gain), export, camera)
 
 
@@ -120,7 +123,8 @@ def test_a_faultless_bench_keeps_its_units_and_its_noise(tmp_path, exposure, shu
     assert found.camera.noise.read == pytest.approx(seen.camera.noise.read, rel=5e-3)
 
 
-@pytest.mark.parametrize(("exposure", "shutter"), [("equal", one) for one in SHUTTERS] + [("per-slot", SHUTTERS[0])])
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+@pytest.mark.parametrize("shutter", SHUTTERS)
 def test_electrons_come_from_the_linearity(tmp_path, exposure, shutter):
     camera = SpectralCamera(
         bands=4, size=(40, 45), slots=3, shutter="one-hot", exposure=exposure, sensor=Sensor(1e-3, full_well=5000)

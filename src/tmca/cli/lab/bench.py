@@ -52,12 +52,13 @@ class AskedBench:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
 
-    def bench(self, taken: Any, done: int) -> tuple[Any, float]:
+    def bench(self, taken: Any, done: int, whole: bool) -> tuple[Any, float]:
         """The bench, and the snapshot units of its digital numbers.
 
         Args:
             taken: snapshot of the camera.
             done: frames that it took before.
+            whole: whether its frames are whole exposures, or slots.
         """
         from tmca.cli.sweep import named_values
         from tmca.lab.devices import find_device
@@ -68,7 +69,7 @@ class AskedBench:
             bench = find_device(self.device, **given)
             return bench, float(getattr(bench, "gain", taken.camera.full_scale / saturation_of(bench)))
         made: dict[str, Any] = {"bits": self._bits, "seed": self.seed or 0, "hardware": self.hardware}
-        made |= {"stops_after": self.stops_after, "taken": done}
+        made |= {"stops_after": self.stops_after, "taken": done, "whole": whole}
         scene = [] if self.scene is None else _scene(self.scene, taken)
         bench = find_device("simulated", camera=taken.camera, scene=scene, **made)
         return bench, bench.gain  # type: ignore[attr-defined]

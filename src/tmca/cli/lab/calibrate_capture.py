@@ -69,16 +69,17 @@ def capture(
         stops_after: frames after which it does not answer any more.
     """
     from tmca.lab.calibrating.shots import Asked, steps_of
-    from tmca.lab.devices.manifest import read_manifest
+    from tmca.lab.devices.manifest import exposed_whole, read_manifest
 
     taken = known_camera(export, like)
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, hardware.faults(), None, timeout)
     waves = _wavelengths(wavelength, taken.camera, device)
     wanted = Asked(frames, waves, _depths(depth, taken.camera, device), pattern, count, reflectance)
-    known = steps_of(taken.camera, read_manifest(export))
+    manifest = read_manifest(export)
+    known = steps_of(taken.camera, manifest)
     for one in _all(known, device, taken.camera) if step == "all" else (step,):
         first = _APART * (1 + known.index(one)) if one in known else 0
-        bench, _ = asked.bench(taken, first)
+        bench, _ = asked.bench(taken, first, exposed_whole(manifest))
         _captured(one, export, bench, out, taken.camera, wanted, asked)
         print(_next(one, out, wanted))
 

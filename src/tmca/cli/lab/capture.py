@@ -65,6 +65,7 @@ def capture(
     """
     from tmca.lab.devices import check_camera, joined
     from tmca.lab.devices.captures import kept_so_far
+    from tmca.lab.devices.manifest import exposed_whole, read_manifest
 
     taken = known_camera(export, like)
     check_camera(export, taken.camera)
@@ -77,7 +78,7 @@ def capture(
     if device == "simulated" and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene, timeout)
-    bench, gain = asked.bench(taken, len(kept_so_far(out, export)["frames"]))
+    bench, gain = asked.bench(taken, len(kept_so_far(out, export)["frames"]), exposed_whole(read_manifest(export)))
     how = {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": asked.said(), "timeout": timeout}
     _captured(export, bench, out, how)
     found = joined(out, export, taken.camera)

@@ -29,6 +29,7 @@ class SimulatedBench:
         hardware: faults that nobody is told of.
         bits: of the digital numbers.
         black: digital number of no light; without, 1/64 of the range, or six standard deviations of a dark frame.
+        whole: digital numbers reach up to white in a whole exposure; else up to that in a frame of one slot.
         seed: of noise and faults.
         taken: frames that it took before, whose noise is not drawn again.
         stops_after: frames after which it does not answer any more; never without.
@@ -45,6 +46,7 @@ class SimulatedBench:
         hardware: Hardware | None = None,
         bits: int = 16,
         black: int | None = None,
+        whole: bool = True,
         seed: int = 0,
         taken: int = 0,
         stops_after: int | None = None,
@@ -56,6 +58,7 @@ class SimulatedBench:
         self.camera, self.scene = imperfect(camera, self.hardware, seed, "dark"), tuple(scene)
         self.saturation = float(2**bits - 1)
         self.black = _black(camera, self.saturation) if black is None else black
+        self._top = camera.full_scale if whole else camera.white
         self.loaded, self.coded = False, False
         self.shown: int | None = None
         self.light: Light | None = None
@@ -64,7 +67,7 @@ class SimulatedBench:
     @property
     def gain(self) -> float:
         """Snapshot units of a digital number."""
-        return self.known.full_scale / (self.saturation - self.black)
+        return float(self._top / (self.saturation - self.black))
 
     def load(self, export: Export) -> None:
         """See ``Device``; from then on it images what was exported, a mirror's own terms among it."""
