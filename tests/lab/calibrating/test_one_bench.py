@@ -15,6 +15,7 @@ from tmca.lab.calibrating.session import capture_step
 from tmca.lab.calibrating.shots import Asked, steps_of
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
+from tmca.lab.calibration.optics_steps import registration_step, timing_step
 from tmca.lab.calibration.zernike_fit import MODES
 from tmca.lab.devices import capture, find_device, joined
 from tmca.lab.devices.manifest import exposed_whole, read_manifest
@@ -176,6 +177,22 @@ def test_points_need_the_camera_that_they_are_of(tmp_path):
     (tmp_path / "psf0").mkdir()
     with pytest.raises(DataError, match="--snapshot"):
         list(measured_steps(tmp_path, Calibration.empty(), Known()))
+
+
+def test_a_timing_that_does_not_know_the_leaks_of_the_mask_is_refused(tmp_path):
+    camera, hardware = spectral(), Hardware(contrast_ratio=40, leakage=0.02)
+    export = exported(tmp_path, camera, "dli4120", SHUTTERS[0])
+    found = measured(tmp_path / "bench", export, camera, hardware)
+    assert found.part("registration").closed_light == pytest.approx(1 / 40, abs=1e-3)
+    assert found.part("timing").leakage == pytest.approx(0.02, abs=1e-3)
+    seen = taken(tmp_path / "frames", export, camera, hardware)
+    assert left(calibrated_snapshot(seen, found), scene_of(camera)) < 0.1 * left(seen, scene_of(camera))
+    alone = timing_step(found.without("registration"), tmp_path / "bench" / "timing")
+    late = registration_step(
+        alone, tmp_path / "bench" / "registration", tmp_path / "bench" / "patterns", wavelength=camera.wavelengths[2]
+    )
+    with pytest.raises(DataError, match="measure the timing again"):
+        calibrated_snapshot(seen, late)
 
 
 def test_even_light_of_a_bench_does_not_stand_for_white(tmp_path):

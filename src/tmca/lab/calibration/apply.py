@@ -20,6 +20,7 @@ from tmca.lab.codes_date import CODES_DATE, parsed_date
 
 RAW = "digital numbers"
 """Attribute ``values`` of a snapshot that is not yet relative irradiance."""
+_SAME_LEAKAGE = 2e-3
 _OTHERS = {
     "spectral": ("shear", "wavefront"),
     "light-field": ("dispersion", "wavefront"),
@@ -37,7 +38,8 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         notes: of a snapshot; ``camera_name`` and ``codes_date`` (ISO 8601) are checked where they are there.
 
     Raises:
-        DataError: another name, sensor, mask or kind of camera, or a calibration before the date of the codes.
+        DataError: another name, sensor, mask or kind of camera, a calibration before the date of the codes, or a timing
+            that was measured before the registration of a mask that leaks.
     """
     own, said = calibration.about["camera"], notes or {}
     if own.get("name") and said.get("camera_name") and own["name"] != said["camera_name"]:
@@ -52,7 +54,20 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         if own.get(what) and tuple(own[what]) != size:
             found, known = ("×".join(map(str, n)) for n in (own[what], size))
             _refuse(calibration, f"{what} of {found} pixels", f"{known}, those of the snapshot's camera")
+    _check_order(calibration)
     _check_date(calibration, said.get(CODES_DATE))
+
+
+def _check_order(calibration: Calibration) -> None:
+    """Refuse a timing that took what the mask leaks for the shutter's, for no registration had told of it."""
+    registration, timing = calibration.part("registration"), calibration.about["steps"].get("timing", {})
+    told = timing.get("settings", {}).get("aperture_leakage")
+    if registration is None or told is None or abs(registration.closed_light - told) <= _SAME_LEAKAGE:
+        return
+    found = f"a timing for a mask that leaks {told:.2%}"
+    expected = f"one for {registration.closed_light:.2%}, as the registration found since"
+    remedy = "measure the timing again: tmca calibrate timing … --onto it"
+    raise DataError(calibration.where, found, expected, remedy)
 
 
 def _refuse(calibration: Calibration, found: str, expected: str) -> None:
