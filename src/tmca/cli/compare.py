@@ -8,9 +8,9 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.light_field import MeasuredLightFieldsOptions
-from tmca.cli.numbers import Whole
-from tmca.cli.options import GridOptions
+from tmca.cli.options.grid import GridOptions
+from tmca.cli.options.light_field import MeasuredLightFieldsOptions
+from tmca.cli.options.numbers import Whole
 from tmca.cli.progress import cell_done
 
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
@@ -96,7 +96,7 @@ def light_field(
         seeds: how many codes and trainings, from --seed on.
         steps: optimiser steps of every network.
     """
-    from tmca.cli.options import size
+    from tmca.cli.options.numbers import size
     from tmca.experiments.light_field.comparison import compare_light_field
     from tmca.experiments.light_field.rows import Sizes
 
@@ -150,7 +150,7 @@ def spectral_depth(
         seeds: how many of them, from --seed on.
         steps: optimiser steps of a training.
     """
-    from tmca.cli.options import size
+    from tmca.cli.options.numbers import size
     from tmca.experiments.spectral_depth.comparison import compare_spectral_depth
     from tmca.experiments.spectral_depth.rows import Sizes
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.options import check_figure, check_targets
+from tmca.cli.options.numbers import MaybeWhole, Whole
+from tmca.cli.options.output import check_figure, check_targets
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import SettingError
 
@@ -284,7 +284,7 @@ def _ratio(text: str) -> Any:
 
 
 def _separation(text: str | None) -> Any:
-    from tmca.cli.options import numbers
+    from tmca.cli.options.numbers import numbers
 
     if text is None:
         return None
@@ -292,7 +292,7 @@ def _separation(text: str | None) -> Any:
 
 
 def _weights(text: str | None) -> Any:
-    from tmca.cli.options import numbers
+    from tmca.cli.options.numbers import numbers
 
     if text is None or text == "balanced":
         return text

@@ -27,7 +27,7 @@ def demo(
         overwrite: replace the results of an earlier demo.
         json: print the table as JSON.
     """
-    from tmca.cli.options import size as parsed_size
+    from tmca.cli.options.numbers import size as parsed_size
     from tmca.cli.progress import progress_bar
 
     if out.exists() and not out.is_dir():

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.bench import BenchOptions
-from tmca.cli.light_field import LightFieldsOptions
-from tmca.cli.mask_search import MaskCameraOptions, MaskSearchOptions
-from tmca.cli.numbers import Whole
-from tmca.cli.options import SceneOptions
+from tmca.cli.options.bench import BenchOptions
+from tmca.cli.options.light_field import LightFieldsOptions
+from tmca.cli.options.mask_search import MaskCameraOptions, MaskSearchOptions
+from tmca.cli.options.numbers import Whole
+from tmca.cli.options.scenes import SceneOptions
+from tmca.cli.options.sheets import SearchOptions, SheetOptions, whole_numbers
 from tmca.cli.progress import cell_done
-from tmca.cli.sheets import SearchOptions, SheetOptions, whole_numbers
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
 _SCENE, _SHEET, _SEARCH = SceneOptions(), SheetOptions(), SearchOptions()
@@ -50,7 +50,7 @@ def spectral(
         period: tile of the codes, pixels.
         json: print JSON instead of text.
     """
-    from tmca.cli.options import numbers
+    from tmca.cli.options.numbers import numbers
     from tmca.cli.progress import progress_bar
     from tmca.experiments.design.spectral import design_spectral
 
@@ -88,7 +88,7 @@ def light_field(
         period: tile of the codes, pixels.
         json: print JSON instead of text.
     """
-    from tmca.cli.cameras import shear_argument
+    from tmca.cli.options.cameras import shear_argument
     from tmca.cli.progress import progress_bar
     from tmca.experiments.design.light_field import design_light_field
 
@@ -182,7 +182,8 @@ def judge(
         overwrite: replace the picture if it exists.
         json: print JSON, with all levels, correlations and singular values.
     """
-    from tmca.cli.options import check_figure, numbers
+    from tmca.cli.options.numbers import numbers
+    from tmca.cli.options.output import check_figure
     from tmca.experiments.design.judged import judge_codes
 
     check_figure(figure, overwrite, codes)
@@ -243,7 +244,7 @@ def study(
         overwrite: replace results that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.options import size
+    from tmca.cli.options.numbers import size
     from tmca.data import read_split
     from tmca.experiments.codes import study_codes
 

@@ -8,7 +8,8 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import TruthOptions, assumed, check_figure, warned
+from tmca.cli.options.output import check_figure, warned
+from tmca.cli.options.scenes import TruthOptions, assumed
 from tmca.cli.spectral_depth import refuse_reading
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from tmca.cli.options import ViewFilesOptions, check_figure
+from tmca.cli.options.output import check_figure
+from tmca.cli.options.scenes import ViewFilesOptions
 
 _VIEWS = ViewFilesOptions()
 

@@ -37,12 +37,13 @@ _EXTRA = (
 
 def options() -> dict[str, str]:
     """Python's name of an argument → the option that sets it."""
-    from tmca.cli.bench import BenchOptions
-    from tmca.cli.cameras import LightFieldOptions, SpectralOptions
-    from tmca.cli.light_field import LightFieldSceneOptions, MeasuredLightFieldsOptions
-    from tmca.cli.light_field_bench import LightFieldBenchOptions
-    from tmca.cli.options import SensorOptions, TruthOptions
-    from tmca.cli.sheets import SheetOptions
+    from tmca.cli.options.bench import BenchOptions
+    from tmca.cli.options.cameras import LightFieldOptions, SpectralOptions
+    from tmca.cli.options.light_field import LightFieldSceneOptions, MeasuredLightFieldsOptions
+    from tmca.cli.options.light_field_bench import LightFieldBenchOptions
+    from tmca.cli.options.scenes import TruthOptions
+    from tmca.cli.options.sensor import SensorOptions
+    from tmca.cli.options.sheets import SheetOptions
     from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions
 
     kinds: tuple[type, ...] = (TruthOptions, LightFieldSceneOptions, DepthSceneOptions, SensorOptions, SheetOptions)

@@ -8,10 +8,12 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.cameras import SpectralOptions
-from tmca.cli.light_field import LightFieldsOptions
-from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.options import SceneOptions, SensorOptions, check_figure
+from tmca.cli.options.cameras import SpectralOptions
+from tmca.cli.options.light_field import LightFieldsOptions
+from tmca.cli.options.numbers import MaybeWhole, Whole
+from tmca.cli.options.output import check_figure
+from tmca.cli.options.scenes import SceneOptions
+from tmca.cli.options.sensor import SensorOptions
 from tmca.errors import SettingError
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli import spectral_depth
-from tmca.cli.numbers import MaybeWhole
-from tmca.cli.options import OutputOptions, TruthOptions, check_targets, warned
+from tmca.cli.options.numbers import MaybeWhole
+from tmca.cli.options.output import OutputOptions, check_targets, warned
+from tmca.cli.options.scenes import TruthOptions
 from tmca.cli.progress import progress_bar
 from tmca.cli.way_back import WayBack
 from tmca.errors import SettingError

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from tmca.cli.numbers import Whole, whole
+from tmca.cli.options.numbers import Whole, whole
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ def render(
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
     """
-    from tmca.cli.options import check_figure
-    from tmca.cli.options import size as parsed_size
+    from tmca.cli.options.numbers import size as parsed_size
+    from tmca.cli.options.output import check_figure
     from tmca.data import check_target, write_dataset
 
     check_figure(figure, overwrite)
@@ -68,7 +68,7 @@ def _rendered(
     disparity: str | None,
 ) -> xr.Dataset:
     """The spectral scene, or the light field where views are asked for."""
-    from tmca.cli.options import pair
+    from tmca.cli.options.numbers import pair
     from tmca.data import rendered_light_field, rendered_scene
 
     if views is None:

@@ -8,22 +8,15 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.bench import BenchOptions
-from tmca.cli.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
-from tmca.cli.hardware import HardwareOptions
-from tmca.cli.light_field import LightFieldSceneOptions
-from tmca.cli.light_field_bench import LightFieldBenchOptions
-from tmca.cli.numbers import Whole
-from tmca.cli.options import (
-    OutputOptions,
-    SceneOptions,
-    SensorOptions,
-    assumed,
-    centre_assumed,
-    check_targets,
-    pair,
-    size,
-)
+from tmca.cli.options.bench import BenchOptions
+from tmca.cli.options.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
+from tmca.cli.options.hardware import HardwareOptions
+from tmca.cli.options.light_field import LightFieldSceneOptions
+from tmca.cli.options.light_field_bench import LightFieldBenchOptions
+from tmca.cli.options.numbers import Whole, pair, size
+from tmca.cli.options.output import OutputOptions, check_targets
+from tmca.cli.options.scenes import SceneOptions, assumed, centre_assumed
+from tmca.cli.options.sensor import SensorOptions
 from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions, take
 from tmca.errors import SettingError
 

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.bench import BenchOptions
-from tmca.cli.hardware import HardwareOptions
-from tmca.cli.numbers import whole
-from tmca.cli.options import OutputOptions, SensorOptions, TruthOptions, check_targets, numbers, size
+from tmca.cli.options.bench import BenchOptions
+from tmca.cli.options.hardware import HardwareOptions
+from tmca.cli.options.numbers import numbers, size, whole
+from tmca.cli.options.output import OutputOptions, check_targets
+from tmca.cli.options.scenes import TruthOptions
+from tmca.cli.options.sensor import SensorOptions
 from tmca.cli.progress import progress_bar
 from tmca.cli.way_back import WayBack
 from tmca.errors import SettingError

@@ -11,9 +11,9 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.light_field import MeasuredLightFieldsOptions
-from tmca.cli.numbers import Whole
-from tmca.cli.options import GridOptions
+from tmca.cli.options.grid import GridOptions
+from tmca.cli.options.light_field import MeasuredLightFieldsOptions
+from tmca.cli.options.numbers import Whole
 from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
 
@@ -58,7 +58,7 @@ def spectral(
         bands: bands, nearest to even spacing from 400 to 700 nm.
         crop: HEIGHTxWIDTH, the middle of the scenes.
     """
-    from tmca.cli.options import size
+    from tmca.cli.options.numbers import size
     from tmca.data import read_split, split_rendered
     from tmca.experiments.spectral.sweep import sweep_spectral
 
@@ -105,7 +105,7 @@ def light_field(
         set_: NAME=VALUE of the same names for all cells.
         crop: HEIGHTxWIDTH, the middle of the light fields.
     """
-    from tmca.cli.options import size
+    from tmca.cli.options.numbers import size
     from tmca.data import read_split, split_rendered_light_fields
     from tmca.experiments.light_field.reading import check_readable
     from tmca.experiments.light_field.sweep import sweep_light_field
@@ -163,7 +163,7 @@ def spectral_depth(
         from_rgb: make up spectra of measured reflectances for RGB-D scenes.
         placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
     """
-    from tmca.cli.options import size
+    from tmca.cli.options.numbers import size
     from tmca.data import split_rendered
     from tmca.experiments.spectral_depth.sweep import sweep_spectral_depth
     from tmca.training.scenes import named_scenes

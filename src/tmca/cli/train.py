@@ -11,8 +11,8 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import MaybeWhole
-from tmca.cli.options import ViewFilesOptions
+from tmca.cli.options.numbers import MaybeWhole
+from tmca.cli.options.scenes import ViewFilesOptions
 from tmca.errors import SettingError
 
 app = App(

@@ -16,14 +16,14 @@ from tmca.errors import SettingError
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.optics_steps import dispersion_step, registration_step, shear_step, timing_step
-from tmca.lab.calibration.psf_step import psf_step
+from tmca.lab.calibration.measurements.zernike_fit import wavefront_rms
 from tmca.lab.calibration.rendered import write_bench
 from tmca.lab.calibration.rendered.cameras import DEPTH, NAME, WAVES
 from tmca.lab.calibration.rendered.known import true_calibration
 from tmca.lab.calibration.rendered.truth import REFERENCE
-from tmca.lab.calibration.sensor_steps import dark_step, flat_step, linearity_step
-from tmca.lab.calibration.zernike_fit import wavefront_rms
+from tmca.lab.calibration.steps.optics import dispersion_step, registration_step, shear_step, timing_step
+from tmca.lab.calibration.steps.psf import psf_step
+from tmca.lab.calibration.steps.sensor import dark_step, flat_step, linearity_step
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

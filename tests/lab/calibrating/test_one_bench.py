@@ -15,8 +15,8 @@ from tmca.lab.calibrating.session import capture_step
 from tmca.lab.calibrating.shots import Asked, steps_of
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.optics_steps import registration_step, timing_step
-from tmca.lab.calibration.zernike_fit import MODES
+from tmca.lab.calibration.measurements.zernike_fit import MODES
+from tmca.lab.calibration.steps.optics import registration_step, timing_step
 from tmca.lab.devices import capture, find_device, joined
 from tmca.lab.devices.manifest import exposed_whole, read_manifest
 from tmca.optics import ZernikeHeights

@@ -12,12 +12,12 @@ from tmca.cameras.hardware import Hardware, imperfect
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.dark_flat import DarkField, FlatField
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.registration import Registration, nominal_matrix
-from tmca.lab.calibration.shear import MeasuredShear
-from tmca.lab.calibration.timing import Timing
-from tmca.lab.calibration.zernike_fit import ZernikeFit
+from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.measurements.dispersion import MeasuredDispersion
+from tmca.lab.calibration.measurements.registration import Registration, nominal_matrix
+from tmca.lab.calibration.measurements.shear import MeasuredShear
+from tmca.lab.calibration.measurements.timing import Timing
+from tmca.lab.calibration.measurements.zernike_fit import ZernikeFit
 from tmca.optics.zernike import zernike_modes
 
 WAVES = (450e-9, 550e-9, 650e-9)

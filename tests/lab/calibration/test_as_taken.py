@@ -12,10 +12,10 @@ from tmca.errors import DataError
 from tmca.lab.calibration import calibration_file
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.as_taken import bench_of
-from tmca.lab.calibration.dark_flat import DarkField, FlatField
-from tmca.lab.calibration.shear import MeasuredShear
-from tmca.lab.calibration.timing import Timing
-from tmca.lab.calibration.zernike_fit import ZernikeFit
+from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.measurements.shear import MeasuredShear
+from tmca.lab.calibration.measurements.timing import Timing
+from tmca.lab.calibration.measurements.zernike_fit import ZernikeFit
 
 
 def saved(folder, when=None, monkeypatch=None, **parts):

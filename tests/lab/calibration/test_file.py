@@ -17,14 +17,14 @@ from tmca.lab.calibration.as_taken import bench_of
 from tmca.lab.calibration.calibration_file import Calibration, find_calibration, load_calibration
 from tmca.lab.calibration.captures import WAVE as BY_WAVE
 from tmca.lab.calibration.captures import averaged, corrected, named, read_captures
-from tmca.lab.calibration.dark_flat import DarkField, FlatField
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.linearity import Linearity
-from tmca.lab.calibration.psf import PsfStack
-from tmca.lab.calibration.registration import Registration
-from tmca.lab.calibration.shear import MeasuredShear
-from tmca.lab.calibration.timing import Timing
-from tmca.lab.calibration.zernike_fit import ZernikeFit
+from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.measurements.dispersion import MeasuredDispersion
+from tmca.lab.calibration.measurements.linearity import Linearity
+from tmca.lab.calibration.measurements.psf import PsfStack
+from tmca.lab.calibration.measurements.registration import Registration
+from tmca.lab.calibration.measurements.shear import MeasuredShear
+from tmca.lab.calibration.measurements.timing import Timing
+from tmca.lab.calibration.measurements.zernike_fit import ZernikeFit
 
 RNG = np.random.default_rng(0)
 SIZE = (5, 7)

@@ -9,9 +9,9 @@ from tmca.cameras import SpectralCamera
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.lab.calibration.apply import calibrated
 from tmca.lab.calibration.calibration_file import Calibration, load_calibration
-from tmca.lab.calibration.optics_steps import registration_step, timing_step
 from tmca.lab.calibration.patterns import calibration_patterns, write_patterns
-from tmca.lab.calibration.sensor_steps import dark_step
+from tmca.lab.calibration.steps.optics import registration_step, timing_step
+from tmca.lab.calibration.steps.sensor import dark_step
 
 SIZES, SLOTS, WHITE, OFFSET = [(32, 41), (33, 40)], 3, 30000.0, 400.0
 WAVE = 550e-9

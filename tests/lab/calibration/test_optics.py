@@ -5,14 +5,14 @@ import pytest
 
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.lab.calibration.dispersion import measure_dispersion
-from tmca.lab.calibration.pattern_image import moved
+from tmca.lab.calibration.measurements.dispersion import measure_dispersion
+from tmca.lab.calibration.measurements.pattern_image import moved
+from tmca.lab.calibration.measurements.psf import measure_psf
+from tmca.lab.calibration.measurements.registration import Registration
+from tmca.lab.calibration.measurements.shear import measure_shear
+from tmca.lab.calibration.measurements.zernike_fit import MODES, fit_zernike_psf, wavefront_rms
 from tmca.lab.calibration.patterns import calibration_patterns
-from tmca.lab.calibration.psf import measure_psf
-from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.rendered.physics import point_of, seen_by_rays
-from tmca.lab.calibration.shear import measure_shear
-from tmca.lab.calibration.zernike_fit import MODES, fit_zernike_psf, wavefront_rms
 from tmca.optics import PhaseMaskBench
 from tmca.optics.zernike import zernike_modes
 
@@ -145,7 +145,7 @@ def test_modes_are_added_to_the_heights_that_were_asked_for():
 
 
 def test_the_jacobian_is_the_derivative_where_the_fit_is_good():
-    from tmca.lab.calibration.zernike_fit import _Model
+    from tmca.lab.calibration.measurements.zernike_fit import _Model
 
     truth = mirror(5, 0.05e-6)
     stack = measure_psf(points(truth, snr=80, depths=DEPTHS[:2]), DEPTHS[:2], WAVES, BENCH.window)

@@ -5,11 +5,11 @@ import pytest
 
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.closed_light import closed_light
-from tmca.lab.calibration.displacement import displacement_of
-from tmca.lab.calibration.pattern_image import inverse, mapped, moved, seen_patterns
+from tmca.lab.calibration.measurements.closed_light import closed_light
+from tmca.lab.calibration.measurements.displacement import displacement_of
+from tmca.lab.calibration.measurements.pattern_image import inverse, mapped, moved, seen_patterns
+from tmca.lab.calibration.measurements.registration import Registration, nominal_matrix, register
 from tmca.lab.calibration.patterns import calibration_patterns
-from tmca.lab.calibration.registration import Registration, nominal_matrix, register
 from tmca.lab.calibration.rendered.physics import seen_by_rays
 
 ODD, EVEN = ((33, 41), (35, 52)), ((40, 48), (40, 56))

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from tmca.codes import slot_overlap as repeated_overlap
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.dark_flat import DEAD, HOT, measure_dark, measure_flat
-from tmca.lab.calibration.linearity import measure_linearity
-from tmca.lab.calibration.timing import measure_timing, pair_light, slot_overlap
+from tmca.lab.calibration.measurements.dark_flat import DEAD, HOT, measure_dark, measure_flat
+from tmca.lab.calibration.measurements.linearity import measure_linearity
+from tmca.lab.calibration.measurements.timing import measure_timing, pair_light, slot_overlap
 
 SIZE = (37, 42)
 GAIN, READ, OFFSET = 2.5, 4.0, 300.0

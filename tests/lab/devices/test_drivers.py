@@ -14,7 +14,7 @@ from tests.lab.devices.test_export import spectral
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
 from tmca.lab.devices import Device, capture, find_device, joined
 from tmca.lab.devices import protocol as protocol_module
 from tmca.lab.devices.simulated import SimulatedBench

@@ -9,7 +9,7 @@ from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.cli import main
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.measurements.registration import Registration
 from tmca.lab.devices import device_named, export_codes, read_export, read_planes
 from tmca.lab.devices.frames import read_frame
 from tmca.lab.devices.registered import registered_affine

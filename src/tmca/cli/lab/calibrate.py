@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import Whole
-from tmca.cli.options import size as parsed_size
+from tmca.cli.options.numbers import Whole
+from tmca.cli.options.numbers import size as parsed_size
 
 app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
 for name, (place, text) in {
@@ -129,7 +129,7 @@ def proof(
         json: print JSON instead of text.
     """
     from tmca.cli.lab.calibrate_words import said_proof
-    from tmca.cli.options import check_figure, check_targets
+    from tmca.cli.options.output import check_figure, check_targets
     from tmca.data import write_json
     from tmca.experiments.calibration_proof import prove, reconstructions_figure
     from tmca.experiments.figures import save_figure

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.hardware import HardwareOptions
 from tmca.cli.lab.bench import AskedBench, known_camera
 from tmca.cli.lab.calibrate_words import CalibrationOptions, finished, started
-from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.options.hardware import HardwareOptions
+from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from tmca.cli.lab.calibrate_words import CalibrationOptions, finished, started
-from tmca.cli.numbers import Whole
+from tmca.cli.options.numbers import Whole
 from tmca.errors import SettingError
 
 _USUAL = CalibrationOptions()
@@ -31,9 +31,10 @@ def registration(
         scale: sensor pixels per mask pixel, to 6 %.
         device: HEIGHTxWIDTH of the mask, refused if the patterns differ.
     """
-    from tmca.cli.options import size, warned
+    from tmca.cli.options.numbers import size
+    from tmca.cli.options.output import warned
     from tmca.data import nm_to_metres
-    from tmca.lab.calibration.optics_steps import registration_step
+    from tmca.lab.calibration.steps.optics import registration_step
 
     if wavelength is not None and not 100 <= wavelength <= 20000:
         raise SettingError("--wavelength", f"{wavelength:g}", "nanometres of light, 100 to 20000")
@@ -70,7 +71,7 @@ def dispersion(
         curve: powers of 1/λ² (cauchy) or of λ (polynomial), or none (measured): straight lines between wavelengths.
         order: highest power.
     """
-    from tmca.lab.calibration.optics_steps import dispersion_step
+    from tmca.lab.calibration.steps.optics import dispersion_step
 
     found = dispersion_step(
         started(how), captures, patterns, pattern=pattern, power=power, curve=curve, order=order,
@@ -87,7 +88,7 @@ def shear(captures: Path, /, *, patterns: Path, pattern: Whole = 3, how: Calibra
         patterns: that were shown.
         pattern: which of them was shown, counted from 0.
     """
-    from tmca.lab.calibration.optics_steps import shear_step
+    from tmca.lab.calibration.steps.optics import shear_step
 
     found = shear_step(started(how), captures, patterns, pattern=pattern, saturation=how.saturation)
     finished(found, "shear", how)
@@ -99,7 +100,7 @@ def timing(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
     Args:
         captures: folder of frames named by their slots, such as aperture_0_shutter_1.
     """
-    from tmca.lab.calibration.optics_steps import timing_step
+    from tmca.lab.calibration.steps.optics import timing_step
 
     finished(timing_step(started(how), captures, saturation=how.saturation), "timing", how)
 
@@ -114,7 +115,7 @@ def psf(captures: Path, /, *, snapshot: Path, slot: Whole = 0, how: CalibrationO
     """
     from tmca.cameras import Snapshot, SpectralDepthCamera
     from tmca.errors import DataError
-    from tmca.lab.calibration.psf_step import psf_step
+    from tmca.lab.calibration.steps.psf import psf_step
 
     camera = Snapshot.load(snapshot).camera
     if not isinstance(camera, SpectralDepthCamera) or not 0 <= slot < camera.slots:

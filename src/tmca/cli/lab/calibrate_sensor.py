@@ -15,7 +15,7 @@ def dark(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
     Args:
         captures: folder of frames (PNG, TIFF, NPY) or a stack; two or more, exposed like the others.
     """
-    from tmca.lab.calibration.sensor_steps import dark_step
+    from tmca.lab.calibration.steps.sensor import dark_step
 
     finished(dark_step(started(how), captures, saturation=how.saturation), "dark", how)
 
@@ -30,7 +30,7 @@ def flat(
         white: frames of a white scene, mask and shutter held open for a snapshot's exposure.
         reflectance: of that scene: 0.5 of a grey reference, which does not saturate.
     """
-    from tmca.lab.calibration.sensor_steps import flat_step
+    from tmca.lab.calibration.steps.sensor import flat_step
 
     finished(
         flat_step(started(how), captures, white=white, reflectance=reflectance, saturation=how.saturation), "flat", how
@@ -43,6 +43,6 @@ def linearity(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
     Args:
         captures: folder of frames named by their exposure, such as even_5ms_0; two or more at each.
     """
-    from tmca.lab.calibration.sensor_steps import linearity_step
+    from tmca.lab.calibration.steps.sensor import linearity_step
 
     finished(linearity_step(started(how), captures, saturation=how.saturation), "linearity", how)

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
-from tmca.cli.hardware import HardwareOptions
 from tmca.cli.lab.bench import AskedBench, known_camera
-from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.options.hardware import HardwareOptions
+from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 

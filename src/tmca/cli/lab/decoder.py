@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import check_targets, size
+from tmca.cli.options.numbers import size
+from tmca.cli.options.output import check_targets
 
 app = App(name="decoder", help="Trained decoders as files that need no tmca: torch.export and ONNX.")
 Flag = Annotated[bool, Parameter(negative="")]

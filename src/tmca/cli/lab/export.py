@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
-from tmca.cli.options import size
+from tmca.cli.options.numbers import size
 from tmca.errors import SettingError
 
 app = App(name="export", help="Codes as files that devices show, with a manifest.")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options import check_targets
+from tmca.cli.options.output import check_targets
 
 app = App(name="import", help="Make a snapshot file of a real capture, so that every decoder takes it.")
 

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import Whole
-from tmca.cli.options import check_figure, check_targets, warned
+from tmca.cli.options.numbers import Whole
+from tmca.cli.options.output import check_figure, check_targets, warned
 
 app = App(name="real", help="Real captures: mask in register, frames behind a pixel shutter, a report of all.")
 Flag = Annotated[bool, Parameter(negative="")]
@@ -59,7 +59,7 @@ def register(
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:
-    from tmca.cli.options import numbers
+    from tmca.cli.options.numbers import numbers
     from tmca.data import read_array
     from tmca.errors import SettingError
     from tmca.lab.real_captures import shutter_place

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from tmca.cli.numbers import Whole, whole
-from tmca.cli.options import check_figure, check_targets
-from tmca.cli.options import size as parsed_size
+from tmca.cli.options.numbers import Whole, whole
+from tmca.cli.options.numbers import size as parsed_size
+from tmca.cli.options.output import check_figure, check_targets
 
 app = App(
     name="scan", help="Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene."

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from tmca.cli.numbers import Whole
-from tmca.cli.options import check_figure, check_targets
+from tmca.cli.options.numbers import Whole
+from tmca.cli.options.output import check_figure, check_targets
 
 Flag = Annotated[bool, Parameter(negative="")]
 
@@ -47,7 +47,7 @@ def spectra(
         json: print JSON instead of text.
     """
     from tmca.cli.lab.scan_words import said_spectra
-    from tmca.cli.wavelengths import metres
+    from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
     from tmca.experiments.figures import save_figure
     from tmca.lab.figures import reflectance_figure
@@ -128,7 +128,7 @@ def join(
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
     """
-    from tmca.cli.wavelengths import metres
+    from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
     from tmca.experiments.pictures import picture_of
     from tmca.lab.ground_truth import DEPTH, SPECTRA, join_ground_truth, open_part

@@ -6,7 +6,7 @@ import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from tmca.cli.options import numbers, size
+from tmca.cli.options.numbers import numbers, size
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import nm_to_metres
 from tmca.errors import DataError
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.dispersion import Curve
-from tmca.lab.calibration.optics_steps import dispersion_step, registration_step, shear_step, timing_step
-from tmca.lab.calibration.psf_step import psf_step
-from tmca.lab.calibration.sensor_steps import dark_step, flat_step, linearity_step
+from tmca.lab.calibration.measurements.dispersion import Curve
+from tmca.lab.calibration.steps.optics import dispersion_step, registration_step, shear_step, timing_step
+from tmca.lab.calibration.steps.psf import psf_step
+from tmca.lab.calibration.steps.sensor import dark_step, flat_step, linearity_step
 from tmca.lab.codes_date import CAPTURES
 from tmca.lab.devices.captures import read_captures
 

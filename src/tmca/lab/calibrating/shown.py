@@ -12,7 +12,7 @@ from tmca.data import make_folder
 from tmca.errors import DataError, OutputError
 from tmca.lab.calibrating.shots import CODES, OPEN, PATTERNS, Asked, pair_name
 from tmca.lab.calibration.patterns import calibration_patterns, write_patterns
-from tmca.lab.calibration.steps import read_patterns
+from tmca.lab.calibration.steps.building_on import read_patterns
 from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.export import Export, export_like
 from tmca.lab.devices.manifest import read_manifest

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.lab.calibration.dark_flat import DarkField, FlatField
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.linearity import Linearity
-from tmca.lab.calibration.pattern_image import mapped
-from tmca.lab.calibration.psf import PsfStack
-from tmca.lab.calibration.registration import Registration, nominal_matrix
-from tmca.lab.calibration.shear import MeasuredShear
-from tmca.lab.calibration.timing import Timing
-from tmca.lab.calibration.zernike_fit import ZernikeFit
+from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.measurements.dispersion import MeasuredDispersion
+from tmca.lab.calibration.measurements.linearity import Linearity
+from tmca.lab.calibration.measurements.pattern_image import mapped
+from tmca.lab.calibration.measurements.psf import PsfStack
+from tmca.lab.calibration.measurements.registration import Registration, nominal_matrix
+from tmca.lab.calibration.measurements.shear import MeasuredShear
+from tmca.lab.calibration.measurements.timing import Timing
+from tmca.lab.calibration.measurements.zernike_fit import ZernikeFit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,8 +15,8 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import defects
-from tmca.lab.calibration.pattern_image import moved, seen_patterns
-from tmca.lab.calibration.registration import nominal_matrix
+from tmca.lab.calibration.measurements.pattern_image import moved, seen_patterns
+from tmca.lab.calibration.measurements.registration import nominal_matrix
 from tmca.optics import FreeForm, ViewShear
 from tmca.optics.zernike import zernike_modes
 from tmca.sensor import Sensor

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.errors import DataError
-from tmca.lab.calibration.dark_flat import DarkField, FlatField
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.linearity import Linearity
-from tmca.lab.calibration.psf import PsfStack
-from tmca.lab.calibration.registration import Registration
-from tmca.lab.calibration.shear import MeasuredShear
-from tmca.lab.calibration.timing import Timing
-from tmca.lab.calibration.zernike_fit import ZernikeFit
+from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.measurements.dispersion import MeasuredDispersion
+from tmca.lab.calibration.measurements.linearity import Linearity
+from tmca.lab.calibration.measurements.psf import PsfStack
+from tmca.lab.calibration.measurements.registration import Registration
+from tmca.lab.calibration.measurements.shear import MeasuredShear
+from tmca.lab.calibration.measurements.timing import Timing
+from tmca.lab.calibration.measurements.zernike_fit import ZernikeFit
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,8 +12,8 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.apply import check_fits
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.measured_cameras import reference_shift
-from tmca.lab.calibration.pattern_image import moved
-from tmca.lab.calibration.registration import nominal_matrix
+from tmca.lab.calibration.measurements.pattern_image import moved
+from tmca.lab.calibration.measurements.registration import nominal_matrix
 from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.placement import Affine
 

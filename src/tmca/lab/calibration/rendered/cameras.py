@@ -11,13 +11,13 @@ import torch
 from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data import label
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.pattern_image import moved
+from tmca.lab.calibration.measurements.pattern_image import moved
+from tmca.lab.calibration.measurements.registration import nominal_matrix
+from tmca.lab.calibration.measurements.zernike_fit import MODES
 from tmca.lab.calibration.patterns import calibration_patterns
-from tmca.lab.calibration.registration import nominal_matrix
 from tmca.lab.calibration.rendered.light import light_field_light, spectral_light, white_power
 from tmca.lab.calibration.rendered.physics import glass_shift, pairs_in_time, point_of, seen_by_rays, shown_by
 from tmca.lab.calibration.rendered.truth import REFERENCE, BenchTruth
-from tmca.lab.calibration.zernike_fit import MODES
 from tmca.lab.codes_date import CODES_DATE, now
 from tmca.optics import PhaseMaskBench
 from tmca.optics.zernike import zernike_modes

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.measurements.dispersion import MeasuredDispersion
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.measurements.zernike_fit import MODES
 from tmca.lab.calibration.rendered.physics import BenchSensor, glass_shift
-from tmca.lab.calibration.zernike_fit import MODES
 
 REFERENCE = 550e-9
 """Wavelength of the registration."""
@@ -23,7 +23,7 @@ class BenchTruth:
         blur: of the relay, sensor pixels.
         span: displacement from 400 to 700 nm, sensor pixels.
         tilt: displacement along y from 400 to 700 nm.
-        delay, ratio: of the shutter, see `tmca.lab.calibration.timing.Timing`.
+        delay, ratio: of the shutter, see `tmca.lab.calibration.measurements.timing.Timing`.
         step: (2,) sensor pixels per view.
         fall_off: of the light of a view, per squared view step.
         coefficients: (K, M) heights of the mask beside those asked for, metres rms.

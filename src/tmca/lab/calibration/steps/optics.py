@@ -12,11 +12,11 @@ from tmca.lab.calibration import captures
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import averaged, corrected, in_order, named, read_captures
-from tmca.lab.calibration.dispersion import Curve, measure_dispersion
-from tmca.lab.calibration.registration import Registration, register
-from tmca.lab.calibration.shear import measure_shear
-from tmca.lab.calibration.steps import needed, read_patterns, sensor_size, shown_pattern
-from tmca.lab.calibration.timing import measure_timing
+from tmca.lab.calibration.measurements.dispersion import Curve, measure_dispersion
+from tmca.lab.calibration.measurements.registration import Registration, register
+from tmca.lab.calibration.measurements.shear import measure_shear
+from tmca.lab.calibration.measurements.timing import measure_timing
+from tmca.lab.calibration.steps.building_on import needed, read_patterns, sensor_size, shown_pattern
 
 
 def registration_step(
@@ -92,7 +92,7 @@ def dispersion_step(
         patterns: that were shown.
         pattern: which of them, from 0.
         power: text file of the source's power: nm, power.
-        curve, order: see `tmca.lab.calibration.dispersion.measure_dispersion`.
+        curve, order: see `tmca.lab.calibration.measurements.dispersion.measure_dispersion`.
         saturation: of the captures.
 
     Raises:

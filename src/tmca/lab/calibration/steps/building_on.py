@@ -10,7 +10,7 @@ import numpy as np
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.measurements.registration import Registration
 from tmca.lab.frames import read_frames
 
 

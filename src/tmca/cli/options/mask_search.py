@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.numbers import MaybeWhole, Whole
-from tmca.cli.sheets import whole_numbers
+from tmca.cli.options.numbers import MaybeWhole, Whole
+from tmca.cli.options.sheets import whole_numbers
 from tmca.cli.spectral_depth import depth_range
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.options import warned
+from tmca.cli.options.output import warned
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.displacement import displacement_of
-from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.measurements.displacement import displacement_of
+from tmca.lab.calibration.measurements.registration import Registration
 
 LARGEST_RESIDUAL = 0.25
 """Sensor pixels that a linear fit may leave, root mean square."""

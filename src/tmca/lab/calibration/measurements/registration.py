@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.closed_light import closed_light
-from tmca.lab.calibration.coarse import find_coarse
-from tmca.lab.calibration.pattern_image import SAMPLES, mapped, seen_patterns
+from tmca.lab.calibration.measurements.closed_light import closed_light
+from tmca.lab.calibration.measurements.coarse import find_coarse
+from tmca.lab.calibration.measurements.pattern_image import SAMPLES, mapped, seen_patterns
 
 LARGEST_RESIDUAL = 0.2
 _LEVELS = (3.0, 1.5, 0.0)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.numbers import whole
-from tmca.cli.options import ViewFilesOptions
+from tmca.cli.options.numbers import whole
+from tmca.cli.options.scenes import ViewFilesOptions
 
 if TYPE_CHECKING:
     from tmca.experiments.light_field.reading import Reading

@@ -10,9 +10,9 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibration import captures
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import named, read_captures
-from tmca.lab.calibration.dark_flat import measure_dark, measure_flat
-from tmca.lab.calibration.linearity import measure_linearity
-from tmca.lab.calibration.steps import needed, sensor_size
+from tmca.lab.calibration.measurements.dark_flat import measure_dark, measure_flat
+from tmca.lab.calibration.measurements.linearity import measure_linearity
+from tmca.lab.calibration.steps.building_on import needed, sensor_size
 
 
 def dark_step(calibration: Calibration, path: str | Path, *, saturation: float | None = None) -> Calibration:

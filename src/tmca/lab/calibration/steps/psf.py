@@ -13,9 +13,9 @@ from tmca.lab.calibration import captures
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import averaged, corrected, named, read_captures
-from tmca.lab.calibration.psf import measure_psf
-from tmca.lab.calibration.steps import needed, sensor_size
-from tmca.lab.calibration.zernike_fit import MODES, fit_zernike_psf, wavefront_rms
+from tmca.lab.calibration.measurements.psf import measure_psf
+from tmca.lab.calibration.measurements.zernike_fit import MODES, fit_zernike_psf, wavefront_rms
+from tmca.lab.calibration.steps.building_on import needed, sensor_size
 from tmca.optics import PhaseMaskBench
 from tmca.optics.zernike import Mode
 

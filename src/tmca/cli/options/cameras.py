@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.numbers import whole
-from tmca.cli.options import SensorOptions, numbers
-from tmca.cli.patterns import codes_argument, coloured_argument, fitted
+from tmca.cli.options.numbers import numbers, whole
+from tmca.cli.options.patterns import codes_argument, coloured_argument, fitted
+from tmca.cli.options.sensor import SensorOptions
 from tmca.errors import SettingError, TmcaError
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.cameras import LightFieldCamera, SpectralCamera
-    from tmca.cli.light_field_bench import LightFieldBenchOptions
+    from tmca.cli.options.light_field_bench import LightFieldBenchOptions
     from tmca.decoders import Weights
     from tmca.sensor import Sensor
 

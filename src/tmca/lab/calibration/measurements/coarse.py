@@ -8,7 +8,7 @@ import numpy as np
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.pattern_image import moved, seen_patterns
+from tmca.lab.calibration.measurements.pattern_image import moved, seen_patterns
 
 _SCALES = (1.0, 0.97, 1.03, 0.94, 1.06)
 _BLUR = 2.0

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.displacement import displacement_of
-from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.measurements.displacement import displacement_of
+from tmca.lab.calibration.measurements.registration import Registration
 from tmca.optics import Dispersion
 
 Curve = Literal["cauchy", "polynomial", "measured"]

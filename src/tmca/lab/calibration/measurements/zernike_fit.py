@@ -13,7 +13,7 @@ from torch import Tensor
 
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.psf import PsfStack
+from tmca.lab.calibration.measurements.psf import PsfStack
 from tmca.optics import PhaseMaskBench
 from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
 from tmca.optics.zernike import Mode, noll, zernike_modes

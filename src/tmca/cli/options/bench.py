@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.numbers import MaybeWhole
+from tmca.cli.options.numbers import MaybeWhole
 from tmca.errors import SettingError
 
 _BENCH = Group("Bench", sort_key=2)

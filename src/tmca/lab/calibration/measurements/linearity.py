@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.dark_flat import DarkField
+from tmca.lab.calibration.measurements.dark_flat import DarkField
 
 LARGEST_DEVIATION = 0.05
 _RANGE = (0.05, 0.95)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, ShapeError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.pattern_image import SAMPLES, moved, seen_patterns
-from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.measurements.pattern_image import SAMPLES, moved, seen_patterns
+from tmca.lab.calibration.measurements.registration import Registration
 
 LARGEST_RESIDUAL = 0.2
 _LEVELS = (1.5, 0.0)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.numbers import MaybeWhole, Whole
+from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:

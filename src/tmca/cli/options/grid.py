@@ -1,0 +1,46 @@
+"""Options of a grid of cells: how many side by side, and where."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from tmca.cli.options.numbers import whole
+from tmca.errors import SettingError
+
+_GRID = Group("Computation", sort_key=4)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class GridOptions:
+    """How a grid of cells is computed."""
+
+    jobs: Annotated[int, Parameter(group=_GRID, converter=whole)] = 1
+    "Processes side by side."
+    slurm: Annotated[str | None, Parameter(group=_GRID)] = None
+    "Parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu."
+    overwrite: Annotated[bool, Parameter(group=_GRID, negative="")] = False
+    "Replace results that exist."
+    json: Annotated[bool, Parameter(group=_GRID, negative="")] = False
+    "Print the results as JSON."
+
+    def how(self) -> dict[str, Any]:
+        """Arguments of a comparison or a sweep."""
+        cluster, command = cluster_parameters(self.slurm), ["tmca", *sys.argv[1:]]
+        return {"jobs": self.jobs, "cluster": cluster, "overwrite": self.overwrite, "command": command}
+
+
+def cluster_parameters(text: str | None) -> dict[str, Any] | None:
+    """``NAME=VALUE,…`` for submitit; None without."""
+    if text is None:
+        return None
+    import yaml
+
+    parts = [part.partition("=") for part in text.split(",") if part]
+    if not parts or not all(sign for _, sign, _ in parts):
+        raise SettingError("--slurm", repr(text), "NAME=VALUE,…, such as timeout_min=60,slurm_partition=gpu")
+    return {name: yaml.safe_load(value) for name, _, value in parts}

@@ -1,0 +1,54 @@
+"""Options of what is written, and refusals before the work is done."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Group, Parameter
+
+from tmca.errors import SettingError
+
+_OUTPUT = Group("Output", sort_key=3)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class OutputOptions:
+    """Where results go."""
+
+    out: Annotated[Path | None, Parameter(group=_OUTPUT)] = None
+    "File to write; a name made from the input's, in the current folder, without it."
+    overwrite: Annotated[bool, Parameter(group=_OUTPUT, negative="")] = False
+    "Replace files that exist."
+    figures: Annotated[bool, Parameter(group=_OUTPUT)] = True
+    "Write pictures beside the file."
+    json: Annotated[bool, Parameter(group=_OUTPUT, negative="")] = False
+    "Print JSON instead of text."
+
+
+def warned(line: str) -> None:
+    """Say on standard error what the reader should know."""
+    print(f"tmca: {line}", file=sys.stderr)
+
+
+def check_figure(figure: Path | None, overwrite: bool, source: str | Path = "") -> None:
+    """Refuse a picture that could not be written, before the work is done."""
+    if figure is not None:
+        from tmca.experiments.figures import check_picture
+
+        check_picture(figure)
+        check_targets([figure], overwrite, source)
+
+
+def check_targets(files: Iterable[Path], overwrite: bool, source: str | Path = "") -> None:
+    """Refuse outputs that exist, have no folder, or are the input, before the work is done."""
+    from tmca.data import check_target
+
+    for file in files:
+        if source and file.resolve() == Path(source).resolve():
+            raise SettingError("--out", f"{file}, which is the input", "another file")
+        check_target(file, overwrite)
