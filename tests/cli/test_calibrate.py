@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -248,3 +249,20 @@ def test_a_bench_that_stops_while_it_is_calibrated_goes_on(capsys):
     assert "no answer after 3 frames" in refused(capsys, *taken, "--stops-after", "3", lines=None)
     assert "measure it with" in said(capsys, *taken)
     assert "seed 0" in refused(capsys, *taken, "--seed", "1", lines=None)
+
+
+@pytest.mark.parametrize(
+    ("harm", "expected"),
+    [
+        (lambda kept: kept[1].write_bytes(kept[0].read_bytes()), "frames in the wrong order"),
+        (lambda kept: kept[1].unlink(), "no such file"),
+        (lambda kept: kept[1].write_bytes(kept[1].read_bytes()[:-2] + b"ab"), "another content"),
+    ],
+)
+@pytest.mark.usefixtures("exported")
+def test_frames_of_a_bench_are_measured_as_they_were_taken(capsys, harm, expected):
+    said(capsys, "calibrate", "capture", "registration", "shown", "--out", "bench")
+    harm(sorted(Path("bench/registration").glob("*.tif")))
+    command = ("calibrate", "registration", "bench/registration", "--patterns", "bench/patterns", "--out", "new")
+    assert expected in refused(capsys, *command)
+    assert not list(Path().glob("new*"))

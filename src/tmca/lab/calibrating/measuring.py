@@ -80,13 +80,8 @@ def _told(place: Path, step: str) -> dict[str, Any]:
     return dict(read_captures(folder)["taken_with"]) if (folder / CAPTURES).is_file() else {}
 
 
-def _saturation(place: Path, step: str, known: Known) -> float | None:
-    own = _told(place, step).get("saturation")
-    return known.saturation if known.saturation is not None or own is None else float(own)
-
-
 def _dark(found: Calibration, place: Path, known: Known) -> Calibration:
-    return dark_step(found, place / "dark", saturation=_saturation(place, "dark", known))
+    return dark_step(found, place / "dark", saturation=known.saturation)
 
 
 def _flat(found: Calibration, place: Path, known: Known) -> Calibration:
@@ -95,12 +90,11 @@ def _flat(found: Calibration, place: Path, known: Known) -> Calibration:
         remedy = "take them: tmca calibrate capture white"
         raise DataError(place / "white", "no frames", "those of white: even light of a bench is not as bright", remedy)
     told = known.reflectance or _told(place, "white").get("reflectance", 1.0)
-    top = _saturation(place, "flat", known)
-    return flat_step(found, place / "flat", white=white, reflectance=float(told), saturation=top)
+    return flat_step(found, place / "flat", white=white, reflectance=float(told), saturation=known.saturation)
 
 
 def _linearity(found: Calibration, place: Path, known: Known) -> Calibration:
-    return linearity_step(found, place / "linearity", saturation=_saturation(place, "linearity", known))
+    return linearity_step(found, place / "linearity", saturation=known.saturation)
 
 
 def _registration(found: Calibration, place: Path, known: Known) -> Calibration:
@@ -108,12 +102,12 @@ def _registration(found: Calibration, place: Path, known: Known) -> Calibration:
     wave = known.wavelength if known.wavelength or told is None else float(nm_to_metres(told))
     return registration_step(
         found, place / "registration", place / "patterns", wavelength=wave, scale=known.scale,
-        saturation=_saturation(place, "registration", known),
+        saturation=known.saturation,
     )  # fmt: skip
 
 
 def _timing(found: Calibration, place: Path, known: Known) -> Calibration:
-    return timing_step(found, place / "timing", saturation=_saturation(place, "timing", known))
+    return timing_step(found, place / "timing", saturation=known.saturation)
 
 
 def _dispersion(found: Calibration, place: Path, known: Known) -> Calibration:
@@ -122,13 +116,13 @@ def _dispersion(found: Calibration, place: Path, known: Known) -> Calibration:
     return dispersion_step(
         found, place / "dispersion", place / "patterns", power=power, curve=known.curve,
         pattern=int(_told(place, "dispersion").get("pattern", 3)),
-        saturation=_saturation(place, "dispersion", known),
+        saturation=known.saturation,
     )  # fmt: skip
 
 
 def _shear(found: Calibration, place: Path, known: Known) -> Calibration:
-    pattern, top = int(_told(place, "shear").get("pattern", 3)), _saturation(place, "shear", known)
-    return shear_step(found, place / "shear", place / "patterns", pattern=pattern, saturation=top)
+    pattern = int(_told(place, "shear").get("pattern", 3))
+    return shear_step(found, place / "shear", place / "patterns", pattern=pattern, saturation=known.saturation)
 
 
 def _psf(found: Calibration, place: Path, slot: int, known: Known) -> Calibration:
@@ -140,7 +134,7 @@ def _psf(found: Calibration, place: Path, slot: int, known: Known) -> Calibratio
         raise DataError(known.camera, f"a {camera.application} camera", f"a spectral-depth one with slot {slot}")
     nominal = camera.codes()[0][slot].detach().double().numpy()
     return psf_step(
-        found, folder, camera.bench, slot=slot, nominal=nominal, saturation=_saturation(place, folder.name, known),
+        found, folder, camera.bench, slot=slot, nominal=nominal, saturation=known.saturation,
         source=known.camera,
     )  # fmt: skip
 

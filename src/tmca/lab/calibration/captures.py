@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
+from tmca.lab.codes_date import CAPTURES
 from tmca.lab.frames import Frames, read_frames
 
 _SATURATED = 0.01
@@ -30,18 +31,19 @@ def read_captures(
     may_saturate: bool = False,
     sensor: Sequence[int] | None = None,
 ) -> Frames:
-    """Frames of a folder or stack.
+    """Frames of a folder or stack; those that a bench took have to be as it kept them.
 
     Args:
         path: see `tmca.lab.frames.read_frames`.
-        saturation: see there.
+        saturation: see there; that of the bench that took them where it was kept.
         may_saturate: whether saturated frames are wanted.
         sensor: (H, W) they have to have.
 
     Raises:
-        DataError: no frames, another size, or a frame more than a hundredth of which is saturated.
+        DataError: no frames, another size, frames that are missing, changed or in another's place, or one more than a
+            hundredth of which is saturated.
     """
-    frames = read_frames(path, saturation)
+    frames = read_frames(path, _kept_saturation(Path(path)) if saturation is None else saturation)
     size = frames.values.shape[1:]
     if sensor is not None and tuple(sensor) != size:
         found, known = ("×".join(map(str, n)) for n in (size, sensor))
@@ -51,6 +53,15 @@ def read_captures(
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
     return frames
+
+
+def _kept_saturation(path: Path) -> float | None:
+    """Of the bench whose frames, checked, are in a folder."""
+    if not (path / CAPTURES).is_file():
+        return None
+    from tmca.lab.devices.captures import read_captures as kept_captures
+
+    return float(kept_captures(path)["taken_with"]["saturation"])
 
 
 def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[float, ...]]:
