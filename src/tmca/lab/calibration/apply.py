@@ -62,7 +62,9 @@ def _check_order(calibration: Calibration) -> None:
     """Refuse a timing that took what the mask leaks for the shutter's, for no registration had told of it."""
     registration, timing = calibration.part("registration"), calibration.about["steps"].get("timing", {})
     told = timing.get("settings", {}).get("aperture_leakage")
-    if registration is None or told is None or abs(registration.closed_light - told) <= _SAME_LEAKAGE:
+    if told is None or registration is None or registration.leakage is None:
+        return
+    if abs(registration.closed_light - told) <= _SAME_LEAKAGE:
         return
     found = f"a timing for a mask that leaks {told:.2%}"
     expected = f"one for {registration.closed_light:.2%}, as the registration found since"
