@@ -13,45 +13,34 @@ from tmca.experiments.spectral.rows import CODES, DECODER_NAMES, FREE, LEARNED, 
 RANDOM = tuple(CODES)[:2]
 """Random codes of the static and of the time-multiplexed camera."""
 
+_LEARNING = (
+    "Networks learned from patches of the same scenes and, less often, of the rendered training scenes, one "
+    "for all three noises, in the CPU minutes of the last column (one core), half precision (bfloat16) "
+    "where the processor computes it. "
+    f"{MULTIPLEXED} starts at the codes and the decoder of {STATIC}, whose minutes come on top; "
+    f"{FREE}, at random codes. Rows of learned codes without a network reconstruct from the codes that were "
+    "learned with the unrolled network, in its minutes. The U-Net from Φᵀy is not told the codes; it learned "
+    "from windows of them, and full-frame random codes of the scenes' sizes are other draws. Means over seeds."
+)
+
 
 def results(
     measured: Sequence[Measured], train: Path, test: Path, command: Sequence[str], validation: Path | None = None
 ) -> dict[str, Any]:
     """Rows of the table from measured cells: means over scenes of the means over seeds."""
-    rows: dict[tuple[str, ...], dict[str, Any]] = {}
-    for cell in (cell for cell in measured if "metrics" in cell):
-        key = (cell["code"], cell["noise"], cell["decoder"])
-        row = rows.setdefault(key, _row(cell))
-        row["runs"].setdefault(cell["scene"], []).append(cell["metrics"])
-        row["times"].append(cell["seconds"])
-        row["lights"].append(cell["throughput"])
+    cells = [cell for cell in measured if "metrics" in cell]
     training = [_training(cell) for cell in measured if "best" in cell]
-    for row in rows.values():
-        runs, times, lights = row.pop("runs"), row.pop("times"), row.pop("lights")
-        row["seconds"], row["throughput"] = sum(times) / len(times), sum(lights) / len(lights)
-        row["seeds"] = max(len(values) for values in runs.values())
-        row["scenes"] = {
-            scene: mean_over_scenes({str(i): m for i, m in enumerate(values)}) for scene, values in runs.items()
-        }
-        row |= mean_over_scenes(row["scenes"])
-        row["seed_psnr"] = [sum(m["psnr"] for m in seed) / len(seed) for seed in zip(*runs.values(), strict=False)]
-        learner = row["decoder"] if row["trained"] else DECODER_NAMES["unrolled"]  # learns the codes of the others
-        spent = [t["cpu_seconds"] for t in training if (t["code"], t["decoder"]) == (row["code"], learner)]
-        learned = row["trained"] or row["code"] in LEARNED
-        row["training_cpu_minutes"] = sum(spent) / len(spent) / 60 if spent and learned else 0.0
+    groups: dict[tuple[str, ...], list[Measured]] = {}
+    for cell in cells:
+        groups.setdefault((cell["code"], cell["noise"], cell["decoder"]), []).append(cell)
+    held_out = listed(validation) if validation else []
+    seconds = sum(cell["seconds"] for cell in cells)
     return {
         "command": " ".join(command),
         "commit": repository_commit(),
-        "split": {
-            "train": listed(train),
-            "test": listed(test),
-            "validation": listed(validation) if validation else [],
-        },
-        "budget": {
-            "training": training or "none: priors in closed form",
-            "decoding_seconds": sum(cell["seconds"] for cell in measured if "metrics" in cell),
-        },
-        "rows": list(rows.values()),
+        "split": {"train": listed(train), "test": listed(test), "validation": held_out},
+        "budget": {"training": training or "none: priors in closed form", "decoding_seconds": seconds},
+        "rows": [_row(own, training) for own in groups.values()],
         "expected_error": [
             {"code": cell["code"], "noise": cell["noise"], **cell["expected"]}
             for cell in measured
@@ -60,18 +49,36 @@ def results(
     }
 
 
-def _row(cell: Measured) -> dict[str, Any]:
+def _row(cells: Sequence[Measured], training: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """One code, noise and decoder, from its scenes and seeds."""
+    cell, runs = cells[0], _runs(cells)
+    decoder, trained = DECODER_NAMES[cell["decoder"]], cell["decoder"] in NETWORKS
+    scenes = {scene: mean_over_scenes({str(i): m for i, m in enumerate(own)}) for scene, own in runs.items()}
     return {
-        "method": f"{cell['code']} + {DECODER_NAMES[cell['decoder']]}",
-        "code": cell["code"],
-        "decoder": DECODER_NAMES[cell["decoder"]],
-        "trained": cell["decoder"] in NETWORKS,
-        "exposure": "equal",
-        "noise": cell["noise"],
-        "runs": {},
-        "times": [],
-        "lights": [],
-    }
+        "method": f"{cell['code']} + {decoder}", "code": cell["code"], "decoder": decoder, "trained": trained,
+        "exposure": "equal", "noise": cell["noise"],
+        "seconds": sum(one["seconds"] for one in cells) / len(cells),
+        "throughput": sum(one["throughput"] for one in cells) / len(cells),
+        "seeds": max(len(own) for own in runs.values()),
+        "scenes": scenes, **mean_over_scenes(scenes),
+        "seed_psnr": [sum(m["psnr"] for m in seed) / len(seed) for seed in zip(*runs.values(), strict=False)],
+        "training_cpu_minutes": _spent(cell["code"], decoder, trained, training),
+    }  # fmt: skip
+
+
+def _runs(cells: Sequence[Measured]) -> dict[str, list[dict[str, float]]]:
+    """Metrics of every scene, seed by seed."""
+    found: dict[str, list[dict[str, float]]] = {}
+    for cell in cells:
+        found.setdefault(cell["scene"], []).append(cell["metrics"])
+    return found
+
+
+def _spent(code: str, decoder: str, trained: bool, training: Sequence[dict[str, Any]]) -> float:
+    """CPU minutes of learning, mean over seeds; learned codes of other decoders are those of the unrolled network."""
+    learner = decoder if trained else DECODER_NAMES["unrolled"]
+    spent = [one["cpu_seconds"] for one in training if (one["code"], one["decoder"]) == (code, learner)]
+    return sum(spent) / len(spent) / 60 if spent and (trained or code in LEARNED) else 0.0
 
 
 def _training(cell: Measured) -> dict[str, Any]:
@@ -87,8 +94,8 @@ def _training(cell: Measured) -> dict[str, Any]:
 
 def markdown(found: dict[str, Any]) -> str:
     """The results for people."""
-    scenes = list(found["rows"][0]["scenes"])
-    trained = any(row["trained"] for row in found["rows"])
+    rows = found["rows"]
+    trained = any(row["trained"] for row in rows)
     lines = [
         "# Spectral camera: static and time-multiplexed codes" + ("" if trained else " without training"),
         "",
@@ -98,34 +105,27 @@ def markdown(found: dict[str, Any]) -> str:
         f"Measured on {', '.join(found['split']['test'])}, "
         "full images. Equal exposure time in all rows. Means over scenes, then PSNR scene by scene.",
         "",
+        *([_LEARNING, ""] if trained else []),
     ]
-    if trained:
-        lines += [
-            "Networks learned from patches of the same scenes and, less often, of the rendered training scenes, one "
-            "for all three noises, in the CPU minutes of the last column (one core), half precision (bfloat16) "
-            "where the processor computes it. "
-            f"{MULTIPLEXED} starts at the codes and the decoder of {STATIC}, whose minutes come on top; "
-            f"{FREE}, at random codes. Rows of learned codes without a network reconstruct from the codes that were "
-            "learned with the unrolled network, in its minutes. The U-Net from Φᵀy is not told the codes; it learned "
-            "from windows of them, and full-frame random codes of the scenes' sizes are other draws. Means over seeds.",
-            "",
-        ]
-    columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
-    columns += [(f"psnr {scene}", f"PSNR {scene}", ".2f") for scene in scenes]
-    columns += [("throughput", "light", ".1%"), ("seconds", "seconds a scene", ".0f")]
-    columns += (
-        [("seeds", "PSNR seed by seed", ""), ("training_cpu_minutes", "training (min)", ".1f")] if trained else []
-    )
-    for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
-        rows = [
-            {**row, **{f"psnr {scene}": values["psnr"] for scene, values in row["scenes"].items()},
-             "seeds": ", ".join(format(psnr, ".2f") for psnr in row["seed_psnr"])}
-            for row in found["rows"]
-            if row["noise"] == noise
-        ]  # fmt: skip
-        lines += [f"## {noise}", "", markdown_table(rows, columns)]
-    lines += _learned(found["rows"]) if any(row["code"] == STATIC for row in found["rows"]) else []
+    for noise in dict.fromkeys(row["noise"] for row in rows):
+        lines += [f"## {noise}", "", _table([row for row in rows if row["noise"] == noise], trained)]
+    lines += _learned(rows) if any(row["code"] == STATIC for row in rows) else []
     return "\n".join(lines + (_expected(found["expected_error"]) if found["expected_error"] else []))
+
+
+def _table(rows: Sequence[dict[str, Any]], trained: bool) -> str:
+    """Rows of one noise."""
+    columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
+    columns += [(f"psnr {scene}", f"PSNR {scene}", ".2f") for scene in rows[0]["scenes"]]
+    columns += [("throughput", "light", ".1%"), ("seconds", "seconds a scene", ".0f")]
+    if trained:
+        columns += [("seeds", "PSNR seed by seed", ""), ("training_cpu_minutes", "training (min)", ".1f")]
+    shown = [
+        {**row, **{f"psnr {scene}": values["psnr"] for scene, values in row["scenes"].items()},
+         "seeds": ", ".join(format(psnr, ".2f") for psnr in row["seed_psnr"])}
+        for row in rows
+    ]  # fmt: skip
+    return markdown_table(shown, columns)
 
 
 def _learned(rows: Sequence[dict[str, Any]]) -> list[str]:

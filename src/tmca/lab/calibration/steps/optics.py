@@ -17,6 +17,7 @@ from tmca.lab.calibration.measurements.registration import Registration, registe
 from tmca.lab.calibration.measurements.shear import measure_shear
 from tmca.lab.calibration.measurements.timing import measure_timing
 from tmca.lab.calibration.steps.building_on import needed, read_patterns, sensor_size, shown_pattern
+from tmca.lab.frames import Frames
 
 
 def registration_step(
@@ -177,16 +178,7 @@ def timing_step(calibration: Calibration, path: str | Path, *, saturation: float
     """
     needed(calibration, "dark", "timing")
     frames = read_captures(path, saturation=saturation, sensor=sensor_size(calibration))
-    keys = [(int(i), int(j)) for i, j in named(frames, captures.SLOTS, "aperture_0_shutter_1")]
-    slots = 1 + max(max(key) for key in keys)
-    gone = [k for k in range(slots) if (k, k) not in keys]
-    if gone:
-        found = f"no aperture_{gone[0]}_shutter_{gone[0]}"
-        raise DataError(path, found, "every slot of the aperture with that of the shutter", "capture it")
-    levels = np.full((slots, slots), np.nan)
-    light = corrected(frames.values, calibration).mean(axis=(1, 2))
-    for key in set(keys):
-        levels[key] = np.mean([one for one, own in zip(light, keys, strict=True) if own == key])
+    levels = _pair_levels(frames, calibration)
     registration = calibration.part("registration")
     aperture, std = (0.0, 0.0) if registration is None else (registration.closed_light, registration.leakage_std or 0.0)
     measured = measure_timing(levels, aperture_leakage=aperture, aperture_leakage_std=std, source=path)
@@ -203,3 +195,18 @@ def timing_step(calibration: Calibration, path: str | Path, *, saturation: float
     size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
     settings = {"aperture_leakage": aperture}
     return calibration.with_part("timing", measured, residuals, (path,), sensor=size, settings=settings)
+
+
+def _pair_levels(frames: Frames, calibration: Calibration) -> Array:
+    """(K, K) mean light with slot i of the aperture and slot j of the shutter open; NaN of pairs without a frame."""
+    keys = [(int(i), int(j)) for i, j in named(frames, captures.SLOTS, "aperture_0_shutter_1")]
+    slots = 1 + max(max(key) for key in keys)
+    gone = [k for k in range(slots) if (k, k) not in keys]
+    if gone:
+        found = f"no aperture_{gone[0]}_shutter_{gone[0]}"
+        raise DataError(frames.source, found, "every slot of the aperture with that of the shutter", "capture it")
+    levels = np.full((slots, slots), np.nan)
+    light = corrected(frames.values, calibration).mean(axis=(1, 2))
+    for key in set(keys):
+        levels[key] = np.mean([one for one, own in zip(light, keys, strict=True) if own == key])
+    return levels
