@@ -6,6 +6,7 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.errors import SettingError
+from tmca.lab.real_captures.kriged import shutter_samples
 from tmca.lab.real_captures.movie import decode_movie, frame_dataset, frame_operator
 
 
@@ -43,15 +44,31 @@ def test_the_gram_matrix_is_solved_in_closed_form():
     torch.testing.assert_close(operator.A(operator.A_adjoint(solved)) + 0.3 * solved, snapshot)
 
 
-def test_the_smoothed_frames_of_an_even_scene_are_even():
-    own = camera(16, (20, 21), shutter=one_hot(16, (20, 21)), exposure="per-slot")
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+def test_the_kriged_frames_of_an_even_scene_are_even(exposure):
+    own = camera(16, (20, 21), shutter=one_hot(16, (20, 21)), exposure=exposure)
     snapshot = Snapshot(own.A(torch.full((1, 1, 20, 21), 0.4)), own)
-    found = decode_movie(snapshot, 4, "smoothed")
+    found = decode_movie(snapshot, 4, "kriging")
     torch.testing.assert_close(found.frames, torch.full((4, 1, 20, 21), 0.4))
+    torch.testing.assert_close(found.std, torch.zeros(4, 1, 20, 21), atol=1e-5, rtol=0)
     assert found.slots == 4
 
 
-@pytest.mark.parametrize(("method", "share"), [("smoothed", 0.5), ("space-time-tv", 0.55)])
+def test_a_pixel_is_a_sample_at_the_middle_of_its_slots():
+    shutter = torch.zeros(8, 3, 5)
+    shutter[2:5, :, :3] = 1  # slots 2, 3 and 4: of frames 0 and 1 of two, of one frame of one
+    shutter[6, :, 3] = 1
+    own = camera(8, (3, 5), shutter=shutter, exposure="equal")
+    snapshot = Snapshot(own.A(torch.full((1, 1, 3, 5), 0.7)), own)
+    found = shutter_samples(snapshot, frame_operator(own, 1))
+    assert sorted(set(found.points[:, 2].tolist())) == [3.0, 6.0]
+    assert set(found.points[:, 1].long().tolist()) == {0, 1, 2, 3}
+    torch.testing.assert_close(found.values, torch.full((12,), 0.7, dtype=torch.float64))
+    with pytest.raises(SettingError, match="within one frame"):
+        shutter_samples(snapshot, frame_operator(own, 2))
+
+
+@pytest.mark.parametrize(("method", "share"), [("kriging", 0.35), ("space-time-tv", 0.55)])
 def test_a_bar_that_moves_is_followed(method, share):
     size, slots = (40, 41), 32
     rows = np.arange(40)[None, :, None]
@@ -65,13 +82,16 @@ def test_a_bar_that_moves_is_followed(method, share):
     error = np.sqrt(np.mean((found.frames[:, 0].numpy() - truth) ** 2))
     still = np.sqrt(np.mean((truth.mean(0) - truth) ** 2))
     assert error < share * still
+    if found.std is not None:
+        assert error / np.sqrt(np.mean(found.std.numpy() ** 2)) == pytest.approx(1, abs=0.4)
 
 
 def test_frames_carry_their_slots():
     own = camera(8, (5, 6), shutter=one_hot(8, (5, 6)), exposure="per-slot")
     snapshot = Snapshot(torch.rand(1, 1, 5, 6), own, {"scene": "x"})
-    found = frame_dataset(decode_movie(snapshot, 2, "smoothed"), snapshot)
-    assert found["frames"].dims == ("frame", "wavelength", "y", "x")
+    found = frame_dataset(decode_movie(snapshot, 2, lifetime=4.0), snapshot)
+    assert found["frames"].dims == found["frames_std"].dims == ("frame", "wavelength", "y", "x")
+    assert found.attrs["scene_lifetime"] == 4
     np.testing.assert_array_equal(found["first_slot"], [0, 4])
     assert found.attrs["scene"] == "x"
 
@@ -85,7 +105,7 @@ def test_what_cannot_be_framed_is_refused():
     with pytest.raises(SettingError, match="whole pixels"):
         frame_operator(camera(bands=2, dispersion=0.5), 2)
     snapshot = Snapshot(torch.rand(1, 1, 7, 6), camera())
-    with pytest.raises(SettingError, match="opens every pixel once"):
-        decode_movie(snapshot, 2, "smoothed")
-    with pytest.raises(SettingError, match="space-time-tv, smoothed"):
+    with pytest.raises(SettingError, match="opens every pixel within one frame"):
+        decode_movie(snapshot, 2, "kriging")
+    with pytest.raises(SettingError, match="kriging, space-time-tv"):
         decode_movie(snapshot, 2, "magic")

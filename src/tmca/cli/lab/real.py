@@ -87,9 +87,11 @@ def movie(
     *,
     out: Path,
     frames: Whole = 16,
-    decoder: str = "smoothed",
+    decoder: str = "kriging",
+    lifetime: float | None = None,
+    changing: float | None = None,
     weight: float = 0.005,
-    time: float = 3.0,
+    time: float = 2.0,
     figure: Path | None = None,
     overwrite: Flag = False,
 ) -> None:
@@ -99,9 +101,11 @@ def movie(
         snapshot: whose aperture does not change from slot to slot.
         out: NetCDF file of frames to write.
         frames: a divisor of the number of slots.
-        decoder: smoothed (every pixel open once, nothing displaced), or space-time-tv.
-        weight: of the total variation.
-        time: of a difference between frames relative to one between pixels.
+        decoder: kriging (every pixel open within one frame, nothing displaced), or space-time-tv.
+        lifetime: slots over which the scene changes; without it what foretells the capture's own pixels best (kriging).
+        changing: share of the scene's variance that changes during the exposure, 0 to 1; likewise (kriging).
+        weight: of the total variation (space-time-tv).
+        time: of a difference between frames relative to one between pixels (space-time-tv).
         figure: write a picture of some of them (PNG).
         overwrite: replace files that exist.
     """
@@ -114,13 +118,16 @@ def movie(
     check_figure(figure, overwrite, snapshot)
     check_targets([out], overwrite, snapshot)
     taken: Snapshot[Any] = Snapshot.load(snapshot)
-    found = decode_movie(taken, frames, decoder, weight=weight, time=time)
+    found = decode_movie(taken, frames, decoder, lifetime=lifetime, changing=changing, weight=weight, time=time)
     write_dataset(frame_dataset(found, taken), out, overwrite=overwrite)
     if figure is not None:
         values = taken.values[0, 0].numpy()
         drawing = movie_figure({decoder: found.frames.mean(1).numpy()}, {decoder: values}, shown=min(frames, 8))
         save_figure(drawing, figure, overwrite=overwrite)
     print(f"{out}: {frames} frames of {found.slots} slots each, {decoder}")
+    if (scene := found.covariance) is not None:
+        share = f"{scene.changing:.1%} of its variance within {scene.lifetime:g} slots"
+        print(f"  the scene changes over {scene.length:g} pixels, {share}")
 
 
 @app.command

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,13 +11,15 @@ from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders.iterative.space_time import space_time_tv
+from tmca.decoders.patch_based.kriging import Covariance
 from tmca.errors import SettingError
+from tmca.lab.real_captures.kriged import kriged_frames, sampled
 from tmca.operators import SlotwiseDisperser
 
 if TYPE_CHECKING:
     import xarray as xr
 
-MOVIE_METHODS = ("space-time-tv", "smoothed")
+MOVIE_METHODS = ("kriging", "space-time-tv")
 
 
 @dataclass(frozen=True)
@@ -27,12 +29,16 @@ class Movie:
     Args:
         frames: (F, L, H, W) relative irradiance.
         slots: slots of the shutter that a frame stands for.
+        std: (F, L, H, W) standard deviation of the frames, where the decoder knows it.
+        covariance: of the scene, of the decoder that estimates it.
         iterations: of the decoder.
         converged: whether it came to an end by itself.
     """
 
     frames: Tensor
     slots: int
+    std: Tensor | None = None
+    covariance: Covariance | None = None
     iterations: int = 0
     converged: bool = True
 
@@ -82,11 +88,12 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
 def decode_movie(
     snapshot: Snapshot[SpectralCamera],
     frames: int = 16,
-    method: str = "space-time-tv",
+    method: str = "kriging",
     *,
-    weight: float = 0.02,
+    lifetime: float | None = None,
+    changing: float | None = None,
+    weight: float = 0.005,
     time: float = 2.0,
-    reach: float = 2.0,
     max_iterations: int = 200,
 ) -> Movie:
     """Frames of a scene behind a pixel shutter.
@@ -94,60 +101,48 @@ def decode_movie(
     Args:
         snapshot: of a spectral camera whose aperture stays as it is.
         frames: how many.
-        method: ``"space-time-tv"``, or ``"smoothed"``: the Gaussian mean of the samples around every place
-            (for shutters that open every pixel once, nothing displaced).
+        method: ``"kriging"``, the best linear estimate from the samples around every place (for shutters that open
+            a pixel within one frame, one band, nothing displaced), or ``"space-time-tv"``.
+        lifetime: slots over which the scene changes; without it as `foretelling_covariance` finds. Kriging.
+        changing: share of the scene's variance that changes during the exposure; likewise.
         weight: of the total variation.
-        time: of differences between frames, relative to those between pixels; for ``smoothed``, pixels that lie as
-            far apart as neighbouring frames do.
-        reach: standard deviation of the Gaussian of ``smoothed``, pixels.
+        time: of differences between frames, relative to those between pixels. Total variation.
         max_iterations: of total variation.
 
     Raises:
-        SettingError: an unknown method, or a camera that it cannot take.
+        SettingError: an unknown method, or a camera or a number that it cannot take.
     """
     operator = frame_operator(snapshot.camera, frames)
     slots = snapshot.camera.slots // frames
-    if method == "smoothed":
-        return Movie(_smoothed(snapshot, operator, time, reach), slots)
+    if method == "kriging":
+        mean, std, covariance = kriged_frames(snapshot, operator, lifetime, changing)
+        return Movie(mean, slots, std, covariance)
     if method != "space-time-tv":
         raise SettingError("method", repr(method), f"one of {', '.join(MOVIE_METHODS)}")
-    start = _smoothed(snapshot, operator, time, reach) if _sampled(operator, snapshot.camera) else None
+    start = kriged_frames(snapshot, operator)[0][None] if sampled(snapshot.camera, operator) else None
     found = space_time_tv(
-        operator, snapshot.values, weight, time=time, max_iterations=max_iterations,
-        initial=None if start is None else start[None],
+        operator, snapshot.values, weight, time=time, max_iterations=max_iterations, initial=start
     )  # fmt: skip
-    return Movie(found.estimate[0].clamp_min(0), slots, found.iterations, found.converged)
-
-
-def _sampled(operator: FrameOperator, camera: SpectralCamera) -> bool:
-    """Whether every sensor pixel sees one frame of one band at most, undisplaced."""
-    return camera.bands == 1 and camera.dispersion.spread == 0 and bool(((operator.shutter > 0).sum(0) <= 1).all())
-
-
-def _smoothed(snapshot: Snapshot[SpectralCamera], operator: FrameOperator, time: float, reach: float) -> Tensor:
-    """(F, 1, H, W) Gaussian mean of the samples around every place (normalised convolution, Knutsson & Westin 1993)."""
-    from scipy.ndimage import gaussian_filter
-
-    if not _sampled(operator, snapshot.camera):
-        raise SettingError("method", "'smoothed'", "a shutter that opens every pixel once, one band")
-    gain = (operator.shutter * operator.aperture * operator.scale)[:, None].numpy()[:, 0]
-    width = (reach / time, reach, reach)
-    weights = gaussian_filter(gain**2, width, truncate=6.0)
-    sums = gaussian_filter(gain * snapshot.values[0].numpy(), width, truncate=6.0)
-    return torch.from_numpy(sums / np.maximum(weights, np.finfo(np.float32).tiny))[:, None]
+    return Movie(found.estimate[0].clamp_min(0), slots, iterations=found.iterations, converged=found.converged)
 
 
 def frame_dataset(movie: Movie, snapshot: Snapshot[SpectralCamera]) -> xr.Dataset:
-    """Frames with their coordinates: ``frames`` (frame, wavelength, y, x) and the first slot of each."""
+    """Frames with their coordinates: ``frames`` (frame, wavelength, y, x), ``frames_std`` where the decoder knows it,
+    and the first slot of each."""
     import xarray as xr
 
     waves = np.array(snapshot.camera.wavelengths)
     attrs = {"units": "relative irradiance", "long_name": "scene during the slots of a frame"}
+    dims = ("frame", "wavelength", "y", "x")
+    values = {"frames": (dims, movie.frames.numpy(), attrs)}
+    if movie.std is not None:
+        values["frames_std"] = (dims, movie.std.numpy(), attrs | {"long_name": "standard deviation of the frames"})
+    how = {} if movie.covariance is None else asdict(movie.covariance)
     return xr.Dataset(
-        {"frames": (("frame", "wavelength", "y", "x"), movie.frames.numpy(), attrs)},
+        values,
         coords={
             "wavelength": ("wavelength", waves, {"units": "m"}),
             "first_slot": ("frame", np.arange(len(movie.frames)) * movie.slots),
         },
-        attrs={key: value for key, value in snapshot.notes.items()} | {"slots_per_frame": movie.slots},
+        attrs=dict(snapshot.notes) | {"slots_per_frame": movie.slots} | {f"scene_{key}": how[key] for key in how},
     )
