@@ -3,13 +3,15 @@
 ``tv``: PSNR of ADMM-TV over weights, beside `tmca.decoders.default_weight`. ``blocks``: PSNR of the patch LMMSE over
 block sizes of the prior, every scene decoded under a prior of the others. ``adapted``: PSNR of the adapted LMMSE over
 the number of times its prior is refitted, and the PSNR that its standard deviation predicts, in the same way.
-``tiles``: the same over the size of its tiles.
+``tiles``: the same over the size of its tiles. ``subspace``: PSNR of plug-and-play ADMM in the scene's own subspace
+over dimensions and strengths, beside ADMM-TV.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import torch
@@ -17,7 +19,8 @@ import xarray as xr
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_split
-from tmca.decoders import AdaptedLMMSE, admm_tv, decode, default_weight
+from tmca.decoders import AdaptedLMMSE, admm_tv, decode, default_weight, pnp_admm, tv_denoiser
+from tmca.decoders.iterative.subspace import subspace_denoiser
 from tmca.experiments.scenes import load_scene
 from tmca.metrics import psnr
 from tmca.priors import learn_prior
@@ -31,6 +34,7 @@ NOISES = (0.0, 0.01, 0.05)
 FACTORS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 10.0)
 REFITS = (0, 1, 2, 4, 8)
 TILES = (None, 128, 64)
+RANKS, STRENGTHS = (4, 6, 8, 12), (2.5, 5.0, 10.0)
 BLOCKS = ((6, 30), (6, 36), (8, 36), (10, 36), (12, 30), (12, 36), (12, 42), (16, 36))
 
 
@@ -68,6 +72,24 @@ def study_tv(cubes: Sequence[xr.DataArray]) -> None:
             print(
                 f"{'joint' if joint else 'band ':6s} {noise:5g}  " + "  ".join(f"{v:6.2f}" for v in found), flush=True
             )
+
+
+def study_subspace(cubes: Sequence[xr.DataArray]) -> None:
+    """Mean PSNR over scenes for dimensions and strengths of the variation, beside joint ADMM-TV."""
+    for code in CODES:
+        for noise in NOISES:
+            values: dict[str, list[float]] = {}
+            for cube in cubes:
+                taken, scene = snapshot(cube, code, noise)
+                for name in ("admm-tv-joint", "pnp-subspace"):
+                    values.setdefault(name, []).append(float(psnr(decode(taken, name).estimate, scene)))
+                for rank, strength in product(RANKS, STRENGTHS):
+                    denoise = subspace_denoiser(tv_denoiser(strength, joint=False, max_iterations=20), rank)
+                    told = max(noise, 0.01)
+                    result = pnp_admm(taken.camera.operator(), taken.values, denoise, noise_sigma=told)
+                    values.setdefault(f"{rank}, {strength:g}", []).append(float(psnr(result.estimate, scene)))
+            text = "  ".join(f"{name}: {sum(v) / len(v):.2f}" for name, v in values.items())
+            print(f"{code}, σ = {noise:g}  {text}", flush=True)
 
 
 def study_blocks(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -> None:
@@ -113,21 +135,22 @@ def _adapted(cube: xr.DataArray, whole: Sequence[xr.DataArray], settings: dict[s
             print(f"{cube.attrs['name']}, {code}, {noise:g}:  " + "  ".join(found), flush=True)
 
 
+OF_CROPS = {"tv": study_tv, "subspace": study_subspace}
 STUDIES = {"blocks": study_blocks, "adapted": study_adapted, "tiles": study_tiles}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--train", type=Path, required=True, help="split file of training scenes")
-    parser.add_argument("--study", choices=("tv", *STUDIES), default="tv")
+    parser.add_argument("--study", choices=(*OF_CROPS, *STUDIES), default="tv")
     parser.add_argument("--size", type=int, default=160)
     options = parser.parse_args()
     torch.set_num_threads(1)
     whole = [load_scene(path, bands=12) for path in read_split(options.train)]
     cubes = [_middle(cube, options.size) for cube in whole if min(cube.shape[1:]) >= options.size]
     print(f"{len(cubes)} scenes: {', '.join(str(cube.attrs['name']) for cube in cubes)}")
-    if options.study == "tv":
-        study_tv(cubes)
+    if options.study in OF_CROPS:
+        OF_CROPS[options.study](cubes)
     else:
         STUDIES[options.study](cubes, whole)
 

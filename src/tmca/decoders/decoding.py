@@ -14,7 +14,8 @@ from torch import Tensor
 from tmca.cameras import CodedCamera, Snapshot
 from tmca.decoders.iterative.admm import admm_tv, default_weight
 from tmca.decoders.iterative.denoisers import nl_means_denoiser, tv_denoiser
-from tmca.decoders.iterative.pnp import pnp_admm
+from tmca.decoders.iterative.pnp import Denoiser, pnp_admm
+from tmca.decoders.iterative.subspace import subspace_denoiser
 from tmca.decoders.networks.neural import Weights
 from tmca.decoders.patch_based.adapted import AdaptedLMMSE
 from tmca.decoders.patch_based.lmmse import PatchLMMSE
@@ -23,7 +24,13 @@ from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 
-_ITERATIONS, _PNP_ITERATIONS, _LEAST_NOISE = 300, 100, 1e-3
+_ITERATIONS, _PNP_ITERATIONS = 300, 100
+_DENOISERS: dict[str, tuple[Callable[[], Denoiser], float]] = {
+    "pnp-tv": (tv_denoiser, 1e-3),
+    "pnp-nl-means": (nl_means_denoiser, 1e-3),
+    "pnp-subspace": (lambda: subspace_denoiser(tv_denoiser(5.0, joint=False, max_iterations=20)), 1e-2),
+}
+"""The denoiser of a method, and the least noise that it is told, where 1 is one band of a white scene."""
 Progress = Callable[[float], None]
 Prior = GaussianPrior | GaussianMixturePrior
 
@@ -149,9 +156,8 @@ def by_variation(snapshot: Snapshot[Any], joint: bool, weight: float | None, pro
     camera = snapshot.camera
     if weight is None:
         # the weight was chosen at equal exposure; K times the light is K² times the data term
-        gain = camera.full_scale / float(camera.response.sum())
-        level = float(camera.noise.variance(snapshot.values).mean().sqrt())
-        weight = default_weight(level / gain) * gain**2
+        gain = _exposure_gain(camera)
+        weight = default_weight(_noise_level(snapshot) / gain) * gain**2
     told = None if progress is None else lambda iteration, primal, dual: progress(iteration / _ITERATIONS)
     result = admm_tv(
         camera.operator(),
@@ -166,17 +172,25 @@ def by_variation(snapshot: Snapshot[Any], joint: bool, weight: float | None, pro
     return Decoded(result.estimate, notes=notes)
 
 
+def _noise_level(snapshot: Snapshot[Any]) -> float:
+    """Root mean square of the snapshot's noise."""
+    return float(snapshot.camera.noise.variance(snapshot.values).mean().sqrt())
+
+
+def _exposure_gain(camera: CodedCamera) -> float:
+    """What one band of a white scene gives through open codes: 1 at equal exposure, the slots where they add up."""
+    return camera.full_scale / float(camera.response.sum())
+
+
 def by_denoiser(snapshot: Snapshot[Any], method: str, progress: Progress | None) -> Decoded:
     """Scenes by plug-and-play ADMM; (B, L, H, W)."""
-    camera = snapshot.camera
-    denoise = tv_denoiser() if method == "pnp-tv" else nl_means_denoiser()
-    level = float(camera.noise.variance(snapshot.values).mean().sqrt())
+    camera, (denoiser, least) = snapshot.camera, _DENOISERS[method]
     told = None if progress is None else lambda iteration, primal, dual: progress(iteration / _PNP_ITERATIONS)
     result = pnp_admm(
         camera.operator(),
         snapshot.values,
-        denoise,
-        noise_sigma=max(level, _LEAST_NOISE),
+        denoiser(),
+        noise_sigma=max(_noise_level(snapshot), least * _exposure_gain(camera)),
         max_iterations=_PNP_ITERATIONS,
         progress=told,
     )

@@ -35,6 +35,7 @@ METHODS = (
     "admm-tv-joint",
     "pnp-tv",
     "pnp-nl-means",
+    "pnp-subspace",
     "dagger",
     "network",
 )
@@ -56,8 +57,9 @@ def decode(
         snapshot: values and camera.
         method: ``"lmmse"`` (Gaussian prior), ``"lmmse-adapted"`` (Gaussian prior refitted to the snapshot itself),
             ``"mixture"`` (Gaussian-mixture prior), ``"admm-tv"``, ``"admm-tv-joint"`` (total variation band by
-            band or over all bands), ``"pnp-tv"``, ``"pnp-nl-means"`` (plug-and-play ADMM with a denoiser), ``"dagger"``
-            (least-norm, the plain baseline), ``"network"`` (trained).
+            band or over all bands), ``"pnp-tv"``, ``"pnp-nl-means"`` (plug-and-play ADMM with a denoiser),
+            ``"pnp-subspace"`` (with total variation in the scene's own spectral subspace of six dimensions),
+            ``"dagger"`` (least-norm, the plain baseline), ``"network"`` (trained).
         prior: for the first three; for a network, in the place of its own.
         weights: of the network.
         tv_weight: for total variation; chosen from the noise if None.

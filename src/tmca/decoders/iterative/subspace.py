@@ -10,7 +10,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from tmca.decoders.iterative.denoisers import ImageDenoiser, per_band
 from tmca.decoders.iterative.pnp import Denoiser
 from tmca.errors import SettingError
 
@@ -22,12 +21,12 @@ def subspace(cube: Tensor, rank: int) -> Tensor:
     return vectors[:, values.argsort(descending=True)[:rank]].to(cube)
 
 
-def subspace_denoiser(denoise_image: ImageDenoiser, rank: int = 5) -> Denoiser:
+def subspace_denoiser(denoise: Denoiser, rank: int = 6) -> Denoiser:
     """Denoise the components of a cube in its own spectral subspace.
 
     Args:
-        denoise_image: takes a component picture (H, W) and sigma, returns it denoised; white noise keeps its sigma in
-            every component, for the basis is orthonormal.
+        denoise: takes components (B, rank, H, W) for bands; white noise keeps its sigma in every one, for the basis is
+            orthonormal.
         rank: dimensions of the subspace; all bands where there are fewer.
 
     Raises:
@@ -35,11 +34,10 @@ def subspace_denoiser(denoise_image: ImageDenoiser, rank: int = 5) -> Denoiser:
     """
     if rank < 1:
         raise SettingError("rank", str(rank), "1 or more")
-    denoise = per_band(denoise_image)
 
-    def of_one(cube: Tensor, sigma: float) -> Tensor:
-        basis = subspace(cube, min(rank, cube.shape[0]))
-        components = torch.einsum("lr,lhw->rhw", basis, cube)
-        return torch.einsum("lr,rhw->lhw", basis, denoise(components[None], sigma)[0])
+    def denoised(cubes: Tensor, sigma: float) -> Tensor:
+        bases = torch.stack([subspace(cube, min(rank, cube.shape[0])) for cube in cubes])
+        components = torch.einsum("blr,blhw->brhw", bases, cubes)
+        return torch.einsum("blr,brhw->blhw", bases, denoise(components, sigma))
 
-    return lambda cubes, sigma: torch.stack([of_one(cube, sigma) for cube in cubes])
+    return denoised
