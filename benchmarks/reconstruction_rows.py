@@ -28,6 +28,7 @@ from tmca.errors import SettingError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.experiments.spectral_depth.scenes import depth_tensor
 from tmca.lab.exported_decoder import FORMATS, export_decoder, load_exported
+from tmca.lab.real_captures.movie import MOVIE_METHODS, decode_movie
 from tmca.optics import DepthPlanes
 from tmca.priors import (
     GaussianMixturePrior,
@@ -44,8 +45,9 @@ SIZES = {
     "spectral, TSA-Net": "660x660x28",
     "light field": "270x480x5",
     "spectral-depth": "256x256x25",
+    "pixel shutter": "256x256x256",
 }
-"""Rows and columns of the scene, and bands, or views along each axis."""
+"""Rows and columns of the scene, and bands, views along each axis, or slots."""
 NOISE = 0.01
 _PHOTOGRAPH, _EXAMPLES = (256, 256), (128, 160)
 _TSA_WAVES, _TSA_STEP = (453.3e-9, 648.1e-9), 2.0
@@ -96,7 +98,8 @@ class Case:
 def case_of(kind: str, size: str, folder: Path, device: str = "cpu", threads: int = 1) -> Case:
     """The camera of a kind, of this size, before its scene."""
     rows, columns, channels = (int(part) for part in size.split("x"))
-    make = {"light field": _light_field, "spectral-depth": _spectral_depth}.get(kind, _spectral)
+    makers = {"light field": _light_field, "spectral-depth": _spectral_depth, "pixel shutter": _pixel_shutter}
+    make = makers.get(kind, _spectral)
     camera, scene = make(kind, (rows, columns), channels)
     return Case(kind, camera.to(device), tuple(part.to(device) for part in scene), folder, threads)
 
@@ -117,6 +120,18 @@ def _light_field(kind: str, size: tuple[int, int], views: int) -> tuple[LightFie
     camera = LightFieldCamera(views, size, 8, period=16, sensor=Sensor(read_noise=NOISE))
     scene = rendered_light_field("coffee", views=views, size=size)["light_field"]
     return camera, (torch.from_numpy(scene.values.copy())[None],)
+
+
+def _pixel_shutter(kind: str, size: tuple[int, int], slots: int) -> tuple[SpectralCamera, tuple[Tensor, ...]]:
+    """Every pixel open in one of the slots, before a scene that stands still."""
+    chosen = torch.randint(slots, size, generator=torch.Generator().manual_seed(0))
+    shutter = (chosen == torch.arange(slots)[:, None, None]).float()
+    camera = SpectralCamera(
+        [550e-9], size, slots, aperture="open", shutter=shutter, exposure="per-slot", dispersion=0.0,
+        sensor=Sensor(read_noise=NOISE),
+    )  # fmt: skip
+    scene = rendered_scene("coffee", wavelengths=camera.wavelengths, size=_PHOTOGRAPH)
+    return camera, (_laid(scene["radiance"].values, size),)
 
 
 def _spectral_depth(kind: str, size: tuple[int, int], bands: int) -> tuple[SpectralDepthCamera, tuple[Tensor, ...]]:
@@ -187,6 +202,8 @@ def decoders(kind: str) -> list[str]:
     """Names of the decoders of a camera."""
     if kind == "spectral-depth":
         return ["likelihood", *(f"network, two-headed from {start}" for start in DEPTH_STARTS)]
+    if kind == "pixel shutter":
+        return list(MOVIE_METHODS)
     methods = LIGHT_FIELD_METHODS if kind == "light field" else METHODS
     plain = [name for name in methods if name != "network"]
     plain.insert(1, "lmmse --no-uncertainty")
@@ -199,6 +216,8 @@ def decoder_of(case: Case, name: str) -> Frame:
     """What turns a frame into the scene, made of what was learned."""
     if case.kind == "spectral-depth":
         return _depth_decoder(case, name)
+    if case.kind == "pixel shutter":
+        return lambda values: decode_movie(Snapshot(values, case.camera), 16, name)
     if name.endswith(" export"):
         return _exported(case, name.removesuffix(" export").rpartition(", ")[2])
     if name.startswith("network"):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLOURS = ("#d1495b", "#00798c", "#edae49", "#66a182")
-_STYLES = ("-", "--", ":")
+_STYLES = ("-", "--", "-.", ":")
 
 
 def upright(picture: np.ndarray, degrees: int) -> np.ndarray:
@@ -44,11 +44,11 @@ def scene_figure(
         capture: (H, W') values.
         estimates: decoder → (L, H, W).
         wavelengths: (L,) metres.
-        points: name → (row, column) of the scene.
+        points: name → (row, column) of the scene, marked by their number.
         mask_spectra: name → (L,) weights of the mask's copies around a point, drawn as dots.
         turned: degrees to stand upright.
     """
-    columns = max(len(estimates) + 1, len(points))
+    columns = max(len(estimates), len(points)) + 1
     figure, axes = grid(2, columns, width=3.6, aspect=capture.shape[0] / capture.shape[1])
     top = np.quantile(capture, 0.995)
     shown = upright(np.clip(capture / top, 0, 1) ** 0.5, turned)
@@ -57,9 +57,10 @@ def scene_figure(
     for axis, (name, cube) in zip(axes[0, 1:], estimates.items(), strict=False):
         axis.imshow(upright(srgb_picture(cube, wavelengths, level=shown_level(first)), turned))
         bare(axis, name)
-        for colour, place in zip(_COLOURS, points.values(), strict=False):
+        for number, place in enumerate(points.values(), 1):
             row, column = upright_place(place, (cube.shape[1], cube.shape[2]), turned)
-            axis.plot(column, row, "o", markersize=7, markerfacecolor=colour, markeredgecolor="white")
+            mark = {"boxstyle": "circle,pad=0.15", "facecolor": "0.15", "edgecolor": "white", "linewidth": 0.8}
+            axis.text(column, row, str(number), color="white", fontsize=7, ha="center", va="center", bbox=mark)
     for axis in axes[0, len(estimates) + 1 :]:
         axis.set_axis_off()
     _spectra_row(axes[1], estimates, wavelengths, points, mask_spectra)
@@ -68,17 +69,17 @@ def scene_figure(
 
 def _spectra_row(axes: Any, estimates: Any, wavelengths: Any, points: Any, mask_spectra: Any) -> None:
     nm = np.asarray(wavelengths) * 1e9
-    for axis, colour, (name, place) in zip(axes, _COLOURS, points.items(), strict=False):
-        for style, (decoder, cube) in zip(_STYLES, estimates.items(), strict=False):
+    for number, (axis, (name, place)) in enumerate(zip(axes, points.items(), strict=False), 1):
+        for colour, style, (decoder, cube) in zip(_COLOURS, _STYLES, estimates.items(), strict=False):
             spectrum = around(cube, place)
             axis.plot(nm, spectrum / max(spectrum.max(), 1e-12), style, color=colour, label=decoder, linewidth=1.5)
         if name in mask_spectra:
             dots = mask_spectra[name]
             axis.plot(nm, dots / max(dots.max(), 1e-12), ".", color="0.35", label="mask regression")
-        plain_axes(axis, f"{name} {place}", "wavelength (nm)", "of its maximum")
-        axis.legend(fontsize=7)
+        plain_axes(axis, f"{number} {name}", "wavelength (nm)", "of its maximum")
     for axis in axes[len(points) :]:
         axis.set_axis_off()
+    axes[len(points)].legend(*axes[0].get_legend_handles_labels(), fontsize=9, loc="center left", frameon=False)
 
 
 def around(cube: np.ndarray, place: tuple[int, int], reach: int = 6) -> np.ndarray:
