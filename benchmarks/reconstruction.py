@@ -185,7 +185,8 @@ def page(found: dict[str, dict[str, dict[str, Row]]], options: argparse.Namespac
     return "\n".join(lines)
 
 
-_WORDS = """*Floor* is one pass of the camera's operator forward and one of its adjoint. The *first frame* of a camera also loads
+_WORDS = """*Floor* is one pass of the camera's operator forward and one of its adjoint. The *first frame* of a camera
+also loads
 what was learned and factors what depends on the camera alone; the *next frame*, with other noise, is what a series
 costs; × floor is the next frame over the floor of the same process. *Peak* is all that the process held while it
 decoded, interpreter and libraries (0.4 GB) included. Networks have random weights: they are as fast as trained ones
