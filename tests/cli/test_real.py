@@ -112,7 +112,7 @@ def test_the_report_names_what_it_lacks(capsys, bench, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench):
+def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench, tmp_path):
     said(capsys, "import", folder / "capture.mat", *bench, "--out", "s.nc")
     network = "decoder={kind: unrolled, start: dagger, stages: 1, widths: [8, 8], blocks: 1}"
     small = ("--set", "data.patch=16", "--set", "data.batch=2", "--steps", "2", "--set", network)
@@ -125,5 +125,11 @@ def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench):
     said(capsys, "decoder", "run", "exported", "s.nc", "--out", "x.nc")
     with xr.open_dataset("e.nc") as one, xr.open_dataset("x.nc") as other:
         np.testing.assert_allclose(one["estimate"], other["estimate"], atol=2e-3)
+    mirrored = write_mat(tmp_path / "mirrored.mat", mask=mask_of(170, 150)[:, ::-1])
+    other = ("--prototype", folder / "bench.yaml", "--mask", mirrored)
+    said(capsys, "import", folder / "capture.mat", *other, "--out", "other.nc")
+    run = ("decoder", "run", "exported", "other.nc", "--out", "other_cube.nc")
+    assert "other.nc: found the codes" in refused(capsys, *run)
+    assert not (tmp_path / "other_cube.nc").exists()
     assert "some of torch, onnx" in refused(capsys, "decoder", "export", "run", "--out", "y", "--formats", "gif")
     assert "no decoder.json" in refused(capsys, "decoder", "check", "nowhere", "--run", "run")
