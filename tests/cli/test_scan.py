@@ -124,6 +124,8 @@ def test_impossible_tables_and_fringes_are_refused(capsys, tmp_path, monkeypatch
     assert "whole numbers" in refused(capsys, "scan", "fringes", "f", "--fringes", "1,2.5")
     assert "3 or more" in refused(capsys, "scan", "fringes", "f", "--steps", "2")
     assert "16 pixels or more" in refused(capsys, "scan", "render", "t", "--size", "8x8")
+    for snr in ("nan", "-inf"):
+        assert f"snr: found {snr}" in refused(capsys, "scan", "render", "t", "--size", "16x20", f"--snr={snr}")
     (tmp_path / "f").mkdir()
     assert "an existing output" in refused(capsys, "scan", "fringes", "f")
     assert not (tmp_path / "t").exists()

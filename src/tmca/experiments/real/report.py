@@ -9,8 +9,9 @@ from typing import Any
 
 from tmca.data import make_folder
 from tmca.decoders import Weights
+from tmca.errors import SettingError
 from tmca.experiments.figures import save_figure
-from tmca.experiments.real.decoding import check_real_decoders
+from tmca.experiments.real.decoding import REAL_DECODERS, check_real_decoders
 from tmca.experiments.real.figures import geometry_figure, movie_figure, scene_figure
 from tmca.experiments.real.study import (
     SCENES,
@@ -78,6 +79,8 @@ def write_report(
         DataError, SettingError, OutputError: captures that are missing, decoders that cannot run, results that exist.
     """
     folder, files = captures_folder(data), report_files(out)
+    if not decoders:
+        raise SettingError("--decoders", "none", f"some of {', '.join(REAL_DECODERS)}")
     check_real_decoders(decoders, weights)
     check_new(files, overwrite)
     make_folder(keep)
