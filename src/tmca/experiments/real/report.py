@@ -137,6 +137,20 @@ def page(results: dict[str, Any], name: str) -> str:
 {_geometry_text(results["geometry"])}
 ![Light by displacement, and the mask's place]({name}_geometry.png)
 
+{_scenes_text(results)}
+{pictures}
+## Per-pixel shutter: wine that is poured
+
+256 slots, each pixel open in one of them; 16 frames of 16 slots each.
+
+{markdown_table(results["movies"], _MOVIE_COLUMNS)}
+![Frames behind the designed and the random code]({name}_wine.png)
+"""
+
+
+def _scenes_text(results: dict[str, Any]) -> str:
+    """Tables of decoders and of their agreement."""
+    return f"""\
 Errors are shares of the snapshot's norm. *Re-projection* is that of the whole estimate; *withheld pixels* is over 5 %
 of the sensor pixels of the 200 brightest rows, which the decoder was not shown; *mean of neighbours* is what the four
 pixels around them say without any decoder. CPU seconds are those of one whole capture of 660 × 714 pixels on one
@@ -146,15 +160,7 @@ thread.
 How far two decoders agree (PSNR over the brightest value, spectral angle where the scene is lit):
 
 {markdown_table(results["pairs"], _PAIR_COLUMNS)}
-{_network_text(results["network"])}
-{pictures}
-## Per-pixel shutter: wine that is poured
-
-256 slots, each pixel open in one of them; 16 frames of 16 slots each.
-
-{markdown_table(results["movies"], _MOVIE_COLUMNS)}
-![Frames behind the designed and the random code]({name}_wine.png)
-"""
+{_network_text(results["network"])}"""
 
 
 def _geometry_text(found: dict[str, Any]) -> str:

@@ -13,7 +13,7 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import checksum_of, read_array
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.lab.real_captures.plausible import check_capture, noise_of
-from tmca.lab.real_captures.prototype import PixelShutter, SingleDisperser
+from tmca.lab.real_captures.prototype import CodedPair, PixelShutter, SingleDisperser
 from tmca.lab.real_captures.registration import registered
 from tmca.lab.real_captures.saturation import marked
 from tmca.lab.real_captures.shutter_place import overlapping
@@ -99,15 +99,7 @@ def _shuttered(
     if name not in prototype.captures:
         raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
     pair = prototype.captures[name]
-    values, patterns = read_plane(capture, pair.capture_key), read_array(capture, pair.shutter_key)
-    if patterns.ndim != 3 or patterns.shape[:2] != values.shape:
-        found = f"{pair.shutter_key} of shape {patterns.shape}"
-        raise DataError(capture, found, f"({values.shape[0]}, {values.shape[1]}, slots)")
-    far = any(abs(s) >= n for s, n in zip(pair.shutter_shift, values.shape, strict=True))
-    if far or pair.first_slot >= patterns.shape[-1]:
-        found = f"first slot {pair.first_slot}, shift {pair.shutter_shift}"
-        raise DataError(capture, found, f"a place within its shutter of shape {patterns.shape}", "mend the description")
-    values, patterns = overlapping(values, np.roll(patterns, -pair.first_slot, axis=-1), pair.shutter_shift)
+    values, patterns = _overlap(capture, pair)
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
     spread = noise_of(values, noise, capture)
     check_capture(values, spread, prototype, capture)
@@ -122,6 +114,19 @@ def _shuttered(
         "shutter_shift": list(pair.shutter_shift), "first_slot": pair.first_slot,
     }  # fmt: skip
     return Snapshot(_tensor((values - prototype.black) * unit), camera, about), values
+
+
+def _overlap(capture: Path, pair: CodedPair) -> tuple[Array, NDArray[Any]]:
+    """The pixels (H, W) of a capture that its shutter covers, and the shutter's patterns (H, W, K) there in order."""
+    values, patterns = read_plane(capture, pair.capture_key), read_array(capture, pair.shutter_key)
+    if patterns.ndim != 3 or patterns.shape[:2] != values.shape:
+        found = f"{pair.shutter_key} of shape {patterns.shape}"
+        raise DataError(capture, found, f"({values.shape[0]}, {values.shape[1]}, slots)")
+    far = any(abs(s) >= n for s, n in zip(pair.shutter_shift, values.shape, strict=True))
+    if far or pair.first_slot >= patterns.shape[-1]:
+        found = f"first slot {pair.first_slot}, shift {pair.shutter_shift}"
+        raise DataError(capture, found, f"a place within its shutter of shape {patterns.shape}", "mend the description")
+    return overlapping(values, np.roll(patterns, -pair.first_slot, axis=-1), pair.shutter_shift)
 
 
 def read_plane(file: Path, key: str | None) -> Array:
