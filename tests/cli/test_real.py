@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
     write_mat(place / "mask.mat", mask=mask)
     slots = np.random.default_rng(0).integers(4, size=(12, 13))
     shutter = (slots[..., None] == np.arange(4)).astype(np.uint8)
-    write_mat(place / "wine.mat", a=np.full((12, 13), 0.5), s=shutter)
+    write_mat(place / "wine.mat", a=np.random.default_rng(0).normal(0.5, 1e-7, (12, 13)), s=shutter)
     described = {
         "kind": "pixel-shutter",
         "device": "paper",
@@ -97,6 +97,59 @@ def test_frames_behind_a_pixel_shutter(capsys, folder, bench):
     assert "a divisor of the 4 slots" in refused(capsys, "real", "movie", "w.nc", "--frames", "3", "--out", "n.nc")
 
 
+@pytest.mark.parametrize(
+    ("decoder", "option", "said"),
+    [
+        ("kriging", "--time=nan", "--time: found nan, expected none for kriging"),
+        ("kriging", "--weight=0.1", "--weight: found 0.1, expected none for kriging"),
+        ("kriging", "--lifetime=inf", "expected a finite number above 0"),
+        ("kriging", "--changing=1.5", "a share from 0 to 1"),
+        ("space-time-tv", "--time=nan", "a finite time"),
+        ("space-time-tv", "--weight=0", "a finite weight > 0"),
+        ("space-time-tv", "--lifetime=nan", "--lifetime: found nan, expected none for space-time-tv"),
+        ("dream", "--time=nan", "one of kriging, space-time-tv"),
+    ],
+)
+def test_impossible_numbers_of_a_movie_are_refused(capsys, folder, bench, tmp_path, decoder, option, said):
+    text = _imported(capsys, folder, tmp_path)
+    how = ("--frames", "2", "--decoder", decoder, option, "--out", tmp_path / "m.nc")
+    assert said in refused(capsys, "real", "movie", text, *how)
+    assert not (tmp_path / "m.nc").exists()
+
+
+def test_frames_that_slots_of_one_frame_tie_to_nothing_are_decoded(capsys, folder, bench, tmp_path):
+    how = ("--frames", "2", "--decoder", "space-time-tv", "--time", "0", "--out", tmp_path / "m.nc")
+    assert "2 frames" in said(capsys, "real", "movie", _imported(capsys, folder, tmp_path), *how)
+
+
+def _imported(capsys, folder, place):
+    said(
+        capsys,
+        "import",
+        folder / "wine.mat",
+        "--prototype",
+        folder / "wine.yaml",
+        "--name",
+        "w",
+        "--out",
+        place / "w.nc",
+    )
+    return place / "w.nc"
+
+
+@pytest.mark.parametrize("shift", ["-300,400", "12,0", "-3.4,nan", "1.5,2", "inf,0"])
+def test_a_shift_is_whole_and_within_the_capture(capsys, folder, bench, shift):
+    how = ("--prototype", folder / "wine.yaml", "--name", "w", f"--shift={shift}")
+    assert "shift: found" in refused(capsys, "real", "register", folder / "wine.mat", *how)
+
+
+def test_a_mask_of_other_captures_is_refused(capsys, folder, bench, tmp_path):
+    mask = write_mat(tmp_path / "small.mat", mask=mask_of(60, 50))
+    how = ("--mask", mask, "--prototype", folder / "bench.yaml")
+    text = refused(capsys, "real", "register", folder / "capture.mat", *how)
+    assert "found 170×156 pixels, expected 60×56: the mask's and its bands' displacement" in text
+
+
 def test_what_cannot_be_imported_is_refused_in_one_line(capsys, folder, bench, tmp_path):
     capture = folder / "capture.mat"
     assert "tsa, or a YAML file" in refused(capsys, "import", capture, "--prototype", "lens", "--out", "s.nc")
@@ -109,10 +162,13 @@ def test_what_cannot_be_imported_is_refused_in_one_line(capsys, folder, bench, t
 def test_the_report_names_what_it_lacks(capsys, bench, tmp_path):
     how = ("--data", tmp_path, "--out", "real")
     assert "no tsa/mask_660_real.mat" in refused(capsys, "real", "report", *how)
-    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "tsa").mkdir()
+    (tmp_path / "tsa" / "mask_660_real.mat").write_text("")
+    assert "--decoders: found none, expected some of" in refused(capsys, "real", "report", *how, "--decoders", "")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["tsa"]
 
 
-def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench):
+def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench, tmp_path):
     said(capsys, "import", folder / "capture.mat", *bench, "--out", "s.nc")
     network = "decoder={kind: unrolled, start: dagger, stages: 1, widths: [8, 8], blocks: 1}"
     small = ("--set", "data.patch=16", "--set", "data.batch=2", "--steps", "2", "--set", network)
@@ -125,5 +181,11 @@ def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench):
     said(capsys, "decoder", "run", "exported", "s.nc", "--out", "x.nc")
     with xr.open_dataset("e.nc") as one, xr.open_dataset("x.nc") as other:
         np.testing.assert_allclose(one["estimate"], other["estimate"], atol=2e-3)
+    mirrored = write_mat(tmp_path / "mirrored.mat", mask=mask_of(170, 150)[:, ::-1])
+    other = ("--prototype", folder / "bench.yaml", "--mask", mirrored)
+    said(capsys, "import", folder / "capture.mat", *other, "--out", "other.nc")
+    run = ("decoder", "run", "exported", "other.nc", "--out", "other_cube.nc")
+    assert "other.nc: found the codes" in refused(capsys, *run)
+    assert not (tmp_path / "other_cube.nc").exists()
     assert "some of torch, onnx" in refused(capsys, "decoder", "export", "run", "--out", "y", "--formats", "gif")
     assert "no decoder.json" in refused(capsys, "decoder", "check", "nowhere", "--run", "run")

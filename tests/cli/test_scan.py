@@ -113,9 +113,24 @@ def test_bad_scans_are_refused_in_one_line_and_nothing_is_written(capsys, table)
     assert "NAME=ROW,COLUMN" in refused(
         capsys, "scan", "compare", "table/truth.nc", "--references", "table/references.csv", "--points", "P1"
     )
+    how = ("scan", "compare", "table/truth.nc", "--references", "table/references.csv")
+    assert "--points: found P1 twice" in refused(capsys, *how, "--points", "P1=30,45", "P1=50,50")
     join = ("scan", "join", "table/truth.nc", "table/truth.nc", "--out", "s.nc")
     assert "expected a file of tmca scan spectra" in refused(capsys, *join)
     assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
+
+
+def test_references_in_percent_are_told_of(capsys, table):
+    lines = (table / "references.csv").read_text().splitlines()
+    rows = [[float(word) for word in line.split(",")] for line in lines[1:]]
+    percent = [",".join([f"{row[0]:g}", *(f"{100 * value:g}" for value in row[1:])]) for row in rows]
+    (table / "percent.csv").write_text("\n".join([lines[0], *percent]))
+    how = ("scan", "compare", "table/truth.nc", "--points", "P1=30,45", "--references")
+    capsys.readouterr()
+    main([*how, "table/references.csv"])
+    assert capsys.readouterr().err == ""
+    main([*how, "table/percent.csv"])
+    assert "P1: the reference is 100 times the spectrum (percent?)" in capsys.readouterr().err
 
 
 def test_impossible_tables_and_fringes_are_refused(capsys, tmp_path, monkeypatch):
@@ -124,6 +139,8 @@ def test_impossible_tables_and_fringes_are_refused(capsys, tmp_path, monkeypatch
     assert "whole numbers" in refused(capsys, "scan", "fringes", "f", "--fringes", "1,2.5")
     assert "3 or more" in refused(capsys, "scan", "fringes", "f", "--steps", "2")
     assert "16 pixels or more" in refused(capsys, "scan", "render", "t", "--size", "8x8")
+    for snr in ("nan", "-inf"):
+        assert f"snr: found {snr}" in refused(capsys, "scan", "render", "t", "--size", "16x20", f"--snr={snr}")
     (tmp_path / "f").mkdir()
     assert "an existing output" in refused(capsys, "scan", "fringes", "f")
     assert not (tmp_path / "t").exists()

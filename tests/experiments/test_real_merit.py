@@ -148,3 +148,15 @@ def test_an_estimate_is_computed_once_for_the_same_input_alone(tmp_path, monkeyp
     other, _ = kept_estimate(tmp_path, "scene", dimmer, "admm-tv")
     assert len(asked) == 2
     assert float((other - first).abs().max()) > 1e-3
+
+
+@pytest.mark.parametrize("left", [0, 100])
+def test_a_kept_estimate_that_is_cut_short_is_computed_again(tmp_path, left):
+    snapshot, _ = taken((12, 10))
+    first, _ = kept_estimate(tmp_path, "scene", snapshot, "admm-tv")
+    (file,) = tmp_path.iterdir()
+    whole = file.read_bytes()
+    file.write_bytes(whole[:left])
+    again, _ = kept_estimate(tmp_path, "scene", snapshot, "admm-tv")
+    torch.testing.assert_close(again, first)
+    assert len(file.read_bytes()) == len(whole)

@@ -1,6 +1,7 @@
 """Frames as they lie on disk: all there, in order, neither saturated nor dark."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,15 @@ from PIL import Image
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.frames import read_frames
-from tmca.lab.structured_light import FringePlan, load_plan, measure_depth, read_capture, write_fringes
+from tmca.lab.structured_light import (
+    FringePlan,
+    load_plan,
+    measure_depth,
+    measure_phases,
+    read_capture,
+    write_fringes,
+)
+from tmca.lab.structured_light.captures import Capture, check_light, check_order, lit_pixels
 from tmca.lab.structured_light.rendered import bench, render_fringes, scene_depth
 
 SIZE = (48, 65)
@@ -81,6 +90,53 @@ def test_frames_in_the_wrong_order_are_refused(tmp_path, frames, order):
     with pytest.raises(DataError, match="fringes") as error:
         depth_of(tmp_path / "s.npy")
     assert "put them in the order fringe_0001_00" in str(error.value)
+
+
+@pytest.mark.parametrize("shape", ["plane", "smooth", "steps"])
+@pytest.mark.parametrize("fault", ["steps that all run back", "a mirrored camera"])
+def test_a_phase_that_runs_the_wrong_way_is_refused(tmp_path, shape, fault):
+    seen = render_fringes(PLAN, bench(SIZE), scene_depth(shape, SIZE), np.ones(SIZE), bits=16).frames
+    steps = seen.reshape(4, 4, *SIZE)
+    wrong = steps[..., ::-1] if fault == "a mirrored camera" else steps[:, [0, 3, 2, 1]]
+    np.save(tmp_path / "s.npy", wrong.reshape(seen.shape))
+    with pytest.raises(DataError, match=r"[2-5]\d% of the depths behind the camera, .* not mirrored"):
+        depth_of(tmp_path / "s.npy")
+
+
+@pytest.mark.parametrize(("count", "step", "said"), [(1, 0, "0001_00"), (16, 3, "0016_03"), (64, 2, "0064_02")])
+def test_a_black_frame_is_named(tmp_path, frames, count, step, said):
+    black = frames.copy()
+    black[4 * PLAN.fringes.index(count) + step] = np.random.default_rng(0).normal(300, 20, SIZE).astype(np.uint16)
+    np.save(tmp_path / "s.npy", black)
+    with pytest.raises(DataError, match=rf"less light on frames of {count} fringes .*look at fringe_{said}"):
+        depth_of(tmp_path / "s.npy")
+
+
+def test_frames_that_were_captured_once_and_kept_twice_are_refused(tmp_path, frames):
+    folder = folder_of(tmp_path / "c", frames)
+    (folder / "fringe_0064_02.png").write_bytes((folder / "fringe_0064_01.png").read_bytes())
+    with pytest.raises(DataError, match="frame fringe_0064_02 the same as fringe_0064_01 in every pixel"):
+        read_capture(folder, PLAN)
+
+
+@pytest.mark.parametrize("count", PLAN.fringes)
+def test_a_step_that_the_projector_showed_twice_is_no_cosine(tmp_path, count):
+    plan = FringePlan(fringes=PLAN.fringes, steps=4)
+    scene = (plan, bench(SIZE), scene_depth("smooth", SIZE), np.ones(SIZE))
+    one, other = (render_fringes(*scene, bits=16, seed=seed).frames for seed in (0, 1))
+    place = 4 * plan.fringes.index(count)
+    one[place + 2] = other[place + 1]
+    np.save(tmp_path / "s.npy", one)
+    with pytest.raises(DataError, match=rf"frames of {count} fringes"):
+        depth_of(tmp_path / "s.npy")
+
+
+def test_a_gamma_of_the_projector_is_no_fault(frames):
+    seen = 65535 * (frames / frames.max()) ** 2.2
+    values = seen.reshape(4, 4, *SIZE).astype(np.float32)
+    capture = Capture(Path("c"), values, np.zeros(SIZE, bool), 1.0)
+    check_light(capture, PLAN)
+    check_order(capture, PLAN, measure_phases(values), lit_pixels(capture))
 
 
 def test_saturated_and_dark_captures_are_refused(tmp_path, frames):

@@ -4,28 +4,32 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import Snapshot
+from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Weights, build_network
 from tmca.errors import DataError, OutputError, SettingError
+from tmca.lab.decoder_description import code_marks
 from tmca.lab.exported_decoder import check_decoder, decode_exported, decoder_file, export_decoder, load_exported
+from tmca.lab.real_captures.saturation import WITHHELD, without_pixels
+from tmca.operators import Taps
 
 SIZE, BANDS = (24, 21), 4
 
 
-def written_weights(folder, start="dagger", kind="unrolled", dispersion=1.0):
+def written_weights(folder, start="dagger", kind="unrolled", dispersion=1.0, bands=BANDS):
     torch.manual_seed(0)
     settings = {"stages": 2, "blocks": 1} if kind == "unrolled" else {}
-    network = build_network(kind, bands=BANDS, start=start, widths=(8, 8), **settings)
+    network = build_network(kind, bands=bands, start=start, widths=(8, 8), **settings)
     for parameter in network.parameters():  # an untrained one returns its start
         torch.nn.init.normal_(parameter, 0.0, 0.05)
     mask = torch.rand(1, *SIZE, generator=torch.Generator().manual_seed(1))
-    wide = SIZE[1] + 3
+    wide = SIZE[1] + bands - 1
     camera = {"size": list(SIZE), "period": None, "exposure": "equal", "dispersion": dispersion, "disperser": "single"}
     card = {"training": {"noise": [{"read_noise": 0.02, "full_well": 5000.0}]}}
-    waves = (5e-7, 5.2e-7, 5.4e-7, 5.6e-7)
+    waves = tuple(5e-7 + 2e-8 * band for band in range(bands))
     weights = Weights(network, waves, mask, torch.ones(1, SIZE[0], wide), camera, "", card)
     return weights.save(folder / "weights.safetensors")
 
@@ -76,12 +80,13 @@ def test_it_runs_without_the_package(exported, tmp_path):
     assert done.stdout.strip() == f"(1, {BANDS}, {SIZE[0]}, {SIZE[1]}) False"
 
 
-def test_onnx_is_the_network_too(tmp_path):
+def test_onnx_is_the_network_too(tmp_path, caplog):
     for package in ("onnx", "onnxscript", "onnxruntime"):
         pytest.importorskip(package)
     file = written_weights(tmp_path, start="adjoint")
     found = export_decoder(file, tmp_path / "out", ("onnx",))
     assert found[0].error < 1e-4
+    assert "torchvision" not in caplog.text
     assert check_decoder(tmp_path / "out", file)[0].error < 1e-4
 
 
@@ -123,11 +128,101 @@ def test_a_snapshot_of_another_size_is_refused(exported, tmp_path):
         decode_exported(exported[1], tmp_path / "s.nc", "onnx")
 
 
+def snapshot_of(folder, change=lambda camera: {}):
+    """A snapshot file of the decoder's camera, or of one that differs from it."""
+    camera = Weights.load(folder.parent / "weights.safetensors").spectral_camera()
+    own = {
+        "bands": camera.wavelengths, "size": camera.size, "slots": 1, "aperture": camera.codes()[0],
+        "shutter": camera.codes()[1], "dispersion": camera.dispersion, "response": camera.response,
+    }  # fmt: skip
+    other = SpectralCamera(**own | change(camera))
+    return Snapshot(torch.rand(1, *other.snapshot_shape), other)
+
+
+OTHERS = {
+    "a mirrored mask": lambda camera: {"aperture": camera.codes()[0].flip(-1)},
+    "a mask moved by a pixel": lambda camera: {"aperture": camera.codes()[0].roll(1, -2)},
+    "bands in the opposite direction": lambda camera: {"dispersion": camera.dispersion.displacement[::-1]},
+    "another response": lambda camera: {"response": torch.tensor([1.0, 1.0, 1.0, 1.01])},
+    "two slots of full time": lambda camera: {
+        "slots": 2, "exposure": "per-slot", "aperture": camera.codes()[0].repeat(2, 1, 1),
+        "shutter": camera.codes()[1].repeat(2, 1, 1),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", OTHERS)
+def test_a_snapshot_of_another_camera_of_the_same_size_is_refused(exported, tmp_path, change):
+    snapshot_of(exported[1], OTHERS[change]).save(tmp_path / "s.nc")
+    with pytest.raises(DataError, match=r"s\.nc: found the codes, .* of another camera, .* tmca reconstruct"):
+        decode_exported(exported[1], tmp_path / "s.nc", "torch")
+
+
+def test_a_snapshot_without_some_pixels_is_refused(exported, tmp_path):
+    gone = torch.zeros(SIZE[0], SIZE[1] + 3, dtype=torch.bool)
+    gone[3, 7] = True
+    taken = snapshot_of(exported[1])
+    taken.notes[WITHHELD] = 1
+    without_pixels(taken, gone).save(tmp_path / "s.nc")
+    with pytest.raises(DataError, match="found withheld pixels"):
+        decode_exported(exported[1], tmp_path / "s.nc", "torch")
+
+
+def test_rounding_makes_no_other_camera(exported, tmp_path):
+    def rounded(camera):
+        aperture = camera.codes()[0]
+        return {
+            "aperture": aperture * (1 - 1e-6 * torch.rand(aperture.shape)),
+            "response": camera.response * (1 - 1e-6),
+        }
+
+    snapshot_of(exported[1], rounded).save(tmp_path / "s.nc")
+    assert decode_exported(exported[1], tmp_path / "s.nc", "torch")[0].shape == (BANDS, *SIZE)
+
+
+def test_a_closed_pixel_of_a_large_camera_marks_its_codes():
+    code = torch.rand(3, 2000, 2300, generator=torch.Generator().manual_seed(0))
+    whole, blind = (Taps(values, (0, 1, 2), (0, 2, 4), 3, 2304) for values in (code, code.clone()))
+    blind.code[:, 700, 900:903] = 0
+    marks, others = np.array(code_marks(whole)), np.array(code_marks(blind))
+    assert np.abs(marks - others).max() > 1e-5 * marks[0]
+
+
+def test_a_run_of_other_bands_is_refused(exported, tmp_path):
+    with pytest.raises(DataError, match=r"a snapshot of shape \(1, 1, 24, 23\), expected \(1, 1, 24, 24\)"):
+        check_decoder(exported[1], written_weights(tmp_path, bands=3))
+    weights = Weights.load(exported[0])
+    weights.wavelengths = tuple(wave + 5e-9 for wave in weights.wavelengths)
+    (tmp_path / "weights.safetensors").unlink()
+    with pytest.raises(DataError, match=r"bands from 505 to 565 nm \(4\), expected 500 to 560 nm"):
+        check_decoder(exported[1], weights.save(tmp_path / "weights.safetensors"))
+
+
+def about_of(folder, **changes):
+    about = json.loads((folder / "decoder.json").read_text()) | changes
+    return json.dumps({key: value for key, value in about.items() if value is not None})
+
+
+@pytest.mark.parametrize("gone", ["read_noise", "scene", "codes", "files", "wavelengths_m", "snapshot"])
+def test_a_description_without_one_of_its_parts_is_refused(exported, tmp_path, gone):
+    (tmp_path / "decoder.json").write_text(about_of(exported[1], **{gone: None}))
+    with pytest.raises(
+        DataError, match=rf"decoder\.json: found no description of a decoder \({gone}: .* export it again"
+    ):
+        check_decoder(tmp_path, exported[0])
+
+
 @pytest.mark.parametrize(("name", "format"), [("decoder.json", "torch"), ("decoder.pt2", "torch")])
-def test_a_broken_export_is_refused(tmp_path, name, format):
-    (tmp_path / "decoder.json").write_text(
-        '{"files": [{"format": "torch", "file": "decoder.pt2"}], "snapshot": [1, 1, 8, 9], "wavelengths_m": [4e-7]}'
-    )
+def test_a_broken_export_is_refused(exported, tmp_path, name, format):
+    (tmp_path / "decoder.json").write_text(about_of(exported[1]))
     (tmp_path / name).write_text("broken")
     with pytest.raises(DataError, match=name):
         load_exported(decoder_file(tmp_path, format))
+
+
+def test_a_broken_export_is_told_of_in_one_line(tmp_path):
+    (tmp_path / "decoder.pt2").write_text("broken")
+    code = f"from tmca.lab.exported_decoder import load_exported; load_exported(r'{tmp_path / 'decoder.pt2'}')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "cannot be read" in done.stderr
+    assert "Ran into the following error" not in done.stderr

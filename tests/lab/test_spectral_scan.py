@@ -1,5 +1,7 @@
 """Scans under a tunable source: reflectance with its error, the wavelengths asked for, angles to a spectrometer."""
 
+import shutil
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -177,7 +179,8 @@ def test_as_many_repeats_of_all_frames_divide_the_standard_deviation_by_their_sq
     paths = folders(tmp_path / "more", seen, NM[:3])
     for band in range(3):
         for kind in ("scene", "white"):
-            repeated(tmp_path / "more", kind, NM[band], [getattr(seen, kind)[band]] * 3)
+            frame = getattr(seen, kind)[band]
+            repeated(tmp_path / "more", kind, NM[band], [frame + 1, frame + 2, frame - 3])
     np.save(tmp_path / "dark.npy", np.tile(seen.dark, (4, 1, 1)))
     more = measure_reflectance(read_scan(paths[0], tmp_path / "dark.npy", paths[2]), read_noise=4.0)
     np.testing.assert_allclose(more["reflectance_std"], once["reflectance_std"] / 2, rtol=1e-5)
@@ -198,7 +201,7 @@ def test_repeated_dark_frames_of_every_wavelength_tell_the_noise_of_one(tmp_path
 def test_frames_near_a_wavelength_asked_for_are_its_repeats_and_serve_no_other(tmp_path):
     seen = render_scan(cube(2), bits=16)
     paths = folders(tmp_path, seen, np.array([449.8, 460.0]))
-    Image.fromarray(seen.scene[0]).save(paths[0] / "scene_450.2nm.png")
+    Image.fromarray(seen.scene[0] + 1).save(paths[0] / "scene_450.2nm.png")
     scan = read_scan(*paths, wavelengths=nm_to_metres([450, 460]))
     assert scan.scene_frames.tolist() == [2, 1]
     assert scan.scene.values.shape[0] == 2
@@ -229,6 +232,84 @@ def test_scans_that_cannot_be_used_are_refused(tmp_path):
     (scene / "extra.png").write_bytes((scene / "scene_400nm.png").read_bytes())
     with pytest.raises(DataError, match="no wavelength in the name extra"):
         read_scan(scene, dark, white)
+
+
+def faulty(place, fault):
+    """Folders of a scan with 16-bit frames, one of them as the fault has it."""
+    seen = render_scan(cube(), read_noise=64.0, bits=16)
+    scene, dark, white = folders(place, seen)
+    if fault == "a scene frame without any value":
+        Image.fromarray(np.zeros_like(seen.scene[0])).save(scene / "scene_450nm.png")
+    elif fault == "a scene of 8 bits":
+        for file in scene.iterdir():
+            Image.fromarray((np.asarray(Image.open(file)) >> 8).astype(np.uint8)).save(file)
+    elif fault == "a frame of another wavelength":
+        shutil.copy(scene / "scene_450nm.png", scene / "scene_460nm.png")
+    elif fault == "a repeat that is a copy":
+        shutil.copy(white / "white_450nm.png", white / "white_450nm_r1.png")
+    else:
+        scene, white = white, scene
+    return scene, dark, white
+
+
+FAULTS = {
+    "a scene frame without any value": r"scene: found a scene 1.* below the dark at 450 nm \(scene_450nm\)",
+    "a scene of 8 bits": "white: found digital numbers of type uint16, expected uint8 as the scene's",
+    "a frame of another wavelength": "scene: found frame scene_460nm the same as scene_450nm in every pixel",
+    "a repeat that is a copy": "white: found frame white_450nm_r1 the same as white_450nm",
+    "scene and white in each other's place": r"a median reflectance of [2-9]\S*, expected 1.3 at most; swap scene",
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_frames_that_no_scan_can_have_are_refused(tmp_path, fault):
+    with pytest.raises(DataError, match=FAULTS[fault]):
+        measure_reflectance(read_scan(*faulty(tmp_path, fault)))
+
+
+@pytest.mark.parametrize("kind", ["gloss", "fluorescence", "black"])
+def test_gloss_fluorescence_and_black_scenes_are_no_faults(tmp_path, kind):
+    truth = cube()
+    if kind == "gloss":
+        truth[:, :6, :5] = 2.0
+    elif kind == "fluorescence":
+        truth[:4] = 1.6
+    else:
+        truth[:] = 0
+    seen = render_scan(0.5 * truth, source=np.full(31, 0.6), read_noise=64.0, bits=16)
+    found = measure_reflectance(read_scan(*folders(tmp_path, seen)), white_reflectance=0.99)
+    assert found["reflectance"].values[:, 2, 3].mean() == pytest.approx(0.99 * 0.5 * truth[:, 2, 3].mean(), abs=0.02)
+
+
+def test_a_grey_card_may_be_darker_than_the_scene(tmp_path):
+    seen = render_scan(cube() / 0.2, source=np.full(31, 0.2), bits=16)
+    scan = read_scan(*folders(tmp_path, seen))
+    assert np.nanmedian(measure_reflectance(scan, white_reflectance=0.2)["reflectance"]) < 0.6
+    with pytest.raises(DataError, match="--white-reflectance"):
+        measure_reflectance(scan)
+
+
+@pytest.mark.parametrize("darks", [1, 3])
+def test_dark_frames_tell_the_noise_if_there_is_but_one_or_copies_of_one(tmp_path, darks):
+    seen = render_scan(cube(3, (40, 50)), read_noise=64.0, darks=1, bits=16, seed=3)
+    paths = folders(tmp_path, seen, NM[:3])
+    for copy in range(1, darks):
+        shutil.copy(paths[1] / "0.png", paths[1] / f"{copy}.png")
+    scan = read_scan(*paths)
+    assert scan.read_noise == pytest.approx(64.0, rel=0.1)
+    known = measure_reflectance(scan, read_noise=64.0)["reflectance_std"]
+    np.testing.assert_allclose(measure_reflectance(scan)["reflectance_std"], known, rtol=0.1)
+
+
+def test_floats_without_any_noise_in_the_dark_need_to_be_told_it(tmp_path):
+    seen = render_scan(cube(3), read_noise=4.0, darks=1)
+    for name, frames in (("scene", seen.scene), ("white", seen.white), ("dark", 0 * seen.dark)):
+        np.save(tmp_path / f"{name}.npy", frames / 4095)
+    paths = (tmp_path / f"{name}.npy" for name in ("scene", "dark", "white"))
+    scan = read_scan(*paths, wavelengths=nm_to_metres(NM[:3]))
+    with pytest.raises(SettingError, match=r"none in the dark frames, expected that of a frame \(--read-noise\)"):
+        measure_reflectance(scan)
+    assert float(measure_reflectance(scan, read_noise=1e-3)["reflectance_std"].min()) > 0
 
 
 @pytest.mark.parametrize("bad", [{"read_noise": -1.0}, {"gain": np.nan}, {"white_reflectance": 0.0}])

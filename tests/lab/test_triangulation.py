@@ -112,6 +112,9 @@ def test_a_calibration_comes_back_from_its_file(tmp_path):
         ({"camera": None}, "no camera"),
         ({"projector": {"size": [8, 8], "matrix": [[0, 0, 0]] * 3}}, "not positive"),
         ({"projector": {"size": [8, 8], "matrix": np.eye(3).tolist(), "distortion": [0] * 6}}, "6 numbers"),
+        ({"projector": {"size": [8, 8], "matrix": np.eye(3).tolist(), "distortion": "abc"}}, "distortion 'abc'"),
+        ({"projector": {"size": [8, 8], "matrix": np.eye(3).tolist(), "distortion": {"k1": 1}}}, "distortion {'k1'"),
+        ({"projector": {"size": [8.7, 8], "matrix": np.eye(3).tolist()}}, "projector.size of 8.7×8 pixels"),
         ({"projector": {"size": [8, 8]}}, "projector.matrix"),
     ],
 )

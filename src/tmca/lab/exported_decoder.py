@@ -6,9 +6,10 @@ Mask, optics, noise and network are fixed in it: one input, the snapshot (1, 1, 
 
 from __future__ import annotations
 
-import json
+import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,21 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras import Snapshot
-from tmca.data import atomic_path, check_target, make_folder, write_json
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import atomic_path, check_target, make_folder
 from tmca.decoders.networks.neural import Weights
 from tmca.errors import DataError, SettingError, TmcaError
+from tmca.lab.decoder_description import (
+    NAME,
+    DecoderFile,
+    Description,
+    check_camera,
+    code_marks,
+    read_description,
+    write_description,
+)
 from tmca.lab.fixed_decoder import CameraDecoder
+from tmca.lab.real_captures.saturation import WITHHELD
 from tmca.operators import TapOperator
 from tmca.sensor import Noise, Sensor
 
@@ -29,7 +40,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FORMATS = {"torch": "decoder.pt2", "onnx": "decoder.onnx"}
-_ABOUT = "decoder.json"
 _CLOSE = 1e-3
 """Largest difference, as a share of the largest value, at which a file counts as the same decoder."""
 
@@ -75,42 +85,46 @@ def export_decoder(
     """
     _check_formats(formats)
     folder = Path(out)
-    for file in [FORMATS[one] for one in formats] + [_ABOUT]:
+    for file in [FORMATS[one] for one in formats] + [NAME]:
         if folder.is_dir():
             check_target(folder / file, overwrite)
     weights = Weights.load(run)
     camera = weights.spectral_camera(size, sensor=_sensor(weights, noise))
+    decoder = _fixed(weights, camera, camera.noise)
+    make_folder(folder)
+    found = [_written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite) for one in formats]
+    write_description(_described(weights, camera, decoder, found), folder, overwrite=overwrite)
+    return found
+
+
+def _fixed(weights: Weights, camera: SpectralCamera, noise: Noise) -> CameraDecoder:
     operator = camera.operator()
     if not isinstance(operator, TapOperator):
         raise SettingError("weights", "optics that keep the slots apart", "one code for all slots")
-    decoder = CameraDecoder(weights, operator, camera.noise).eval()
-    make_folder(folder)
-    found = [_written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite) for one in formats]
-    about = {
-        "weights": str(weights.path), "snapshot": [1, *camera.snapshot_shape], "scene": [1, *camera.scene_shape],
-        "wavelengths_m": list(weights.wavelengths), "read_noise": camera.noise.read, "shot_noise": camera.noise.shot,
-        "units": "1 is one band of a white scene through open codes",
-        "files": [{"format": one.format, "file": one.path.name, "error": one.error} for one in found],
-    }  # fmt: skip
-    write_json(about, folder / _ABOUT, overwrite=overwrite)
-    return found
+    return CameraDecoder(weights, operator, noise).eval()
+
+
+def _described(weights: Weights, camera: SpectralCamera, decoder: CameraDecoder, found: list[Exported]) -> Description:
+    return Description(
+        weights=str(weights.path), snapshot=(1, *camera.snapshot_shape), scene=(1, *camera.scene_shape),
+        wavelengths_m=weights.wavelengths, read_noise=camera.noise.read, shot_noise=camera.noise.shot,
+        codes=tuple(code_marks(decoder.operator.taps)),
+        files=tuple(DecoderFile(format=one.format, file=one.path.name, error=one.error) for one in found),
+    )  # fmt: skip
 
 
 def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Exported]:
     """Compare the files of an exported decoder with the run they were made from, on random input.
 
     Raises:
-        DataError: no exported decoder in the folder, or one that computes something else.
+        DataError: no exported decoder in the folder, one of another camera, or one that computes something else.
     """
-    folder = Path(folder)
-    about = _about(folder)
+    about = read_description(Path(folder))
     weights = Weights.load(run)
-    noise = Noise(about["read_noise"], about["shot_noise"])
-    camera = weights.spectral_camera((about["scene"][2], about["scene"][3]))
-    operator = camera.operator()
-    assert isinstance(operator, TapOperator)
-    decoder = CameraDecoder(weights, operator, noise).eval()
-    files = {entry["format"]: folder / entry["file"] for entry in about["files"]}
+    camera = weights.spectral_camera((about.scene[2], about.scene[3]))
+    check_camera(about, camera, weights.path)
+    decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise))
+    files = {entry.format: Path(folder) / entry.file for entry in about.files}
     snapshot = _random(camera.snapshot_shape, seed)
     found = [Exported(one, file, _difference(decoder, load_exported(file), snapshot)) for one, file in files.items()]
     for one in found:
@@ -130,7 +144,8 @@ def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
         raise DataError(file, "no such file", "an exported decoder", "write it with `tmca decoder export`")
     try:
         if file.suffix == ".pt2":
-            program = torch.export.load(str(file)).module()
+            with _quiet("torch.export"):
+                program = torch.export.load(str(file)).module()
             return lambda snapshot: program(snapshot)
         session = _packages("onnxruntime").InferenceSession(str(file), providers=["CPUExecutionProvider"])
     except TmcaError:
@@ -143,7 +158,7 @@ def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
 
 def decoder_file(folder: str | Path, format: str) -> Path:
     """The file of one format in a folder that `export_decoder` wrote."""
-    files = {entry["format"]: entry["file"] for entry in _about(Path(folder))["files"]}
+    files = {entry.format: entry.file for entry in read_description(Path(folder)).files}
     if format not in files:
         raise SettingError("--format", repr(format), f"one of {', '.join(files)}")
     return Path(folder) / files[format]
@@ -153,38 +168,23 @@ def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> tu
     """The scene (wavelength, y, x) of a snapshot file, and the seconds that the decoder took.
 
     Raises:
-        DataError: a snapshot of another size, or a file that is missing.
+        DataError: a snapshot of another camera or with withheld pixels, or a file that is missing.
         SettingError: a format that was not exported.
     """
     import xarray as xr
 
-    about, file = _about(Path(folder)), decoder_file(folder, format)
-    values = Snapshot.load(snapshot).values
-    if list(values.shape) != about["snapshot"]:
-        raise DataError(snapshot, f"a snapshot of shape {tuple(values.shape)}", f"{tuple(about['snapshot'])}")
+    about, file = read_description(Path(folder)), decoder_file(folder, format)
+    taken = Snapshot.load(snapshot)
+    check_camera(about, taken.camera, snapshot, withheld=bool(taken.notes.get(WITHHELD)))
     decoder = load_exported(file)
     start = time.perf_counter()
     with torch.no_grad():
-        scene = decoder(values)
+        scene = decoder(taken.values)
     seconds = time.perf_counter() - start
-    coords = {"wavelength": ("wavelength", about["wavelengths_m"], {"units": "m"})}
+    coords = {"wavelength": ("wavelength", list(about.wavelengths_m), {"units": "m"})}
     attrs = {"quantity": "relative irradiance", "units": "1", "long_name": f"scene estimated by {file.name}"}
     cube = xr.DataArray(scene[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs, name="estimate")
     return cube, seconds
-
-
-def _about(folder: Path) -> dict[str, Any]:
-    file = folder / _ABOUT
-    if not file.is_file():
-        raise DataError(folder, f"no {_ABOUT}", "a folder of `tmca decoder export`")
-    try:
-        about = dict(json.loads(file.read_text(encoding="utf-8")))
-        whole = all({"format", "file"} <= entry.keys() for entry in about["files"])
-    except (ValueError, KeyError, TypeError, AttributeError):
-        whole = False
-    if not whole or not {"snapshot", "wavelengths_m"} <= about.keys():
-        raise DataError(file, "no description of decoders", "what `tmca decoder export` wrote", "export it again")
-    return about
 
 
 def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool) -> Exported:
@@ -194,14 +194,27 @@ def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, p
         if format == "torch":
             torch.export.save(torch.export.export(decoder, (snapshot,), strict=False), str(temporary))
         else:
-            program = torch.onnx.export(
-                decoder, (snapshot,), dynamo=True, input_names=["snapshot"], output_names=["scene"], verbose=False
-            )
+            with _quiet("torch.onnx"):  # it warns of packages that no decoder uses
+                program = torch.onnx.export(
+                    decoder, (snapshot,), dynamo=True, input_names=["snapshot"], output_names=["scene"], verbose=False
+                )
             assert program is not None  # it is one with dynamo
             program.save(str(temporary), external_data=False)
         error = _difference(decoder, load_exported(temporary), snapshot)
         _check_close(path, error)
     return Exported(format, path, error)
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """No warnings of a logger and those below it; what fails raises all the same."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _check_close(path: Path, error: float) -> None:

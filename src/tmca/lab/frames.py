@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ class Frames:
 
     ``values`` is ``(N, H, W)`` float32, ``saturated`` ``(N, H, W)``, ``names`` say which frame is which (the file's
     name without its suffix, or the number in a stack), ``step`` is one digital number (0 of floats), ``top`` the value
-    from which on a pixel is saturated.
+    from which on a pixel is saturated, ``kind`` the type of the file's numbers.
     """
 
     source: Path
@@ -31,6 +32,7 @@ class Frames:
     saturated: NDArray[np.bool_]
     step: float = 1.0
     top: float = np.inf
+    kind: str = ""
 
 
 def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
@@ -112,7 +114,28 @@ def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: f
     top = saturation if saturation is not None else _full_scale(raw)
     values = colours.mean(axis=-1, dtype=np.float64).astype(np.float32)
     saturated = np.asarray((colours >= top).any(axis=-1))
-    return Frames(path, names, values, saturated, 1.0 if whole else 0.0, top)
+    return Frames(
+        path, names, values, saturated, 1.0 if whole else 0.0, top, "float" if raw.dtype.kind == "f" else raw.dtype.name
+    )
+
+
+def check_distinct(*series: Frames) -> None:
+    """Refuse frames of one session that are the same in every pixel: noise alone makes two exposures differ.
+
+    Frames of one value are left out: without any light or full of it, two may well be equal.
+
+    Raises:
+        DataError: naming both.
+    """
+    seen: dict[bytes, str] = {}
+    for frames in series:
+        for name, values in zip(frames.names, frames.values, strict=True):
+            if np.ptp(values) == 0:
+                continue
+            other = seen.setdefault(hashlib.sha256(values.tobytes()).digest(), name)
+            if other is not name:
+                found = f"frame {name} the same as {other} in every pixel"
+                raise DataError(frames.source, found, "an exposure of its own for each", "capture it again")
 
 
 def _full_scale(raw: NDArray[Any]) -> float:

@@ -31,9 +31,8 @@ def join_ground_truth(
         spectra: of `tmca.lab.spectral_scan.measure_reflectance`.
         depth: of `tmca.lab.structured_light.measure_depth`.
         name: of the scene.
-        wavelengths: of its bands, metres, ascending: those of a camera, between which and the scan's is interpolated;
-        the
-            scan's own without it.
+        wavelengths: of its bands, metres, ascending: a camera's, to which the scan's are interpolated; the scan's own
+            without it.
 
     Returns:
         ``radiance`` (wavelength, y, x), the reflectance under an even light, in [0, 1]; ``depth`` (y, x), metres, NaN
@@ -44,16 +43,10 @@ def join_ground_truth(
         SettingError: wavelengths that do not ascend.
     """
     values = spectra["reflectance"].values.astype(np.float64)
-    if values.shape[1:] != depth["depth"].shape:
-        found, wanted = ("×".join(map(str, size)) for size in (depth["depth"].shape, values.shape[1:]))
-        where = depth.attrs.get("source", "depth")
-        raise DataError(where, f"a depth map of {found} pixels", f"{wanted} as the spectra have", "use one camera")
     good = np.isfinite(values)
+    metres = _known_depth(depth, good)
     whole = _without_gaps(values, spectra["wavelength"].values)
     empty = ~good.any(axis=0)
-    metres = np.where(empty, np.nan, depth["depth"].values)
-    if not np.isfinite(metres).any():
-        raise DataError(depth.attrs.get("source", "depth"), "no pixel with a spectrum and a depth", "some")
     within = np.clip(whole, 0, 1)
     counts = {
         "interpolated": int((~good & ~empty).sum()),
@@ -69,6 +62,18 @@ def join_ground_truth(
     scene["depth_std"] = (("y", "x"), depth["depth_std"].values, {"units": "m"})
     scene["measured"] = (cube.dims, (_at(asked, own, good & (within == whole)) > 1 - 1e-6).astype(np.uint8))
     return scene
+
+
+def _known_depth(depth: xr.Dataset, good: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The depth map (H, W) where a pixel has any good band of (L, H, W), NaN elsewhere."""
+    where = depth.attrs.get("source", "depth")
+    if good.shape[1:] != depth["depth"].shape:
+        found, wanted = ("×".join(map(str, size)) for size in (depth["depth"].shape, good.shape[1:]))
+        raise DataError(where, f"a depth map of {found} pixels", f"{wanted} as the spectra have", "use one camera")
+    metres = np.where(good.any(axis=0), depth["depth"].values, np.nan)
+    if not np.isfinite(metres).any():
+        raise DataError(where, "no pixel with a spectrum and a depth", "some")
+    return metres
 
 
 def _checked(asked: NDArray[np.float64], own: NDArray[np.float64], spectra: xr.Dataset) -> NDArray[np.float64]:

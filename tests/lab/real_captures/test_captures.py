@@ -9,7 +9,7 @@ import yaml
 
 from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
-from tmca.data import checksum_of
+from tmca.data import checksum_of, read_array
 from tmca.decoders import decode
 from tmca.errors import DataError, SettingError
 from tmca.lab.real_captures import import_capture, load_prototype
@@ -75,6 +75,72 @@ def test_what_does_not_fit_is_refused(bench, tmp_path):
     bright = write_mat(tmp_path / "bright.mat", mask=3 * mask_of(40, 43))
     with pytest.raises(DataError, match="transmittances between 0 and 1"):
         import_capture(capture, prototype, bright)
+
+
+def noisy(bench, seed=0):
+    """A capture with noise of 0.002 beside a white level of 0.9 and a black one of 0.1."""
+    values = read_array(bench[0] / "capture.mat", "y")
+    return values + 0.002 * np.random.default_rng(seed).standard_normal(values.shape)
+
+
+BAD = {
+    "no light": (lambda values: np.random.default_rng(2).normal(0.1, 0.002, values.shape), "hardly any light"),
+    "negated": (lambda values: 0.2 - values, "hardly any light above the black level of 0.1"),
+    "zeros": (lambda values: 0 * values, "the value 0 in every pixel"),
+    "12-bit numbers": (lambda values: np.round(4095 * values), "values around .*, expected 4 times the white level"),
+    "saturated": (lambda values: values.clip(max=np.quantile(values, 0.4)), "60% of the pixels saturated"),
+    "complex": (lambda values: values + 0.01j, "complex values in y, expected real numbers"),
+    "clipped black": (lambda values: np.where(np.arange(49) < 20, 0.1, values), "no noise in the darkest fifth"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_captures_that_show_nothing_or_are_in_other_numbers_are_refused(bench, tmp_path, fault):
+    change, said = BAD[fault]
+    bad = write_mat(tmp_path / "bad.mat", y=change(noisy(bench)))
+    with pytest.raises(DataError, match=rf"bad\.mat: found {said}"):
+        import_capture(bad, bench[1], bench[0] / "mask.mat")
+
+
+def test_a_complex_array_is_refused_whatever_its_file(bench, tmp_path):
+    np.save(tmp_path / "c.npy", noisy(bench) + 0.01j)
+    plain = bench[1].model_copy(update={"capture_key": "c"})
+    with pytest.raises(DataError, match="of type complex128, expected real numbers"):
+        import_capture(tmp_path / "c.npy", plain, bench[0] / "mask.mat")
+
+
+GOOD = {
+    "a highlight": lambda values: np.where(np.indices(values.shape).sum(0) < 4, 20.0, values),
+    "a small bright thing": lambda values: np.where(np.indices(values.shape).sum(0) < 10, values, 0.1 + values % 0.002),
+    "a bright half": lambda values: values.clip(max=np.quantile(values, 0.6)),
+}
+
+
+@pytest.mark.parametrize("kind", GOOD)
+def test_highlights_small_things_and_some_saturation_are_no_faults(bench, tmp_path, kind):
+    values = GOOD[kind](noisy(bench))
+    good = write_mat(tmp_path / "good.mat", y=values)
+    taken = import_capture(good, bench[1], bench[0] / "mask.mat")
+    np.testing.assert_allclose(taken.values[0, 0], (values - 0.1) * taken.notes["gain"], rtol=1e-4, atol=1e-5)
+
+
+def test_codes_in_front_of_a_bright_scene_are_no_darkness(tmp_path):
+    codes = np.random.default_rng(0).integers(2, size=(40, 43))
+    shutter = np.stack([codes, 1 - codes], axis=-1).astype(np.uint8)
+    values = codes + 0.01 * np.random.default_rng(1).standard_normal(codes.shape)
+    file = write_mat(tmp_path / "c.mat", a=values, s=shutter)
+    described = {
+        "kind": "pixel-shutter", "device": "paper", "captures": {"one": {"capture_key": "a", "shutter_key": "s"}},
+    }  # fmt: skip
+    (tmp_path / "p.yaml").write_text(yaml.safe_dump(described))
+    taken = import_capture(file, load_prototype(tmp_path / "p.yaml"), name="one")
+    np.testing.assert_allclose(taken.values[0, 0], values, atol=1e-6)
+
+
+@pytest.mark.parametrize("noise", [np.nan, np.inf, -0.1])
+def test_an_impossible_noise_is_refused(bench, noise):
+    with pytest.raises(SettingError, match="--noise"):
+        import_capture(bench[0] / "capture.mat", bench[1], bench[0] / "mask.mat", noise=noise)
 
 
 def test_a_pixel_shutter_brings_its_slots(tmp_path):

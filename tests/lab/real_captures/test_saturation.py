@@ -40,7 +40,7 @@ def shuttered(folder, saturation, size=(6, 7)):
 @pytest.mark.parametrize(
     ("make", "saturation", "size"),
     [
-        (dispersed, 0.2, (9, 12)), (dispersed, 0.2, (10, 13)), (shuttered, 180.0, (6, 7)), (shuttered, 180.0, (7, 8)),
+        (dispersed, 0.22, (9, 12)), (dispersed, 0.22, (10, 13)), (shuttered, 180.0, (6, 7)), (shuttered, 180.0, (7, 8)),
     ],
 )  # fmt: skip
 def test_withheld_pixels_see_nothing_and_all_others_what_they_saw(tmp_path, make, saturation, size):

@@ -37,9 +37,9 @@ def register(
         shift: ROWS,COLUMNS of a pixel shutter that another capture told, for one whose patterns repeat.
         json: print JSON instead of text.
     """
-    from tmca.data import read_array
     from tmca.errors import SettingError
     from tmca.lab.real_captures import SingleDisperser, load_prototype, register_mask
+    from tmca.lab.real_captures.captures import read_plane
 
     found = load_prototype(prototype)
     if not isinstance(found, SingleDisperser):
@@ -48,8 +48,8 @@ def register(
     if mask is None:
         raise SettingError("--mask", "none", "the file of the mask")
     offsets = [round(found.pixels_per_band * band) for band in range(len(found.wavelengths_nm))]
-    values = [read_array(file, found.capture_key) for file in captures]
-    registration, deviation = register_mask(values, read_array(mask, found.mask_key), offsets, black=found.black)
+    values = [read_plane(file, found.capture_key) for file in captures]
+    registration, deviation = register_mask(values, read_plane(mask, found.mask_key), offsets, black=found.black)
     if json:
         print(json_module.dumps({**registration.model_dump(), "deviation": deviation}, indent=1))
         return
@@ -59,17 +59,17 @@ def register(
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:
-    from tmca.cli.options.numbers import numbers
+    from tmca.cli.options.numbers import pair
     from tmca.data import read_array
     from tmca.errors import SettingError
     from tmca.lab.real_captures import shutter_place
 
     if name not in prototype.captures:
         raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
-    known = None if shift is None else numbers(shift, "--shift")
-    if known is not None and (isinstance(known, float) or len(known) != 2):
-        raise SettingError("--shift", str(shift), "ROWS,COLUMNS")
-    whole = None if known is None else (round(known[0]), round(known[1]))
+    known = None if shift is None else pair(shift, "--shift")
+    if known is not None and not all(part.is_integer() for part in known):
+        raise SettingError("--shift", repr(shift), "whole ROWS,COLUMNS")
+    whole = None if known is None else (int(known[0]), int(known[1]))
     keys = prototype.captures[name]
     for file in captures:
         place = shutter_place(read_array(file, keys.capture_key), read_array(file, keys.shutter_key), known=whole)
@@ -90,8 +90,8 @@ def movie(
     decoder: str = "kriging",
     lifetime: float | None = None,
     changing: float | None = None,
-    weight: float = 0.005,
-    time: float = 2.0,
+    weight: float | None = None,
+    time: float | None = None,
     figure: Path | None = None,
     overwrite: Flag = False,
 ) -> None:
@@ -104,8 +104,8 @@ def movie(
         decoder: kriging (every pixel open within one frame, nothing displaced), or space-time-tv.
         lifetime: slots over which the scene changes; without it what foretells the capture's own pixels best (kriging).
         changing: share of the scene's variance that changes during the exposure, 0 to 1; likewise (kriging).
-        weight: of the total variation (space-time-tv).
-        time: of a difference between frames relative to one between pixels (space-time-tv).
+        weight: of the total variation, 0.005 without it (space-time-tv).
+        time: of a difference between frames relative to one between pixels, 2 without it (space-time-tv).
         figure: write a picture of some of them (PNG).
         overwrite: replace files that exist.
     """
@@ -118,7 +118,8 @@ def movie(
     check_figure(figure, overwrite, snapshot)
     check_targets([out], overwrite, snapshot)
     taken: Snapshot[Any] = Snapshot.load(snapshot)
-    found = decode_movie(taken, frames, decoder, lifetime=lifetime, changing=changing, weight=weight, time=time)
+    numbers = _numbers_of(decoder, lifetime=lifetime, changing=changing, weight=weight, time=time)
+    found = decode_movie(taken, frames, decoder, **numbers)
     write_dataset(frame_dataset(found, taken), out, overwrite=overwrite)
     if figure is not None:
         values = taken.values[0, 0].numpy()
@@ -128,6 +129,18 @@ def movie(
     if (scene := found.covariance) is not None:
         share = f"{scene.changing:.1%} of its variance within {scene.lifetime:g} slots"
         print(f"  the scene changes over {scene.length:g} pixels, {share}")
+
+
+def _numbers_of(decoder: str, **given: float | None) -> dict[str, Any]:
+    """The numbers that are given; SettingError if one of them is another decoder's."""
+    from tmca.errors import SettingError
+    from tmca.lab.real_captures.movie import MOVIE_NUMBERS
+
+    numbers = {name: value for name, value in given.items() if value is not None}
+    for name, value in numbers.items():
+        if decoder in MOVIE_NUMBERS and name not in MOVIE_NUMBERS[decoder]:
+            raise SettingError(f"--{name}", f"{value:g}", f"none for {decoder}")
+    return numbers
 
 
 @app.command

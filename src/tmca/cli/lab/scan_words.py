@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from tmca.cli.options.numbers import numbers, size
+from tmca.cli.options.output import warned
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
 
     from tmca.lab.spectral_scan import Comparison
     from tmca.lab.structured_light import FringePlan
+
+_FAR = 10.0
+"""Times by which a reference may be larger or smaller than the spectrum before it is told of."""
 
 
 def fringe_plan(projector: str, fringes: str, steps: int, across: Literal["x", "y"]) -> FringePlan:
@@ -37,6 +41,8 @@ def places(points: list[str]) -> dict[str, tuple[int, int]]:
             row, column = (int(part) for part in place.split(","))
         except ValueError:
             raise SettingError("--points", repr(point), "NAME=ROW,COLUMN, such as P1=28,38") from None
+        if name in found:
+            raise SettingError("--points", f"{name} twice", "each once", "name its references apart")
         found[name] = (row, column)
     return found
 
@@ -81,6 +87,10 @@ def said_spectra(measured: xr.Dataset, out: Path, json: bool) -> None:
 def said_comparison(compared: list[Comparison], json: bool) -> None:
     """A line per point."""
     rows = [one.row() for one in compared]
+    for one in compared:
+        if not 1 / _FAR < one.scale < _FAR:
+            times = f"{one.scale:.3g} times the spectrum (percent?)"
+            warned(f"{one.name}: the reference is {times}; the RMSE takes both as they are")
     if json:
         print(json_module.dumps(rows, indent=1))
         return

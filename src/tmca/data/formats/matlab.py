@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -82,12 +83,21 @@ def _variable_5(path: Path, name: str, shape: tuple[int, ...], kind: str) -> Sto
 
 
 def _load_5(path: Path, name: str) -> NDArray[Any]:
-    """The variable in its MATLAB class: a double that MATLAB packed as bytes on disk is still a double."""
+    """The variable in its MATLAB class: a double that MATLAB packed as bytes on disk is still a double.
+
+    Raises:
+        DataError: cut short, or complex: the reader would leave out the imaginary part.
+    """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
     try:
-        return np.asarray(loadmat(path, variable_names=[name], mat_dtype=True)[name])
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", np.exceptions.ComplexWarning)
+            return np.asarray(loadmat(path, variable_names=[name], mat_dtype=True)[name])
+    except np.exceptions.ComplexWarning:
+        found, remedy = f"complex values in {name}", "save its real part or its magnitude"
+        raise DataError(path, found, "real numbers", remedy) from None
     except (*_BROKEN, MatReadError) as error:
         raise _damaged(path, error) from error
 

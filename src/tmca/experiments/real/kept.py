@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import torch
@@ -33,15 +34,24 @@ def kept_estimate(
         (1, L, H, W) and seconds.
     """
     file = folder / f"{name}-{_input_digest(snapshot, decoder, weights)}.npz"
-    if file.exists():
-        with np.load(file) as stored:
-            return torch.from_numpy(stored["estimate"]), float(stored["seconds"])
+    known = _stored(file)
+    if known is not None:
+        return known
     start = time.process_time()
     estimate = decode_real(snapshot, decoder, weights).estimate.float()
     seconds = time.process_time() - start
-    with atomic_path(file) as part:
+    with atomic_path(file, overwrite=True) as part:
         np.savez(part, estimate=estimate.numpy(), seconds=seconds)
     return estimate, seconds
+
+
+def _stored(file: Path) -> tuple[Tensor, float] | None:
+    """What was computed before; None where there is no file, or one that is cut short."""
+    try:
+        with np.load(file) as stored:
+            return torch.from_numpy(stored["estimate"]), float(stored["seconds"])
+    except (OSError, EOFError, KeyError, ValueError, BadZipFile):
+        return None
 
 
 def _input_digest(snapshot: Snapshot[SpectralCamera], decoder: str, weights: Weights | None) -> str:

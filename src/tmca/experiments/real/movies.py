@@ -10,7 +10,7 @@ import numpy as np
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.experiments.real.merit import foretelling_error, neighbours_error, reprojection_error, withheld
-from tmca.lab.real_captures.movie import decode_movie, frame_operator
+from tmca.lab.real_captures.movie import Movie, decode_movie, frame_operator
 from tmca.metrics import psnr
 
 _HOW: dict[str, dict[str, Any]] = {
@@ -24,8 +24,6 @@ def study_movie(
     snapshot: Snapshot[SpectralCamera], frames: int = 16, told: Callable[[str], None] | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
     """Rows of the table and frames (F, H, W) of every decoder for one capture."""
-    operator, (blind, hidden) = frame_operator(snapshot.camera, frames), withheld(snapshot)
-    moving = moving_part(snapshot)
     rows, found = [], {}
     for method, how in _HOW.items():
         if told:
@@ -33,21 +31,22 @@ def study_movie(
         start = time.process_time()
         movie = decode_movie(snapshot, frames, **how)
         seconds = time.process_time() - start
-        guessed = decode_movie(blind, frames, **how).frames[None]
-        rows.append(
-            {
-                "decoder": method, "seconds": seconds,
-                "reprojection": reprojection_error(operator, movie.frames[None], snapshot.values),
-                "withheld": foretelling_error(operator, guessed, snapshot.values, hidden),
-                "withheld_moving": foretelling_error(operator, guessed, snapshot.values, hidden & moving),
-                "neighbours": neighbours_error(snapshot.values, hidden),
-                "neighbours_moving": neighbours_error(snapshot.values, hidden & moving),
-            }
-        )  # fmt: skip
+        rows.append({"decoder": method, "seconds": seconds, **_errors(snapshot, movie, frames, how)})
         found[method] = movie.frames[:, 0].numpy()
     for row in rows:
         row["agreement_psnr"] = float(psnr(*(np.clip(found[name], 0, 1) for name in ("kriging", "space-time-tv"))))
     return rows, found
+
+
+def _errors(snapshot: Snapshot[SpectralCamera], movie: Movie, frames: int, how: dict[str, Any]) -> dict[str, float]:
+    """What the frames explain of the capture, and those without some pixels foretell of these and of moving ones."""
+    operator, (blind, hidden) = frame_operator(snapshot.camera, frames), withheld(snapshot)
+    guessed, values = decode_movie(blind, frames, **how).frames[None], snapshot.values
+    errors = {"reprojection": reprojection_error(operator, movie.frames[None], values)}
+    for ending, part in (("", hidden), ("_moving", hidden & moving_part(snapshot))):
+        errors[f"withheld{ending}"] = foretelling_error(operator, guessed, values, part)
+        errors[f"neighbours{ending}"] = neighbours_error(values, part)
+    return errors
 
 
 def moving_part(snapshot: Snapshot[SpectralCamera]) -> Any:

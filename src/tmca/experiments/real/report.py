@@ -9,8 +9,9 @@ from typing import Any
 
 from tmca.data import make_folder
 from tmca.decoders import Weights
+from tmca.errors import SettingError
 from tmca.experiments.figures import save_figure
-from tmca.experiments.real.decoding import check_real_decoders
+from tmca.experiments.real.decoding import REAL_DECODERS, check_real_decoders
 from tmca.experiments.real.figures import geometry_figure, movie_figure, scene_figure
 from tmca.experiments.real.study import (
     SCENES,
@@ -78,6 +79,8 @@ def write_report(
         DataError, SettingError, OutputError: captures that are missing, decoders that cannot run, results that exist.
     """
     folder, files = captures_folder(data), report_files(out)
+    if not decoders:
+        raise SettingError("--decoders", "none", f"some of {', '.join(REAL_DECODERS)}")
     check_real_decoders(decoders, weights)
     check_new(files, overwrite)
     make_folder(keep)
@@ -134,6 +137,20 @@ def page(results: dict[str, Any], name: str) -> str:
 {_geometry_text(results["geometry"])}
 ![Light by displacement, and the mask's place]({name}_geometry.png)
 
+{_scenes_text(results)}
+{pictures}
+## Per-pixel shutter: wine that is poured
+
+256 slots, each pixel open in one of them; 16 frames of 16 slots each.
+
+{markdown_table(results["movies"], _MOVIE_COLUMNS)}
+![Frames behind the designed and the random code]({name}_wine.png)
+"""
+
+
+def _scenes_text(results: dict[str, Any]) -> str:
+    """Tables of decoders and of their agreement."""
+    return f"""\
 Errors are shares of the snapshot's norm. *Re-projection* is that of the whole estimate; *withheld pixels* is over 5 %
 of the sensor pixels of the 200 brightest rows, which the decoder was not shown; *mean of neighbours* is what the four
 pixels around them say without any decoder. CPU seconds are those of one whole capture of 660 × 714 pixels on one
@@ -143,15 +160,7 @@ thread.
 How far two decoders agree (PSNR over the brightest value, spectral angle where the scene is lit):
 
 {markdown_table(results["pairs"], _PAIR_COLUMNS)}
-{_network_text(results["network"])}
-{pictures}
-## Per-pixel shutter: wine that is poured
-
-256 slots, each pixel open in one of them; 16 frames of 16 slots each.
-
-{markdown_table(results["movies"], _MOVIE_COLUMNS)}
-![Frames behind the designed and the random code]({name}_wine.png)
-"""
+{_network_text(results["network"])}"""
 
 
 def _geometry_text(found: dict[str, Any]) -> str:

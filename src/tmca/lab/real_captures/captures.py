@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import checksum_of, read_array
 from tmca.errors import DataError, SettingError, TmcaError
-from tmca.lab.real_captures.noise import dark_noise
-from tmca.lab.real_captures.prototype import PixelShutter, SingleDisperser
+from tmca.lab.real_captures.plausible import check_capture, noise_of
+from tmca.lab.real_captures.prototype import CodedPair, PixelShutter, SingleDisperser
 from tmca.lab.real_captures.registration import registered
 from tmca.lab.real_captures.saturation import marked
 from tmca.lab.real_captures.shutter_place import overlapping
@@ -45,9 +45,10 @@ def import_capture(
         A snapshot whose values are in the package's units: 1 is one band of a white scene through open codes.
 
     Raises:
-        DataError: a file that does not hold what the prototype says, or of another size.
-        SettingError: a mask or a name that is missing, or given where none is used; pixels to be withheld where no
-            saturation is known.
+        DataError: a file that does not hold what the prototype says, or of another size; a capture that is dark,
+            saturated or in other numbers.
+        SettingError: a mask or a name that is missing, or given where none is used; an impossible noise; pixels to be
+            withheld where no saturation is known.
     """
     if isinstance(prototype, SingleDisperser):
         if mask is None or name is not None:
@@ -65,13 +66,13 @@ def _dispersed(
     capture: Path, prototype: SingleDisperser, mask: Path, noise: float | None
 ) -> tuple[Snapshot[SpectralCamera], Array]:
     """The snapshot, and the capture in its own numbers."""
-    values = _plane(capture, prototype.capture_key)
-    code = _plane(mask, prototype.mask_key)
+    values = read_plane(capture, prototype.capture_key)
+    code = read_plane(mask, prototype.mask_key)
     if code.min() < 0 or code.max() > 1:
         raise DataError(mask, f"a mask of {code.min():g} to {code.max():g}", "transmittances between 0 and 1")
     response = prototype.response_of_bands()
     code = registered(code, prototype.registration)
-    spread = noise if noise is not None else dark_noise(values)
+    spread = noise_of(values, noise, capture)
     unit = code.mean() * response.sum() / (prototype.white - prototype.black)
     sensor = Sensor(read_noise=spread * unit, full_well=prototype.full_well, saturates=False)
     try:
@@ -83,6 +84,7 @@ def _dispersed(
     except TmcaError as error:
         raise DataError(mask, f"a mask that makes no camera ({error})", "one of this prototype") from error
     _check_size(capture, values, camera)
+    check_capture(values, spread, prototype, capture)
     about = _notes(prototype, capture, spread, unit) | {
         "mask": str(mask), "mask_sha256": checksum_of(mask), "registration": prototype.registration.model_dump_json(),
         "response": str(prototype.response), "scene": prototype.scenes.get(capture.stem, capture.stem),
@@ -97,17 +99,10 @@ def _shuttered(
     if name not in prototype.captures:
         raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
     pair = prototype.captures[name]
-    values, patterns = _plane(capture, pair.capture_key), read_array(capture, pair.shutter_key)
-    if patterns.ndim != 3 or patterns.shape[:2] != values.shape:
-        found = f"{pair.shutter_key} of shape {patterns.shape}"
-        raise DataError(capture, found, f"({values.shape[0]}, {values.shape[1]}, slots)")
-    far = any(abs(s) >= n for s, n in zip(pair.shutter_shift, values.shape, strict=True))
-    if far or pair.first_slot >= patterns.shape[-1]:
-        found = f"first slot {pair.first_slot}, shift {pair.shutter_shift}"
-        raise DataError(capture, found, f"a place within its shutter of shape {patterns.shape}", "mend the description")
-    values, patterns = overlapping(values, np.roll(patterns, -pair.first_slot, axis=-1), pair.shutter_shift)
+    values, patterns = _overlap(capture, pair)
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
-    spread = noise if noise is not None else dark_noise(values)
+    spread = noise_of(values, noise, capture)
+    check_capture(values, spread, prototype, capture)
     unit = 1 / (prototype.white - prototype.black)
     camera = SpectralCamera(
         bands=[prototype.wavelength_nm * 1e-9], size=values.shape, slots=len(shutter), exposure="per-slot",
@@ -121,8 +116,29 @@ def _shuttered(
     return Snapshot(_tensor((values - prototype.black) * unit), camera, about), values
 
 
-def _plane(file: Path, key: str | None) -> Array:
-    values = np.squeeze(read_array(file, key)).astype(np.float64)
+def _overlap(capture: Path, pair: CodedPair) -> tuple[Array, NDArray[Any]]:
+    """The pixels (H, W) of a capture that its shutter covers, and the shutter's patterns (H, W, K) there in order."""
+    values, patterns = read_plane(capture, pair.capture_key), read_array(capture, pair.shutter_key)
+    if patterns.ndim != 3 or patterns.shape[:2] != values.shape:
+        found = f"{pair.shutter_key} of shape {patterns.shape}"
+        raise DataError(capture, found, f"({values.shape[0]}, {values.shape[1]}, slots)")
+    far = any(abs(s) >= n for s, n in zip(pair.shutter_shift, values.shape, strict=True))
+    if far or pair.first_slot >= patterns.shape[-1]:
+        found = f"first slot {pair.first_slot}, shift {pair.shutter_shift}"
+        raise DataError(capture, found, f"a place within its shutter of shape {patterns.shape}", "mend the description")
+    return overlapping(values, np.roll(patterns, -pair.first_slot, axis=-1), pair.shutter_shift)
+
+
+def read_plane(file: Path, key: str | None) -> Array:
+    """A picture (rows, columns) of real numbers.
+
+    Raises:
+        DataError: something else.
+    """
+    found = np.squeeze(read_array(file, key))
+    if found.dtype.kind not in "uifb":
+        raise DataError(file, f"{key or 'an array'} of type {found.dtype}", "real numbers", "save its values alone")
+    values = found.astype(np.float64)
     if values.ndim != 2 or not np.isfinite(values).all():
         raise DataError(file, f"{key or 'an array'} of shape {values.shape}", "a finite picture (rows, columns)")
     return values

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOVIE_METHODS = ("kriging", "space-time-tv")
+MOVIE_NUMBERS = {"kriging": ("lifetime", "changing"), "space-time-tv": ("weight", "time")}
+"""Numbers of `decode_movie` that each method takes."""
 
 
 @dataclass(frozen=True)

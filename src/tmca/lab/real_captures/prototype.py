@@ -13,10 +13,11 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.real_captures.registration import Registration
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Nanometres = Annotated[float, Field(gt=100, lt=100_000, allow_inf_nan=False)]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class _Prototype(_Strict):
@@ -64,7 +65,7 @@ class SingleDisperser(_Prototype):
     kind: Literal["single-disperser"]
     capture_key: str | None = None
     mask_key: str | None = None
-    wavelengths_nm: tuple[Positive, ...] = Field(min_length=2)
+    wavelengths_nm: tuple[Nanometres, ...] = Field(min_length=2)
     pixels_per_band: float
     response: Literal["flat", "bandwidth"] | tuple[Positive, ...] = "flat"
     digital_numbers: Positive | None = None
@@ -113,7 +114,7 @@ class PixelShutter(_Prototype):
 
     kind: Literal["pixel-shutter"]
     captures: dict[str, CodedPair] = Field(min_length=1)
-    wavelength_nm: Positive = 550.0
+    wavelength_nm: Nanometres = 550.0
 
 
 Prototype = Annotated[SingleDisperser | PixelShutter, Field(discriminator="kind")]

@@ -32,7 +32,7 @@ class Registration(BaseModel):
         blur: Gaussian standard deviation, pixels.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     scale: tuple[Factor, Factor] = (1.0, 1.0)
     shift: tuple[float, float] = (0.0, 0.0)
     blur: float = Field(default=0.0, ge=0)
@@ -151,11 +151,17 @@ def register_mask(
         least: share of a block that the mask has to explain.
 
     Raises:
-        DataError: fewer than eight blocks show the mask.
+        DataError: a mask of another size than the captures, or fewer than eight blocks that show it.
         SettingError: no captures.
     """
     if not captures:
         raise SettingError("captures", "none", "one or more")
+    wide = (mask.shape[0], mask.shape[1] + max(max(offsets), 0) - min(min(offsets), 0))
+    for capture in captures:
+        if capture.shape != wide:
+            found, wanted = ("×".join(map(str, size)) for size in (capture.shape, wide))
+            remedy = "give the mask of these captures"
+            raise DataError("captures", f"{found} pixels", f"{wanted}: the mask's and its bands' displacement", remedy)
     blocks = np.concatenate([block_shifts(one, mask, offsets, black=black, side=side) for one in captures])
     used = blocks[blocks[:, 3] >= least]
     if len(used) < 8:

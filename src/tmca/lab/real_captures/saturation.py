@@ -13,6 +13,8 @@ from tmca.lab.captured_notes import SATURATED
 
 PIXELS, WITHHELD = "saturated_pixels", "saturated_withheld"
 """Notes of an imported capture: how many pixels are saturated, and whether they were withheld (0 or 1)."""
+_MOST = 0.5
+"""Share of the pixels that may be saturated."""
 
 
 def without_pixels(snapshot: Snapshot[SpectralCamera], gone: Tensor) -> Snapshot[SpectralCamera]:
@@ -45,15 +47,18 @@ def marked(
 
     Raises:
         SettingError: pixels to be withheld, and no saturation known.
-        DataError: all of them are saturated.
+        DataError: more than half of them are saturated, or have the largest value of all where that is not known.
     """
+    gone = values >= (values.max() if saturation is None else saturation)
+    if withhold and saturation is not None and gone.all():
+        raise DataError(taken.notes["source"], f"nothing below the saturation of {saturation:g}", "some pixels")
+    if gone.mean() > _MOST:
+        found = f"{gone.mean():.0%} of the pixels saturated"
+        raise DataError(taken.notes["source"], found, f"{_MOST:.0%} at most", "expose for less time")
     if saturation is None:
         if withhold:
             remedy = "add it to the description"
             raise SettingError("--withhold-saturated", "no saturation in the prototype", "its value", remedy)
         return taken
-    gone = values >= saturation
-    if withhold and gone.all():
-        raise DataError(taken.notes["source"], f"nothing below the saturation of {saturation:g}", "some pixels")
     taken.notes |= {PIXELS: int(gone.sum()), SATURATED: float(gone.mean()), WITHHELD: int(withhold)}
     return without_pixels(taken, torch.from_numpy(gone)) if withhold else taken

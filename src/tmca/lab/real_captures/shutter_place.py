@@ -48,11 +48,15 @@ def shutter_place(
         known: shift, where another capture told it.
 
     Raises:
-        SettingError: pixels that open in none or several slots, or patterns of another size.
+        SettingError: pixels that open in none or several slots, patterns of another size, or a known shift as large.
         DataError: no shift stands out: nothing moves, or patterns that repeat (a lattice fits at many places).
     """
     if shutter.ndim != 3 or shutter.shape[:2] != values.shape or not (shutter.sum(-1) == 1).all():
         raise SettingError("shutter", f"patterns of shape {shutter.shape}", "(H, W, K), every pixel open in one slot")
+    if known is not None and any(abs(by) >= size for by, size in zip(known, values.shape, strict=True)):
+        raise SettingError(
+            "shift", f"{known[0]},{known[1]}", f"less than the capture's {'×'.join(map(str, values.shape))} pixels"
+        )
     slots, rest, count = shutter.argmax(-1), _fine_part(values), shutter.shape[-1]
     shift, lead = (known, np.inf) if known is not None else _best_shift(rest, slots, count, reach)
     return ShutterPlace(shift, seam_of(*overlapping(rest, slots, shift), count), lead)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import label, nm_to_metres
 from tmca.errors import DataError, SettingError
+from tmca.lab.spectral_scan.checks import check_reflectance
 from tmca.lab.spectral_scan.scan import Scan
 from tmca.lab.spectral_scan.spectra_files import read_spectra
 
@@ -33,8 +34,7 @@ def measure_reflectance(
     Args:
         scan: the frames.
         white_reflectance: ρ of the white reference, one number or one per band.
-        read_noise: standard deviation of a frame, digital numbers; that of the dark frames, where there are several,
-            without it.
+        read_noise: standard deviation of a frame, digital numbers; that of the dark frames without it.
         gain: digital numbers per electron, for shot noise; none without it.
 
     Returns:
@@ -43,19 +43,15 @@ def measure_reflectance(
         dark.
 
     Raises:
-        SettingError: an impossible noise or reflectance of the white.
-        DataError: no pixel is measured.
+        SettingError: an impossible noise or reflectance of the white; dark frames of floats without any noise, and none
+            given.
+        DataError: no pixel is measured, or most are brighter than white can be.
     """
     white = np.broadcast_to(np.asarray(white_reflectance, dtype=np.float64), scan.nm.shape)[:, None, None]
-    own = read_noise if read_noise is not None else scan.read_noise or 0.0
-    for name, value in (("read_noise", own), ("gain", gain)):
-        if not (np.isfinite(value) and value >= 0):
-            raise SettingError(name, repr(value), "a number from 0 up")
     if not ((white > 0) & (white <= 1.5)).all():
         raise SettingError("white_reflectance", f"{white.min():g} to {white.max():g}", "above 0, near 1")
-    above = scan.scene.values - scan.dark
-    range_ = scan.white.values - scan.dark
-    floor = own**2 + scan.scene.step**2 / 12
+    floor = _variance(scan, read_noise, gain)
+    above, range_ = scan.scene.values - scan.dark, scan.white.values - scan.dark
     counts = (scan.scene_frames, scan.white_frames)
     noise = [
         (floor + gain * np.maximum(light, 0)) / count[:, None, None]
@@ -69,7 +65,20 @@ def measure_reflectance(
         ratio = above / range_
         dark = floor / scan.dark_frames[:, None, None]
         std = white * np.sqrt(noise[0] + ratio**2 * noise[1] + (1 - ratio) ** 2 * dark) / np.abs(range_)
+    check_reflectance(white * ratio, quality == 0, scan.source)
     return _labelled(scan, white * ratio, std, quality)
+
+
+def _variance(scan: Scan, read_noise: float | None, gain: float) -> float:
+    """Of a frame without light; that of the dark frames where no ``read_noise`` is given."""
+    for name, value in (("read_noise", read_noise), ("gain", gain)):
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise SettingError(name, repr(value), "a number from 0 up")
+    own = scan.read_noise if read_noise is None else read_noise
+    floor = own**2 + scan.scene.step**2 / 12
+    if read_noise is None and not floor:
+        raise SettingError("read_noise", "none in the dark frames", "that of a frame (--read-noise)")
+    return float(floor)
 
 
 def white_of(given: str, nm: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
-from tmca.lab.frames import Frames, read_frames
+from tmca.lab.frames import Frames, check_distinct, read_frames
+from tmca.lab.real_captures.noise import dark_noise
+from tmca.lab.spectral_scan.checks import check_alike, check_light
 
 _NM = re.compile(r"(\d+(?:\.\d+)?) ?nm(?![a-z])", re.IGNORECASE)
 _SAME = 0.5
 """Nanometres by which a wavelength may differ from the one asked for."""
-_DARKEST = 5.0
-_SATURATED = 0.5
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Scan:
     """Scene and white ``(L, H, W)``, dark ``(L, H, W)`` or ``(1, H, W)``, in digital numbers; ``nm`` ``(L,)``.
 
     ``scene_frames``, ``white_frames`` ``(L,)`` and ``dark_frames`` ``(L,)`` or ``(1,)`` were averaged into each band;
-    ``read_noise`` is what the dark ones say of a frame's (one per wavelength: what differs from one to the next, but
-    for its mean), None of a single one.
+    ``read_noise`` is what the dark ones say of a frame's: what differs from one to the next (one per wavelength: but
+    for its mean), of a single one what differs between neighbouring pixels, where fixed patterns count too.
     """
 
     source: Path
@@ -38,7 +38,7 @@ class Scan:
     scene_frames: NDArray[np.int_]
     white_frames: NDArray[np.int_]
     dark_frames: NDArray[np.int_]
-    read_noise: float | None
+    read_noise: float
 
 
 def read_scan(
@@ -62,23 +62,23 @@ def read_scan(
         saturation: see `tmca.lab.frames.read_frames`.
 
     Raises:
-        DataError: missing frames, other wavelengths than those asked for or than the scene's, other sizes, a scene or
-            white that is mostly saturated, or a band without light.
+        DataError: missing frames, other wavelengths than those asked for or than the scene's, other sizes or types, a
+            scene or white that is mostly saturated, a band without light or with a scene below the dark, or frames that
+            are copies of each other.
         SettingError: frames of unknown wavelength and none given.
     """
     asked = None if wavelengths is None else np.asarray(metres_to_nm(np.asarray(wavelengths)))
     if asked is not None and (not asked.size or (np.diff(asked) <= 0).any()):
         raise SettingError("wavelengths", f"{asked.size} that do not ascend", "ascending wavelengths")
-    frames, nm, of_scene = _bands(read_frames(scene, saturation), asked)
-    bright, _, of_white = _bands(read_frames(white, saturation), nm)
-    black, count, noise = _dark(read_frames(dark, saturation), nm)
-    for other, shape in ((bright.source, bright.values.shape[1:]), (dark, black.shape[1:])):
-        if shape != frames.values.shape[1:]:
-            found, wanted = ("×".join(map(str, size)) for size in (shape, frames.values.shape[1:]))
-            raise DataError(other, f"frames of {found} pixels", f"{wanted} as the scene's", "capture them alike")
-    scan = Scan(Path(scene), nm, frames, bright, black, of_scene, of_white, count, noise)
-    _check_light(scan)
-    return scan
+    taken, bright, black = (read_frames(path, saturation) for path in (scene, white, dark))
+    check_alike(taken, bright, black)
+    frames, nm, of_scene = _bands(taken, asked)
+    whites, _, of_white = _bands(bright, nm)
+    below, count, noise = _dark(black, nm)
+    each = max(noise, frames.step / np.sqrt(12)) / np.sqrt([of_scene, of_white])
+    check_light(frames, whites, below, nm, each)
+    check_distinct(taken, bright)
+    return Scan(Path(scene), nm, frames, whites, below, of_scene, of_white, count, noise)
 
 
 def _bands(frames: Frames, asked: NDArray[np.float64] | None) -> tuple[Frames, NDArray[np.float64], NDArray[np.int_]]:
@@ -102,7 +102,7 @@ def _averaged(frames: Frames, band: NDArray[np.intp]) -> Frames:
     own = [np.flatnonzero(band == i) for i in range(band.max() + 1)]
     values = np.stack([frames.values[i].mean(axis=0, dtype=np.float64) for i in own]).astype(np.float32)
     saturated = np.stack([frames.saturated[i].any(axis=0) for i in own])
-    return Frames(frames.source, tuple(frames.names[i[0]] for i in own), values, saturated, frames.step)
+    return replace(frames, names=tuple(frames.names[i[0]] for i in own), values=values, saturated=saturated)
 
 
 def _counted(frames: Frames, asked: NDArray[np.float64] | None) -> tuple[Frames, NDArray[np.float64], NDArray[np.int_]]:
@@ -126,7 +126,7 @@ def _check_asked(source: Path, nm: NDArray[np.float64], asked: NDArray[np.float6
         raise DataError(source, " and ".join(parts), expected, "capture them, or ask for others with --wavelengths")
 
 
-def _dark(frames: Frames, nm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int_], float | None]:
+def _dark(frames: Frames, nm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int_], float]:
     """Dark frames, how many were averaged, and the noise of one."""
     if frames.saturated.mean() > 0.01:
         found = f"{frames.saturated.mean():.0%} of the dark pixels saturated"
@@ -137,21 +137,5 @@ def _dark(frames: Frames, nm: NDArray[np.float64]) -> tuple[NDArray[np.float64],
         spread = np.diff(dark, axis=0).std(axis=(1, 2)) / np.sqrt(1 / counts[1:] + 1 / counts[:-1])
         return dark, counts, float(np.median(spread))
     mean, count = frames.values.mean(axis=0, dtype=np.float64)[None], len(frames.names)
-    noise = float(np.sqrt(frames.values.var(axis=0, ddof=1).mean())) if count > 1 else None
-    return mean, np.array([count]), noise
-
-
-def _check_light(scan: Scan) -> None:
-    """Refuse scans that are mostly saturated, or bands in which even the white is dark."""
-    for frames in (scan.scene, scan.white):
-        share = frames.saturated.mean(axis=(1, 2))
-        if share.max() > _SATURATED:
-            found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
-            raise DataError(frames.source, found, f"{_SATURATED:.0%} at most", "expose for less time")
-    signal = np.median(scan.white.values - scan.dark, axis=(1, 2))
-    floor = _DARKEST * max(scan.read_noise or 0.0, scan.scene.step / np.sqrt(12)) / np.sqrt(scan.white_frames)
-    if (signal <= floor).any():
-        band = int((signal - floor).argmin())
-        found = f"a white of {signal[band]:.3g} above the dark at {scan.nm[band]:g} nm"
-        expected = f"more than {floor[band]:.3g}"
-        raise DataError(scan.white.source, found, expected, "expose for longer, or swap dark and white back")
+    noise = float(np.sqrt(frames.values.var(axis=0, ddof=1).mean())) if count > 1 else 0.0
+    return mean, np.array([count]), noise or dark_noise(frames.values[0])

@@ -115,16 +115,27 @@ def _lens(about: dict[str, Any], name: str, file: Path) -> Lens:
     part = about.get(name)
     if not isinstance(part, dict):
         raise DataError(file, f"no {name}", f"{name} with size, matrix, distortion")
-    height, width = (int(n) for n in _numbers(part, "size", (2,), file, name))
+    size = _numbers(part, "size", (2,), file, name)
+    if (size != np.round(size)).any():
+        raise DataError(file, f"{name}.size of {size[0]:g}×{size[1]:g} pixels", "whole pixels, [height, width]")
+    height, width = (int(n) for n in size)
     matrix = _numbers(part, "matrix", (3, 3), file, name)
     if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and height > 0 and width > 0):
         raise DataError(file, f"a {name} with a focal length or size that is not positive", "pixels above 0")
-    bent = np.zeros(5)
-    given = np.ravel(np.asarray(part.get("distortion", []), dtype=np.float64))
-    if given.size > 5 or not np.isfinite(given).all():
-        raise DataError(file, f"{given.size} numbers of distortion of the {name}", "k1, k2, p1, p2, k3")
-    bent[: given.size] = given
-    return Lens((height, width), matrix, bent)
+    return Lens((height, width), matrix, _distortion(part.get("distortion", []), file, name))
+
+
+def _distortion(given: Any, file: Path, name: str) -> Array:
+    """The five numbers of Brown's model; those that are not given are zero."""
+    expected, bent = "finite numbers k1, k2, p1, p2, k3", np.zeros(5)
+    try:
+        values = np.ravel(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError):
+        raise DataError(file, f"distortion {given!r} of the {name}", expected) from None
+    if values.size > 5 or not np.isfinite(values).all():
+        raise DataError(file, f"{values.size} numbers of distortion of the {name}", expected)
+    bent[: values.size] = values
+    return bent
 
 
 def _numbers(about: dict[str, Any], name: str, shape: tuple[int, ...], file: Path, of: str = "") -> Array:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import DataError
-from tmca.lab.frames import Frames, read_frames
+from tmca.lab.frames import Frames, check_distinct, read_frames
 from tmca.lab.structured_light.fringes import FringePlan
 from tmca.lab.structured_light.phase import Array, Phases
 from tmca.lab.structured_light.unwrap import rung_offsets
@@ -18,7 +18,9 @@ _SATURATED, _LIT = 0.5, 0.01
 """Shares of the pixels: more saturated, or fewer lit ones than these, and the capture is refused."""
 _CONTRAST = 8.0
 """A lit pixel's swing over the steps, in standard deviations of the noise."""
-_NO_COSINE = 0.3
+_NO_COSINE = 0.125
+"""Share of a pixel's variation over the steps that may be no cosine. A projector's gamma of 2.2 leaves 0.08, one of 2.6
+0.11, noise at the least contrast 0.01 of four steps; one of four steps that shows another's fringes 0.14 or more."""
 _AGREE, _TURNED = 0.5, 1.0
 """Frequencies in order agree on more than this (1 is all pixels alike), and to fewer radians."""
 
@@ -45,7 +47,7 @@ def read_capture(path: str | Path, plan: FringePlan, saturation: float | None = 
         saturation: see `tmca.lab.frames.read_frames`.
 
     Raises:
-        DataError: missing frames, too many of them, or more than half of the pixels saturated.
+        DataError: missing frames, too many of them, copies among them, or more than half of the pixels saturated.
     """
     frames = read_frames(path, saturation)
     chosen = _in_order(frames, plan)
@@ -55,6 +57,7 @@ def read_capture(path: str | Path, plan: FringePlan, saturation: float | None = 
         worst = frames.names[chosen[int(saturated.mean(axis=(1, 2)).argmax())]]
         found = f"{share:.0%} of the pixels saturated (most in {worst})"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
+    check_distinct(replace(frames, names=tuple(frames.names[i] for i in chosen), values=values))
     shape = (len(plan.fringes), plan.steps, *values.shape[1:])
     return Capture(Path(path), values.reshape(shape), np.asarray(saturated.any(axis=0)), frames.step)
 
@@ -75,6 +78,29 @@ def _in_order(frames: Frames, plan: FringePlan) -> list[int]:
     return list(range(len(wanted)))
 
 
+def check_light(capture: Capture, plan: FringePlan) -> None:
+    """Refuse frequencies of which a frame is dark, or lit by something else.
+
+    The steps of a frequency add up to the same light at every pixel, whichever frequency it is; a frame without light
+    takes a number-of-steps-th of the fringes' amplitude away.
+
+    Raises:
+        DataError: naming the frequency and the frame, where it is more than half of that.
+    """
+    inside, steps = ~capture.saturated, plan.steps
+    light = capture.values[:, :, inside].mean(axis=2, dtype=np.float64)
+    mean, amplitude = light.mean(axis=1), np.median(np.ptp(capture.values, axis=1)[:, inside].mean(axis=1)) / 2
+    if np.ptp(mean) <= amplitude / (2 * steps):
+        return
+    away = mean - np.median(mean)
+    worst = int(np.abs(away).argmax()) if len(mean) > 2 else int(mean.argmin())
+    dark = away[worst] < 0
+    frame = plan.names[worst * steps + int(light[worst].argmin() if dark else light[worst].argmax())]
+    of = f"light on frames of {plan.fringes[worst]} fringes than on others (look at {frame})"
+    found = f"{'less' if dark else 'more'} {of}"
+    raise DataError(capture.source, found, "the same light in all", _remedy(plan) + ", or capture them again")
+
+
 def lit_pixels(capture: Capture) -> NDArray[np.bool_]:
     """Pixels ``(H, W)`` whose light changes over the steps of every frequency, whatever their order.
 
@@ -91,18 +117,20 @@ def lit_pixels(capture: Capture) -> NDArray[np.bool_]:
 
 
 def _frame_noise(values: NDArray[np.float32]) -> float:
-    """Standard deviation of a frame's noise from the mean light of each frequency, which is the same in any order.
+    """Standard deviation of a frame's noise: the smaller of two estimates, each of which can only be too large.
 
-    Of one frequency alone, from second differences between neighbours.
+    One is from second differences between neighbours, where texture counts too; the other from the mean light of each
+    frequency, which is the same in any order but not where a frame is missing.
     """
     from scipy.stats import chi2
 
     frequencies, steps = values.shape[:2]
+    mixed = np.diff(np.diff(values[0, :2], axis=-1), axis=-2)
+    between = float(np.median(np.abs(mixed)) / 0.6745 / 2)
     if frequencies == 1:
-        mixed = np.diff(np.diff(values[0, :2], axis=-1), axis=-2)
-        return float(np.median(np.abs(mixed)) / 0.6745 / 2)
+        return between
     spread = values.mean(axis=1, dtype=np.float64).var(axis=0, ddof=1)
-    return float(np.sqrt(steps * np.median(spread) * (frequencies - 1) / chi2.median(frequencies - 1)))
+    return min(between, float(np.sqrt(steps * np.median(spread) * (frequencies - 1) / chi2.median(frequencies - 1))))
 
 
 def check_order(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray[np.bool_]) -> None:
@@ -114,15 +142,20 @@ def check_order(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray
     Raises:
         DataError: naming the frequency.
     """
-    remedy = f"put them in the order {plan.names[0]} … {plan.names[-1]}"
+    remedy = _remedy(plan)
     for count, misfit in zip(plan.fringes, phases.misfit, strict=True):
         if np.median(misfit[lit]) > _NO_COSINE:
             found = f"frames of {count} fringes of whose variation {np.median(misfit[lit]):.0%} is no cosine"
             raise DataError(capture.source, found, f"{plan.steps} steps in order", remedy)
     for count, mean in rung_offsets(phases, plan.fringes, lit & _clear(phases)):
         if abs(mean) < _AGREE or abs(np.angle(mean)) > _TURNED:
-            found = f"frames of {count} fringes that disagree with the coarser ones (by {np.angle(mean):.2f} rad)"
+            how = "from pixel to pixel" if abs(mean) < _AGREE else f"by {np.angle(mean):.2f} rad"
+            found = f"frames of {count} fringes that disagree with the coarser ones ({how})"
             raise DataError(capture.source, found, "steps and frequencies in order", remedy)
+
+
+def _remedy(plan: FringePlan) -> str:
+    return f"put them in the order {plan.names[0]} … {plan.names[-1]}"
 
 
 def _clear(phases: Phases) -> NDArray[np.bool_]:

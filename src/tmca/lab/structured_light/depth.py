@@ -9,7 +9,7 @@ import numpy as np
 from tmca.data import label_depth
 from tmca.errors import DataError, SettingError
 from tmca.lab.structured_light.calibration import Calibration, check_size
-from tmca.lab.structured_light.captures import Capture, check_order, lit_pixels
+from tmca.lab.structured_light.captures import Capture, check_light, check_order, lit_pixels
 from tmca.lab.structured_light.confidence import REASONS, Why, by_company, by_frequencies, by_light, by_range
 from tmca.lab.structured_light.fringes import FringePlan
 from tmca.lab.structured_light.phase import Array, Phases, measure_phases
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _IN_RANGE = 0.5
+_BEHIND = 0.1
+"""Share of the depths that may lie behind the camera. What it sees is in front; noise and fringes that are numbered
+wrongly take few pixels there, a phase that runs the wrong way a quarter to half of them."""
 
 
 def measure_depth(
@@ -56,7 +59,8 @@ def measure_depth(
 
     Raises:
         SettingError: an impossible setting, or a calibration of another size.
-        DataError: frames saturated, dark or in the wrong order, or a scene that is mostly out of range.
+        DataError: frames saturated, dark or in the wrong order, or a scene that is mostly out of range or partly behind
+            the camera.
     """
     if not 0 < near < far:
         raise SettingError("near, far", f"{near:g} to {far:g} m", "0 < near < far")
@@ -66,6 +70,7 @@ def measure_depth(
         raise SettingError("neighbours", str(neighbours), "0 to 8")
     check_size(calibration.camera, capture.values.shape[2:], capture.source, "frames")
     check_size(calibration.projector, plan.size, "fringes", "fringes")
+    check_light(capture, plan)
     lit = lit_pixels(capture)
     phases = measure_phases(capture.values, noise)
     # rounding to whole numbers is noise too, and all of it where there is no other
@@ -128,6 +133,11 @@ def _check_range(why: Why, found: Why, capture: Capture, depth: Array, ends: tup
         reasons = ", ".join(f"{int((why == i).sum())} {name}" for i, name in enumerate(REASONS) if (why == i).any())
         remedy = "give more light, or project frequencies that are closer together"
         raise DataError(capture.source, f"no pixel with a depth ({reasons})", "some", remedy)
+    behind = int((~np.isfinite(depth) & (why == 0)).sum())
+    if behind > _BEHIND * told:
+        found_text = f"{behind / told:.0%} of the depths behind the camera"
+        remedy = "check that steps do not run backwards, that frames are not mirrored, and the calibration"
+        raise DataError(capture.source, found_text, "a scene in front of it", remedy)
     if outside > _IN_RANGE * told:
         median = f" (median {np.nanmedian(depth):.3g} m)" if np.isfinite(depth).any() else ""
         remedy = "check the order of the frames and the calibration, or set near and far (--near, --far)"

@@ -96,7 +96,10 @@ def render_fringes(
 
     Raises:
         ShapeError: a depth map that is not a whole multiple of the camera's size.
+        SettingError: a noise that is no number of dB.
     """
+    if snr_db is not None and not snr_db > -np.inf:
+        raise SettingError("snr", f"{snr_db:g}", "dB, such as 30; inf for no noise")
     height, width = calibration.camera.size
     by = depth.shape[0] // height
     if depth.shape != (by * height, by * width) or albedo.shape != depth.shape or by < 1:
