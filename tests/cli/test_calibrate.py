@@ -52,6 +52,7 @@ def test_from_captures_to_a_reconstruction(capsys, bench):
     assert sensor["electrons_per_dn"] == pytest.approx(truth["gain"], rel=0.05)
     found = step(capsys, "registration", "bench/registration", *SHOWN, "--wavelength", "550", "--device", "40x45", *ON)
     assert found["corner_std_pixels"] < 0.02
+    assert found["mirrored"] == 0
     assert 1 / found["contrast_ratio"] == pytest.approx(1 / truth["contrast_ratio"], abs=1e-3)
     power = ("--power", "bench/source.csv")
     assert step(capsys, "dispersion", "bench/dispersion", *SHOWN, *power, *ON)["x_residual_pixels"] < 0.05
@@ -137,6 +138,45 @@ def test_bad_captures_are_refused_in_one_line_and_nothing_is_written(capsys, ben
     assert len(list(bench.parent.glob("*.nc"))) == 1
 
 
+def test_frames_of_other_steps_are_refused(capsys, bench):
+    assert "of saturation" in refused(capsys, "calibrate", "dark", "bench/dispersion", "--out", "rendered")
+    step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
+    flat = ("calibrate", "flat", "bench/flat", "--white", "bench/registration", *ON)
+    assert "from frame to frame" in refused(capsys, *flat)
+    frames = sorted((bench / "dark").iterdir())
+    for file, own in zip(sorted((bench / "timing").iterdir()), frames, strict=False):
+        shutil.copy(own, file)
+    assert "in the brightest pair of slots" in refused(capsys, "calibrate", "timing", "bench/timing", *ON)
+    shutil.copy(frames[0], frames[1])
+    assert "dark_01 equal to dark_00" in refused(capsys, "calibrate", "dark", "bench/dark", "--out", "x")
+    assert len(list(bench.parent.glob("*.nc"))) == 1
+
+
+def warned_by(capsys, *arguments):
+    """Standard error of a command that does its work."""
+    capsys.readouterr()
+    main([str(a) for a in arguments])
+    return capsys.readouterr().err
+
+
+def test_what_a_step_puts_in_doubt_is_said(capsys, bench):
+    step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
+    flat = ("calibrate", "flat", "bench/flat", "--white", "bench/white", *ON)
+    assert warned_by(capsys, *flat) == ""
+    assert "white is 12.4 times saturation" in warned_by(capsys, *flat, "--reflectance", "0.05")
+    again = ("calibrate", "registration", "bench/registration", *SHOWN, *ON, "--wavelength")
+    assert warned_by(capsys, *again, "550") == ""
+    assert step(capsys, "dispersion", "bench/dispersion", *SHOWN, *ON)["largest_misfit"] < 0.1
+    assert warned_by(capsys, *again, "550") == ""
+    said = warned_by(capsys, *again, "620")
+    assert said.count("\n") == 1
+    assert "measured against a registration at 550 nm" in said
+    other = refused(capsys, "reconstruct", "bench/snapshot.nc", "--calibration", "rendered", "--out", "x.nc")
+    assert "measure the dispersion again" in other
+    late = refused(capsys, "calibrate", "dispersion", "bench/dispersion", *SHOWN, *ON)
+    assert "light of 620 nm displaced by" in late
+
+
 def test_calibrations_of_other_cameras_or_before_the_codes_are_refused(capsys, bench):
     import xarray as xr
 
@@ -178,6 +218,9 @@ def test_views_and_points_are_measured_too(capsys, tmp_path, monkeypatch):
     assert Image.open(found["calibration"].replace(".nc", ".png")).width > 600
     assert "slots 0 to 1 of a spectral-depth camera" in refused(
         capsys, "calibrate", "psf", "spectral-depth/psf1", "--slot", "2", *how
+    )
+    assert "found a light-field camera, expected a spectral-depth one" in refused(
+        capsys, "calibrate", "psf", "spectral-depth/psf1", "--snapshot", "light-field/snapshot.nc", *how[2:]
     )
     (tmp_path / "spectral-depth" / "psf0" / "point_0.6m_550nm.png").unlink()
     assert "no capture at 0.6 m and 550 nm" in refused(capsys, "calibrate", "psf", "spectral-depth/psf0", *how)

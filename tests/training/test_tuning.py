@@ -221,6 +221,7 @@ def spoiled_truth(folder, change):
         (spoiled_truth, lambda v: v[0, 3].fill(np.nan), "second_truth.nc: found 32 NaN"),
         (spoiled_truth, lambda v: np.multiply(v, 3, out=v), "second_truth.nc: .*3 times as bright"),
         (spoiled_truth, lambda v: np.divide(v, 3, out=v), "second_truth.nc: .*0.33. times as bright"),
+        (spoiled_truth, lambda v: v[0, :2].fill(-0.5), "second_truth.nc: found 64 negative .*0 in the file$"),
         (spoiled_truth, lambda v: v.fill(0), "second_truth.nc: .* 0 times as bright"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
 import os
@@ -193,6 +194,13 @@ def plain(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     return str(value) if isinstance(value, Path) else value
+
+
+def content_digest(said: Mapping[str, Any], own: str) -> str:
+    """SHA-256 of what JSON says but for its entry ``own``, the digest itself, whatever its order and white space."""
+    others = {name: value for name, value in said.items() if name != own}
+    text = json.dumps(plain(others), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def write_dataset(obj: xarray.DataArray | xarray.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:

@@ -44,7 +44,7 @@ def measured(folder, export, camera, hardware, asked=None, known=None):
             continue
         how = {"hardware": hardware, "taken": 1000 * index, "whole": exposed_whole(manifest)}
         bench = find_device("simulated", camera=camera, scene=[], **how)
-        capture_step(step, export, bench, folder, camera, asked)
+        capture_step(step, export, bench, folder, camera, asked, bench={"driver": "simulated"})
     return list(measured_steps(folder, Calibration.empty(), known or Known(curve="measured")))[-1][1]
 
 

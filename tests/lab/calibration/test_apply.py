@@ -271,6 +271,36 @@ def test_calibrations_older_than_the_codes_are_refused():
         calibrated(camera, own, {"codes_date": "yesterday"})
 
 
+def against(told, now, shifts=(-1.0, 0.0, 2.0), waves=WAVES):
+    """A calibration whose registration was measured again, at another wavelength."""
+    settings = {} if told is None else {"registration_wavelength_m": told}
+    place = registered((8, 9), (8, 12), [[1, 0, 0], [0, 1, 1]], wavelength=now)
+    own = with_parts(registration=place)
+    return own.with_part("dispersion", dispersed(shifts, wavelengths=waves), {}, settings=settings)
+
+
+@pytest.mark.parametrize(
+    ("told", "now", "words"),
+    [
+        (550e-9, 650e-9, "against a registration at 550 nm, expected one against the registration at 650 nm"),
+        (550e-9, 552e-9, "against a registration at 550 nm"),
+        (None, 650e-9, "displaces light of 650 nm by 2.00 pixels"),
+    ],
+)
+def test_a_dispersion_holds_for_the_wavelength_that_was_registered(told, now, words):
+    camera = SpectralCamera(WAVES, (8, 9), 2, dispersion=[-1.0, 0.0, 2.0])
+    with pytest.raises(DataError, match=f"{words}.*measure the dispersion again"):
+        calibrated(camera, against(told, now))
+
+
+@pytest.mark.parametrize("told", [550e-9, None])
+def test_a_mask_that_was_registered_again_keeps_the_dispersion(told):
+    camera = SpectralCamera(WAVES, (8, 9), 2, dispersion=[-1.0, 0.0, 2.0])
+    moved = registered((8, 9), (8, 12), [[1, 0, 1], [0, 1, 2]])
+    found = calibrated(camera, against(told, 550e-9).with_part("registration", moved, {}))
+    assert found.dispersion == camera.dispersion
+
+
 def test_what_cannot_be_calibrated_is_said():
     dual = SpectralCamera(WAVES, (8, 9), 2, disperser="dual")
     with pytest.raises(SettingError, match="a single disperser"):

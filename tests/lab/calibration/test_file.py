@@ -74,7 +74,9 @@ def test_files_from_before_leaks_were_measured_are_read(tmp_path):
     older = read_dataset(path).drop_vars(newer)
     side, own = path.with_suffix(".json"), checksum_of(path)
     write_dataset(older, path, overwrite=True)
-    side.write_text(side.read_text().replace(own, checksum_of(path)))
+    # nor did they hold a digest of what the JSON says
+    about = {name: value for name, value in json.loads(side.read_text()).items() if name != "content_sha256"}
+    side.write_text(json.dumps(about).replace(own, checksum_of(path)))
     found = load_calibration(path)
     assert (found.part("registration").leakage, found.part("registration").closed_light) == (None, 0.0)
     assert found.part("registration").contrast_ratio == np.inf
@@ -132,6 +134,74 @@ def test_changed_or_halved_calibrations_are_refused(tmp_path):
         load_calibration(path)
 
 
+def json_of(tmp_path):
+    return whole().save(tmp_path / "cam").path.with_suffix(".json")
+
+
+@pytest.mark.parametrize("change", [
+    lambda about: about["steps"]["timing"].update(measured="2020-01-01T00:00:00+00:00"),
+    lambda about: about["camera"].update(name="another"),
+    lambda about: about["steps"]["flat"]["settings"].update(white_level=20000.0),
+    lambda about: about.update(created="2020-01-01T00:00:00+00:00"),
+])  # fmt: skip
+def test_what_the_json_says_is_not_to_be_edited(tmp_path, change):
+    side = json_of(tmp_path)
+    about = json.loads(side.read_text())
+    side.write_text(json.dumps(about))  # another order and white space say the same
+    load_calibration(tmp_path / "cam")
+    change(about)
+    side.write_text(json.dumps(about))
+    with pytest.raises(DataError, match=r"\.json: found a file that was changed"):
+        load_calibration(tmp_path / "cam")
+
+
+def gone(name):
+    return lambda about: about.pop(name)
+
+
+def of_timing(**entries):
+    return lambda about: about["steps"]["timing"].update(entries)
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (gone("data"), "no data"),
+    (gone("steps"), "no steps"),
+    (lambda about: about.update(steps=[]), r"steps \[\]"),
+    (lambda about: about["steps"].update(timing=3), "steps.timing 3"),
+    (lambda about: about["steps"]["timing"].pop("measured"), "no steps.timing.measured"),
+    (of_timing(measured="x"), "measured: found 'x', expected a date"),
+    (of_timing(sources=[3]), "sources without paths"),
+    (of_timing(residuals={"delay_slots": "late"}), "delay_slots 'late'"),
+    (of_timing(settings={"aperture_leakage": "much"}), "aperture_leakage 'much'"),
+    (lambda about: about.update(created="yesterday"), "created: found 'yesterday', expected a date"),
+    (lambda about: about["steps"]["flat"]["settings"].update(white_level="bright"), "'bright' in steps.flat"),
+    (lambda about: about["camera"].pop("codes"), "no camera.codes"),
+    (lambda about: about["camera"].update(sensor=[3, "x"]), "expected a name, and"),
+])  # fmt: skip
+def test_a_json_that_no_calibration_writes_is_refused(tmp_path, change, words):
+    side = json_of(tmp_path)
+    about = json.loads(side.read_text())
+    about.pop("content_sha256")
+    change(about)
+    side.write_text(json.dumps(about))
+    with pytest.raises(DataError, match=words) as found:
+        load_calibration(tmp_path / "cam")
+    assert str(side) in str(found.value)
+
+
+@pytest.mark.parametrize("text", ["[]", "null", "3", '"tmca calibration 1"', "{}"])
+def test_json_that_is_no_calibration_is_refused(tmp_path, text):
+    json_of(tmp_path).write_text(text)
+    with pytest.raises(DataError, match="expected 'tmca calibration 1'"):
+        load_calibration(tmp_path / "cam")
+
+
+def test_either_file_names_a_calibration_to_build_on(tmp_path):
+    side = json_of(tmp_path)
+    second = load_calibration(side).save(side)
+    assert find_calibration(tmp_path / "cam") == second.path
+
+
 def test_steps_of_two_sensors_do_not_mix():
     found = Calibration.empty("bench").with_part("dark", PARTS["dark"], {}, sensor=SIZE)
     with pytest.raises(DataError, match="sensor of 6×7 pixels in timing, expected 5×7 as before"):
@@ -166,6 +236,18 @@ def test_saturated_captures_and_other_sensors_are_refused(tmp_path):
     with pytest.raises(DataError, match="frames of 5×7 pixels, expected 5×9"):
         read_captures(folder, may_saturate=True, sensor=(5, 9))
     assert os.listdir(folder) == ["a_0.png"]
+
+
+def test_a_frame_that_repeats_another_is_refused(tmp_path):
+    noise = RNG.integers(900, 1100, (3, *SIZE))
+    read_captures(pictures(tmp_path / "own", {f"f_{i}": one for i, one in enumerate(noise)}))
+    stale = pictures(tmp_path / "stale", {"band_450nm": noise[0], "band_500nm": noise[1], "band_550nm": noise[0]})
+    with pytest.raises(DataError, match="band_550nm equal to band_450nm in every pixel"):
+        read_captures(stale)
+    # a sensor that is cut off at black or at its top has no noise to tell
+    for level in (0, 65535):
+        same = pictures(tmp_path / f"cut_{level}", {"a": np.full(SIZE, level), "b": np.full(SIZE, level)})
+        assert len(read_captures(same, may_saturate=True).values) == 2
 
 
 def test_frames_are_corrected_pixel_by_pixel_and_defects_filled():

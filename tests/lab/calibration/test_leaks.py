@@ -7,6 +7,7 @@ from PIL import Image
 
 from tmca.cameras import SpectralCamera
 from tmca.cameras.hardware import Hardware, imperfect
+from tmca.errors import DataError
 from tmca.lab.calibration.apply import calibrated
 from tmca.lab.calibration.calibration_file import Calibration, load_calibration
 from tmca.lab.calibration.patterns import calibration_patterns, write_patterns
@@ -49,6 +50,24 @@ def measured(folder, size, hardware):
     found = dark_step(Calibration.empty("bench"), pictures(folder / "dark", darks))
     found = registration_step(found, pictures(folder / "seen", seen), folder / "shown", wavelength=WAVE)
     return timing_step(found, pictures(folder / "timing", timing))
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_mirrored_mask_is_told(tmp_path, mirrored):
+    size = SIZES[0]
+    write_patterns(tmp_path / "shown", size)
+    rng = np.random.default_rng(0)
+    seen = {f"p_{i}": 400 + 9000 * one + rng.normal(0, 5, size) for i, one in enumerate(calibration_patterns(size))}
+    frames = {name: np.fliplr(one) if mirrored else one for name, one in seen.items()}
+    found = registration_step(Calibration.empty(), pictures(tmp_path / "seen", frames), tmp_path / "shown")
+    assert found.about["steps"]["registration"]["residuals"]["mirrored"] == mirrored
+
+
+def test_a_slot_is_captured_with_both_beside_it(tmp_path):
+    found = measured(tmp_path, SIZES[0], Hardware(delay=0.1))
+    (tmp_path / "timing" / "aperture_1_shutter_2.png").unlink()
+    with pytest.raises(DataError, match=r"no aperture_1_shutter_2, expected every slot .* with both beside it"):
+        timing_step(found, tmp_path / "timing")
 
 
 def left(camera, other, scene):

@@ -1,11 +1,14 @@
 """Dispersion, shear and wavefronts, found again from captures that plain physics made of hidden numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.calibration.measurements.dispersion import measure_dispersion
+from tmca.lab.calibration.measurements.displacement import displacement_of
 from tmca.lab.calibration.measurements.pattern_image import moved
 from tmca.lab.calibration.measurements.psf import measure_psf
 from tmca.lab.calibration.measurements.registration import Registration
@@ -81,6 +84,62 @@ def test_dispersion_refuses_what_cannot_be():
         found.at([400e-9])
 
 
+def test_without_a_curve_displacements_still_go_one_way():
+    frames, swapped = displaced(glass(NM)), [0, 3, 2, 1, 4]
+    found = measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED, curve="measured")
+    assert np.isnan(found.residual).all()
+    for how in ({"curve": "measured"}, {"order": 4}, {"curve": "polynomial", "order": 4}):
+        with pytest.raises(DataError, match=r"turn back by \d\.\d+ pixels from \d+ nm to"):
+            measure_dispersion(frames[swapped], NM * 1e-9, PATTERN, REGISTERED, **how)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_few_wavelengths_need_no_curve(count):
+    frames = displaced(glass(NM))[:count]
+    found = measure_dispersion(frames, NM[:count] * 1e-9, PATTERN, REGISTERED, curve="measured")
+    assert np.abs(found.at(NM[:count] * 1e-9) - glass(NM[:count])).max() < 0.02
+
+
+def test_a_curve_through_every_wavelength_leaves_nothing_that_is_known():
+    frames = displaced(glass(NM))
+    found = [measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED, order=order) for order in (3, 4)]
+    assert [bool(np.isfinite(one.residual).all()) for one in found] == [True, False]
+
+
+def test_light_that_was_registered_is_not_displaced():
+    frames = displaced(glass(NM))
+    found = measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED)
+    assert [found.off_reference(nm * 1e-9) for nm in (550, 545, 440, 700)] == [None] * 4
+    assert found.off_reference(620e-9) == pytest.approx(glass(np.array([620.0]))[0, 1], abs=0.1)
+
+
+@pytest.mark.parametrize("share", [(0.7, 0.0), (0.5, 0.3), (0.3, 0.1)])
+def test_a_shift_shared_out_between_pixels_is_found_by_its_centre(share):
+    """As a simulated bench displaces: first the mask, which is registered, then the light, each between two pixels."""
+    first, second = share
+    seen = seen_by_rays(PATTERN[None], moved(REGISTERED.matrix, (0.0, 1.0)), SENSOR)[0]
+    mask = (1 - first) * seen + first * np.roll(seen, 1, axis=1)
+    known = replace(REGISTERED, matrix=moved(REGISTERED.matrix, (0.0, 1.0 + first)), blur=np.sqrt(first * (1 - first)))
+    light = (1 - second) * mask + second * np.roll(mask, 1, axis=1)
+    found = displacement_of(1000 * light, PATTERN, known)
+    assert np.abs(found.shift - (0, second)).max() < 0.035
+
+
+def test_light_that_ends_before_the_mask_displaces_nothing():
+    frame = 1000 * seen_by_rays(PATTERN[None], REGISTERED.matrix, SENSOR)[0]
+    left = int(np.flatnonzero(frame.sum(axis=0) > 0)[0])
+    frame[:, left : left + 2] = 0
+    assert np.abs(displacement_of(frame, PATTERN, REGISTERED).shift).max() < 5e-3
+
+
+def test_the_deviation_of_a_shift_is_that_of_many_captures():
+    clean = displaced([(0.3, 1.2)], snr=300)[0]
+    noise = 20 * np.random.default_rng(0).standard_normal((12, *SENSOR))
+    found = [displacement_of(clean + one, PATTERN, REGISTERED) for one in noise]
+    spread = np.std([one.shift for one in found], axis=0, ddof=1)
+    assert np.mean([one.std for one in found], axis=0) == pytest.approx(spread, rel=0.6)
+
+
 VIEWS = [(v, u) for v in (-1, 0, 1) for u in (-2, 0, 2)]
 
 
@@ -95,6 +154,13 @@ def test_shear_is_found_again_to_a_fiftieth_of_a_pixel_per_view(step):
     lit = found.vignetting((3, 5))
     assert lit[0, 1] == 1
     assert lit[0, 0] == pytest.approx(0.75, abs=0.01)
+
+
+def test_shear_does_not_depend_on_where_the_mask_was_registered():
+    frames = displaced([(-0.9 * v, -1.1 * u) for v, u in VIEWS])
+    elsewhere = replace(REGISTERED, matrix=moved(REGISTERED.matrix, (0.6, -0.8)), wavelength=620e-9)
+    own, other = (measure_shear(frames, VIEWS, PATTERN, known).step for known in (REGISTERED, elsewhere))
+    assert np.abs(own - other).max() < 5e-3
 
 
 def test_shear_refuses_views_that_are_mixed_up():

@@ -78,6 +78,16 @@ def test_dark_and_flat_refuse_what_they_are_not():
         measure_dark(mixed)
 
 
+def test_dark_frames_with_changing_light_are_refused():
+    with pytest.raises(DataError, match="of saturation, expected read noise"):
+        measure_dark(frames(0.0, 8) + 12000 * np.random.default_rng(0).integers(2, size=(8, *SIZE)), top=65535)
+    lamp = frames(0.0, 8) + np.linspace(0, 400, 8)[:, None, None]
+    with pytest.raises(DataError, match="times the noise of a pixel, expected 10 times"):
+        measure_dark(lamp, top=65535)
+    warm = frames(0.0, 8) + np.linspace(0, 4 * READ, 8)[:, None, None]
+    assert measure_dark(warm, top=65535).noise < 3 * READ
+
+
 def series(times, bend=0.0, top=65535, count=2):
     """(E, N, H, W) at 30000 electrons a second; ``bend`` of the signal is lost at 2 s."""
     clean = [30000 * t * (1 - bend * t / 2) for t in times]
@@ -210,6 +220,35 @@ def test_two_slots_give_the_explanation_of_least_leakage():
     # late and early are the same where two slots repeat
     assert (again.repeats, abs(again.delay), again.leakage) == pytest.approx((True, 0.2, 0.0), abs=2e-3)
     assert np.isnan(alone.std).all()
+
+
+def seen_levels(slots, delay=0.1566):
+    levels = 8000 * followed(slots, delay, 1.0, 0.003, 0.011, False)
+    return levels + np.random.default_rng(0).standard_normal(levels.shape)
+
+
+@pytest.mark.parametrize("slots", [2, 3, 4, 8])
+@pytest.mark.parametrize("turned", [lambda one: one[::-1], lambda one: one[:, ::-1]])
+def test_slots_in_reverse_order_are_refused(slots, turned):
+    with pytest.raises(DataError, match=r"no delay explains|slots from the aperture"):
+        measure_timing(turned(seen_levels(slots)))
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("slots", [2, 3, 4])
+def test_a_shutter_that_never_closes_has_no_timing(slots, seed):
+    levels = 8000 * (1 + 0.01 * np.random.default_rng(seed).standard_normal((slots, slots)))
+    with pytest.raises(DataError, match="does the shutter close"):
+        measure_timing(levels)
+
+
+def test_as_many_levels_as_numbers_tell_nothing():
+    levels = seen_levels(4)
+    with pytest.raises(SettingError, match="4 levels that are known, expected 5 or more"):
+        measure_timing(np.where(np.eye(4) > 0, levels, np.nan))
+    near = np.where(np.abs(np.subtract.outer(range(4), range(4))) <= 1, levels, np.nan)
+    found = measure_timing(near, aperture_leakage=0.003)
+    assert (found.delay, found.leakage) == pytest.approx((0.1566, 0.011), abs=1e-3)
 
 
 def test_levels_that_no_delay_explains_are_refused():

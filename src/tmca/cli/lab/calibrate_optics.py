@@ -113,14 +113,9 @@ def psf(captures: Path, /, *, snapshot: Path, slot: Whole = 0, how: CalibrationO
         snapshot: a snapshot file of the camera: its bench, and the heights that were asked for.
         slot: whose mask was shown, counted from 0.
     """
-    from tmca.cameras import Snapshot, SpectralDepthCamera
-    from tmca.errors import DataError
-    from tmca.lab.calibration.steps.psf import psf_step
+    from tmca.lab.calibration.steps.psf import phase_mask_camera, psf_step
 
-    camera = Snapshot.load(snapshot).camera
-    if not isinstance(camera, SpectralDepthCamera) or not 0 <= slot < camera.slots:
-        known = f"slots 0 to {camera.slots - 1} of a spectral-depth camera"
-        raise DataError(snapshot, f"slot {slot} of a {camera.application} camera", known)
+    camera = phase_mask_camera(snapshot, slot)
     nominal = camera.codes()[0][slot].detach().double().numpy()
     found = psf_step(
         started(how), captures, camera.bench, slot=slot, nominal=nominal, saturation=how.saturation, source=snapshot

@@ -93,14 +93,18 @@ def started(how: CalibrationOptions) -> Calibration:
 
 def finished(calibration: Calibration, part: str, how: CalibrationOptions) -> None:
     """Save, draw and say what a step measured."""
+    from tmca.cli.options.output import warned
     from tmca.experiments.figures import save_figure
     from tmca.lab.calibration.figures import part_figure
+    from tmca.lab.calibration.remarks import remarks
 
     saved = calibration.save(how.prefix)
     if how.figures and saved.path is not None:
         figure = part_figure(saved.part(part), saved.path.stem, saved.part(part.replace("wavefront", "psf")))
         save_figure(figure, saved.path.with_suffix(".png"))
     residuals = saved.about["steps"][part]["residuals"]
+    for line in remarks(saved, part):
+        warned(line)
     if how.json:
         print(json_module.dumps({"calibration": str(saved.path), "step": part, **plain_numbers(residuals)}, indent=1))
         return

@@ -121,7 +121,7 @@ def _true_cube(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
     from tmca.data import nearest_bands
     from tmca.experiments.scenes import load_scene
 
-    cube = load_scene(path, bands=None)
+    cube = load_scene(path, bands=None, negative="keep")
     check_size(path, cube, taken.camera.size)
     check_scale(path, cube)
     return np.asarray(nearest_bands(cube, taken.camera.wavelengths).values, dtype=np.float32)[None]
@@ -140,6 +140,9 @@ def check_scale(where: Path, scene: xr.DataArray) -> None:
     if scene.attrs.get("scale_from") == "maximum":
         found = f"values up to {float(scene.attrs.get('scale', np.nan)):g}"
         raise DataError(where, found, "relative irradiance from 0 to 1", "divide it by the level of white")
+    if count := int((scene.values < 0).sum()):
+        found = f"{count} negative value{'s' if count > 1 else ''}, down to {float(scene.min()):.3g}"
+        raise DataError(where, found, "relative irradiance from 0 to 1", "set them to 0 in the file")
 
 
 def _true_views(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import nm_to_metres
 from tmca.errors import DataError
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.measurements.dispersion import Curve
 from tmca.lab.calibration.steps.optics import dispersion_step, registration_step, shear_step, timing_step
-from tmca.lab.calibration.steps.psf import psf_step
+from tmca.lab.calibration.steps.psf import phase_mask_camera, psf_step
 from tmca.lab.calibration.steps.sensor import dark_step, flat_step, linearity_step
 from tmca.lab.codes_date import CAPTURES
 from tmca.lab.devices.captures import read_captures
@@ -129,9 +128,7 @@ def _psf(found: Calibration, place: Path, slot: int, known: Known) -> Calibratio
     folder = place / f"psf{slot}"
     if known.camera is None:
         raise DataError(folder, "points, and no camera", "a snapshot file that says its masks", "name it: --snapshot")
-    camera = Snapshot.load(known.camera).camera
-    if not isinstance(camera, SpectralDepthCamera) or slot >= camera.slots:
-        raise DataError(known.camera, f"a {camera.application} camera", f"a spectral-depth one with slot {slot}")
+    camera = phase_mask_camera(known.camera, slot)
     nominal = camera.codes()[0][slot].detach().double().numpy()
     return psf_step(
         found, folder, camera.bench, slot=slot, nominal=nominal, saturation=known.saturation,

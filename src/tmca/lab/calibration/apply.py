@@ -14,13 +14,13 @@ from tmca.lab.calibration.measured_cameras import (
     spectral_camera,
     spectral_depth_camera,
 )
+from tmca.lab.calibration.order import check_order
 from tmca.lab.calibration.sensor_scale import captured_sensor, from_digital_numbers, measured_sensor
 from tmca.lab.captured_notes import AVERAGED, GAIN, WHITE
 from tmca.lab.codes_date import CODES_DATE, parsed_date
 
 RAW = "digital numbers"
 """Attribute ``values`` of a snapshot that is not yet relative irradiance."""
-_SAME_LEAKAGE = 2e-3
 _OTHERS = {
     "spectral": ("shear", "wavefront"),
     "light-field": ("dispersion", "wavefront"),
@@ -38,8 +38,8 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         notes: of a snapshot; ``camera_name`` and ``codes_date`` (ISO 8601) are checked where they are there.
 
     Raises:
-        DataError: another name, sensor, mask or kind of camera, a calibration before the date of the codes, or a timing
-            that was measured before the registration of a mask that leaks.
+        DataError: another name, sensor, mask or kind of camera, a calibration before the date of the codes, or see
+            `tmca.lab.calibration.order.check_order`.
     """
     own, said = calibration.about["camera"], notes or {}
     if own.get("name") and said.get("camera_name") and own["name"] != said["camera_name"]:
@@ -54,22 +54,8 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         if own.get(what) and tuple(own[what]) != size:
             found, known = ("×".join(map(str, n)) for n in (own[what], size))
             _refuse(calibration, f"{what} of {found} pixels", f"{known}, those of the snapshot's camera")
-    _check_order(calibration)
+    check_order(calibration)
     _check_date(calibration, said.get(CODES_DATE))
-
-
-def _check_order(calibration: Calibration) -> None:
-    """Refuse a timing that took what the mask leaks for the shutter's, for no registration had told of it."""
-    registration, timing = calibration.part("registration"), calibration.about["steps"].get("timing", {})
-    told = timing.get("settings", {}).get("aperture_leakage")
-    if told is None or registration is None or registration.leakage is None:
-        return
-    if abs(registration.closed_light - told) <= _SAME_LEAKAGE:
-        return
-    found = f"a timing for a mask that leaks {told:.2%}"
-    expected = f"one for {registration.closed_light:.2%}, as the registration found since"
-    remedy = "measure the timing again: tmca calibrate timing … --onto it"
-    raise DataError(calibration.where, found, expected, remedy)
 
 
 def _refuse(calibration: Calibration, found: str, expected: str) -> None:

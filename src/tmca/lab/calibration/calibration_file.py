@@ -5,7 +5,6 @@ Files are never changed: every step writes a new pair, which holds the steps bef
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 from tmca.data import check_target, checksum_of, read_dataset, write_dataset, write_json
 from tmca.errors import DataError
 from tmca.lab.calibration.parts import KINDS, from_variables, kind_of, to_variables
-from tmca.lab.codes_date import date_of_frames
+from tmca.lab.calibration.stated import FORMAT, read_stated, sealed
+from tmca.lab.codes_date import date_of_frames, parsed_date
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FORMAT = "tmca calibration 1"
 _SENSOR_ALONE = ("dark", "flat", "linearity")
 _STAMP = re.compile(r"_\d{4}-\d{2}-\d{2}T\d{6}(-\d+)?$")
 
@@ -58,13 +57,13 @@ class Calibration:
     def created(self) -> datetime | None:
         """When it was written; None before."""
         stated = self.about.get("created")
-        return None if stated is None else datetime.fromisoformat(str(stated))
+        return None if stated is None else parsed_date(stated, self.where)
 
     @property
     def codes_seen(self) -> datetime | None:
         """When the oldest step was measured that shows codes or masks; when it was written where there is none."""
         own = {kind: about for kind, about in self.about["steps"].items() if kind_of(kind) not in _SENSOR_ALONE}
-        dates = [datetime.fromisoformat(str(about["measured"])) for about in own.values() if "measured" in about]
+        dates = [parsed_date(about["measured"], self.where) for about in own.values() if "measured" in about]
         return min(dates, default=self.created)
 
     def with_part(
@@ -130,7 +129,7 @@ class Calibration:
         now = _now()
         path = _free(Path(prefix), now)
         write_dataset(self._dataset(), path)
-        stated = {
+        about = {
             "format": FORMAT,
             "created": now.isoformat(),
             "tmca_version": __version__,
@@ -139,6 +138,7 @@ class Calibration:
             "data": {"file": path.name, "sha256": checksum_of(path)},
             "steps": self.about["steps"],
         }
+        stated = sealed(about)
         write_json(stated, path.with_suffix(".json"))
         return Calibration(self.parts, stated, path)
 
@@ -159,13 +159,18 @@ def _now() -> datetime:
 
 def _free(prefix: Path, now: datetime) -> Path:
     """A name that no calibration has."""
-    base = prefix.with_name(f"{_STAMP.sub('', prefix.name.removesuffix('.nc'))}_{now:%Y-%m-%dT%H%M%S}")
+    base = prefix.with_name(f"{_STAMP.sub('', _stem(prefix.name))}_{now:%Y-%m-%dT%H%M%S}")
     path, number = Path(f"{base}.nc"), 1
     while path.exists() or path.with_suffix(".json").exists():
         number += 1
         path = Path(f"{base}-{number}.nc")
     check_target(path)
     return path
+
+
+def _stem(name: str) -> str:
+    """A name without the suffix of either file of a calibration."""
+    return name.removesuffix(".nc").removesuffix(".json")
 
 
 def find_calibration(path: str | Path) -> Path:
@@ -192,25 +197,10 @@ def load_calibration(path: str | Path) -> Calibration:
         DataError: no calibration, one of the two files missing, or changed since it was written.
     """
     path = find_calibration(path)
-    about = _stated(path.with_suffix(".json"), path)
+    about = read_stated(path.with_suffix(".json"), path)
     if about["data"].get("sha256") != checksum_of(path):
         remedy = "take an unchanged copy; a calibration is never edited, a step is measured again"
         raise DataError(path, "a file that was changed after it was written", "the one that its JSON tells of", remedy)
     data = read_dataset(path)
     parts = {name: from_variables(name, data, path) for name in about["steps"] if kind_of(name) in KINDS}
     return Calibration(parts, about, path)
-
-
-def _stated(file: Path, data: Path) -> dict[str, Any]:
-    try:
-        about = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(data, f"no {file.name} beside it", "both files of a calibration", "copy both") from None
-    except (OSError, ValueError) as error:
-        raise DataError(file, f"no JSON ({error})", "that of a calibration", "take an unchanged copy") from error
-    needed = {"camera": dict, "steps": dict, "data": dict, "created": str}
-    if about.get("format") != FORMAT or not all(isinstance(about.get(k), kind) for k, kind in needed.items()):
-        raise DataError(file, f"format {about.get('format')!r}", repr(FORMAT), "write it with tmca calibrate")
-    if missing := {"name", "sensor", "codes"} - about["camera"].keys():
-        raise DataError(file, f"a camera without {min(missing)}", "what was written", "take an unchanged copy")
-    return dict(about)

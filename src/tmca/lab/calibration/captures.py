@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
@@ -16,6 +18,7 @@ from tmca.lab.codes_date import CAPTURES
 from tmca.lab.frames import Frames, read_frames
 
 _SATURATED = 0.01
+_CLIPPED = 0.01
 
 VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
 SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
@@ -40,10 +43,11 @@ def read_captures(
         sensor: (H, W) they have to have.
 
     Raises:
-        DataError: no frames, another size, frames that are missing, changed or in another's place, or one more than a
-            hundredth of which is saturated.
+        DataError: no frames, another size, frames that are missing, changed or in another's place, one more than a
+            hundredth of which is saturated, or one that repeats another value by value.
     """
-    frames = read_frames(path, _kept_saturation(Path(path)) if saturation is None else saturation)
+    kept = _kept(Path(path))
+    frames = read_frames(path, kept.get("saturation") if saturation is None else saturation)
     size = frames.values.shape[1:]
     if sensor is not None and tuple(sensor) != size:
         found, known = ("×".join(map(str, n)) for n in (size, sensor))
@@ -52,16 +56,38 @@ def read_captures(
     if not may_saturate and share.max() > _SATURATED:
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
+    if kept.get("driver") != "simulated":
+        _check_repeated(frames)
     return frames
 
 
-def _kept_saturation(path: Path) -> float | None:
-    """Of the bench whose frames, checked, are in a folder."""
+def _kept(path: Path) -> dict[str, Any]:
+    """What the bench whose frames, checked, are in a folder was taken with; nothing of other frames."""
     if not (path / CAPTURES).is_file():
-        return None
+        return {}
     from tmca.lab.devices.captures import read_captures as kept_captures
 
-    return float(kept_captures(path)["taken_with"]["saturation"])
+    return dict(kept_captures(path)["taken_with"])
+
+
+def _check_repeated(frames: Frames) -> None:
+    """Raises DataError for a frame that is another one, value by value: a sensor's noise never repeats.
+
+    Frames that are clipped to one value but for a hundredth of their pixels may: dark ones of 8 bits, saturated ones.
+    """
+    seen: dict[bytes, str] = {}
+    for name, values in zip(frames.names, frames.values, strict=True):
+        first = seen.setdefault(sha256(values.tobytes()).digest(), name)
+        if first != name and _alive(values, frames.top) > _CLIPPED:
+            found = f"{name} equal to {first} in every pixel"
+            remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
+            raise DataError(frames.source, found, "frames that differ by their noise", remedy)
+
+
+def _alive(values: NDArray[np.float32], top: float) -> float:
+    """Share of the pixels that are neither saturated nor of the commonest value."""
+    found, counts = np.unique(values[values < top], return_counts=True)
+    return float(counts.sum() - counts.max()) / values.size if len(found) else 0.0
 
 
 def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[float, ...]]:

@@ -96,7 +96,8 @@ def _dispersion(axes: Any, part: MeasuredDispersion) -> None:
     axes[0].plot(nm, part.shifts[:, 0], "s", color="0.5", markersize=4, label="along y")
     axes[0].plot(fine * 1e9, part.at(fine), color=_RED, linewidth=1)
     axes[0].legend(fontsize=_SMALL)
-    title = f"{part.curve} curve leaves {part.residual[1]:.3f} px rms"
+    known = np.isfinite(part.residual[1])
+    title = f"{part.curve} curve {f'leaves {part.residual[1]:.3f} px rms' if known else 'through all of them'}"
     _named(axes[0], title, "wavelength (nm)", "displacement (sensor pixels)")
     axes[1].plot(nm, part.response, "o-", color=_BLUE)
     axes[1].set_ylim(0)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Any
 
-from tmca.data import plain
+from tmca.data import content_digest
 from tmca.errors import DataError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 
@@ -64,16 +64,9 @@ def shown_files(files: Sequence[Path], folder: Path, timing: Timing, trigger: di
     ]
 
 
-def content_digest(manifest: Mapping[str, Any]) -> str:
-    """SHA-256 of what a manifest says but for its own digest, whatever the order and the white space of its JSON."""
-    said = plain({name: value for name, value in manifest.items() if name != DIGEST})
-    text = json.dumps(said, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def sealed(manifest: dict[str, Any]) -> dict[str, Any]:
     """A manifest with its own digest."""
-    return manifest | {DIGEST: content_digest(manifest)}
+    return manifest | {DIGEST: content_digest(manifest, DIGEST)}
 
 
 def read_manifest(folder: str | Path) -> dict[str, Any]:
@@ -91,7 +84,7 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
-    if DIGEST in found and found[DIGEST] != content_digest(found):
+    if DIGEST in found and found[DIGEST] != content_digest(found, DIGEST):
         raise DataError(file, "a manifest that was changed after the export", f"that of its {DIGEST}", "export again")
     _check_planes(found, file)
     return found

@@ -9,14 +9,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.measurements.limits import beyond
 
 HOT, DEAD = 1, 2
 """Values of ``defects``: hot or noisy in the dark, and of a response far from the others'."""
+ROUNDING = 0.3
+"""Digital numbers of noise that rounding makes of none."""
 _OUTLIER = 8.0
 _DEAD = (0.5, 1.5)
 _ORDER = 4
 _BRIGHT = 0.25
 """Share of saturation above which frames are no dark ones."""
+_NOISY = 0.05
+"""Share of saturation above which dark frames differ by more than read noise: no flat field below saturation would be
+ten times as bright."""
+_DRIFT = 10.0
+"""Noise of a pixel by which the levels of dark frames may differ: those of a sensor that warms up do so by a few."""
 _UNSTEADY, _MANY = 0.2, 0.05
 """Shares beyond which frames are no flat field: noise of a pixel over the level, and dead pixels."""
 
@@ -85,10 +93,26 @@ def measure_dark(frames: ArrayLike, *, top: float = np.inf, source: object = "da
     if np.median(mean) > _BRIGHT * top:
         found, known = f"a level of {np.median(mean):.4g} without light", f"{_BRIGHT:.0%} of {top:g} at most"
         raise DataError(source, found, known, "cover the lens; give --saturation where the sensor's top is another")
+    _check_dark(values, noise, top, source)
     hot = _far(mean, values.shape[0]) | (_far(noise, values.shape[0]) & (noise > np.median(noise)))
     if hot.mean() > 0.1:
         raise DataError(source, f"{hot.mean():.0%} hot pixels", "10% at most", "cover the lens; even light is no dark")
     return DarkField(mean, noise, np.where(hot, HOT, 0).astype(np.uint8), len(values))
+
+
+def _check_dark(values: Array, noise: Array, top: float, source: object) -> None:
+    """Raises DataError for frames of changing light: with more noise than any sensor has, or unlike one another."""
+    own = float(np.sqrt((noise**2).mean()))
+    remedy = "cover the lens in every frame; check that no other captures are among them"
+    if own > _NOISY * top:
+        found = f"frames that differ by {beyond(own / top, '%')} of saturation"
+        raise DataError(source, found, f"read noise, {_NOISY:.0%} at most", remedy)
+    levels = values.mean(axis=(1, 2))
+    alone = (values - levels[:, None, None]).std(axis=0, ddof=1)
+    drift, alike = float(levels.std(ddof=1)), max(float(np.sqrt((alone**2).mean())), ROUNDING)
+    if drift > _DRIFT * alike:
+        found = f"frames whose levels differ by {drift:.3g}, {drift / alike:.3g} times the noise of a pixel"
+        raise DataError(source, found, f"{_DRIFT:g} times at most", remedy)
 
 
 def _far(values: Array, frames: int) -> NDArray[np.bool_]:
@@ -118,7 +142,7 @@ def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat")
     above, noise = values.mean(axis=0) - dark.mean, values.std(axis=0, ddof=1)
     good = dark.defects == 0
     level = float(above[good].mean())
-    if level < 10 * max(dark.noise, 0.3):
+    if level < 10 * max(dark.noise, ROUNDING):
         raise DataError(source, f"light of {level:.3g} above the dark", "ten times its noise", "give more light")
     gain, surroundings = above / level, _smooth(above / level, good)
     dead = good & ((gain < _DEAD[0] * surroundings) | (gain > _DEAD[1] * surroundings))
@@ -131,11 +155,16 @@ def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat")
     )
 
 
+def check_steady(noise: float, source: object) -> None:
+    """Raises DataError where light changes from frame to frame: ``noise`` of a pixel, as a share of the level."""
+    if noise > _UNSTEADY:
+        found = f"light that differs by {beyond(noise, '%')} from frame to frame"
+        raise DataError(source, found, f"{_UNSTEADY:.0%} at most", "capture the same even light in every frame")
+
+
 def _check_even(noise: float, dead: float, source: object) -> None:
     """Raises DataError where light changes from frame to frame, or within one by more than a smooth fall."""
-    if noise > _UNSTEADY:
-        found = f"light that differs by {noise:.0%} from frame to frame"
-        raise DataError(source, found, f"{_UNSTEADY:.0%} at most", "capture the same even light in every frame")
+    check_steady(noise, source)
     if dead > _MANY:
         found = f"light far from even on {dead:.0%} of the pixels"
         raise DataError(source, found, f"dead pixels on {_MANY:.0%} at most", "light the sensor evenly, out of focus")

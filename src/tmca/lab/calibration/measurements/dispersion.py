@@ -12,12 +12,17 @@ from numpy.typing import ArrayLike
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.measurements.displacement import displacement_of
+from tmca.lab.calibration.measurements.limits import beyond
 from tmca.lab.calibration.measurements.registration import Registration
 from tmca.optics import Dispersion
 
 Curve = Literal["cauchy", "polynomial", "measured"]
 LARGEST_RESIDUAL = 0.25
 """Sensor pixels that a smooth curve may leave, root mean square along x."""
+
+
+_BENT = 0.1
+"""Share of the way between two wavelengths by which glass may be off a straight line."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class MeasuredDispersion:
         curve: ``"cauchy"``: powers of 1/λ²; ``"polynomial"``: powers of λ; ``"measured"``: straight lines between what
             was measured.
         coefficients: (order + 1, 2) of the curve; (0, 2) of none.
-        residual: (2,) rms of what the curve leaves along y and x, sensor pixels.
+        residual: (2,) rms of what the curve leaves along y and x, sensor pixels; NaN of one that goes through all.
         response: (L,) light over the source's power, mean 1.
         misfit: (L,) what each capture's own fit leaves, as a share of its light.
     """
@@ -70,6 +75,20 @@ class MeasuredDispersion:
     def dispersion(self, wavelengths: Sequence[float], start: float = 0.0) -> Dispersion:
         """The ``Dispersion`` along x of bands, where the registration's light is displaced by ``start`` pixels."""
         return Dispersion(tuple(start + self.at(wavelengths)[:, 1]))
+
+    def off_reference(self, wavelength: float) -> float | None:
+        """Pixels along x by which light of the registration's wavelength (metres) is displaced, which ought to be 0.
+
+        None where that is no more than a curve may leave, with a tenth of the way between the wavelengths beside it,
+        on which the displacement is no straight line; or where it is beyond those that were measured.
+        """
+        waves, along = self.wavelengths, self.shifts[:, 1]
+        if not waves[0] <= wavelength <= waves[-1]:
+            return None
+        above = min(int(np.searchsorted(waves, wavelength)), len(waves) - 1)
+        off = float(np.interp(wavelength, waves, along))
+        between = 0.0 if np.isclose(waves, wavelength).any() else abs(along[above] - along[above - 1])
+        return off if abs(off) > LARGEST_RESIDUAL + _BENT * between else None
 
     def _check(self, asked: Array) -> None:
         low, high = self.wavelengths[0], self.wavelengths[-1]
@@ -114,7 +133,9 @@ def measure_dispersion(
     """
     values, metres = np.asarray(frames, dtype=np.float64), np.asarray(wavelengths, dtype=np.float64)
     stated = np.ones(len(metres)) if power is None else np.asarray(power, dtype=np.float64)
-    _check_given(values, metres, stated, order)
+    _check_given(values, metres, stated)
+    if curve != "measured" and not 0 <= order < len(metres):
+        raise SettingError("order", str(order), f"0 to {len(metres) - 1}, one less than the captures")
     by_wave = np.argsort(metres)
     said = [names[i] if names is not None else f"{metres[i] * 1e9:g} nm" for i in by_wave]
     each = [
@@ -124,22 +145,33 @@ def measure_dispersion(
     metres, shifts, std = metres[by_wave], np.stack([one.shift for one in each]), np.stack([one.std for one in each])
     coefficients, residual = _curve(metres, shifts, std, curve, order)
     if residual[1] > LARGEST_RESIDUAL:
-        what = f"displacements of which a smooth curve leaves {residual[1]:.2f} pixels"
+        what = f"displacements of which a smooth curve leaves {beyond(residual[1], 'pixels')}"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:g} at most", "check the wavelengths of the captures")
+    if not np.isfinite(residual[1]):
+        _check_direction(shifts[:, 1], said, source)
     light = np.array([one.light for one in each]) / stated[by_wave]
     misfit = np.array([one.residual for one in each])
     return MeasuredDispersion(metres, shifts, std, curve, coefficients, residual, light / light.mean(), misfit)
 
 
-def _check_given(values: Array, metres: Array, power: Array, order: int) -> None:
+def _check_direction(along: Array, names: Sequence[str], source: object) -> None:
+    """Raises DataError where displacements turn back: prisms and gratings displace one way, and no curve would tell."""
+    steps = np.diff(along)
+    back = np.minimum(steps * (-1 if steps.sum() < 0 else 1), 0.0)
+    worst = int(np.argmin(back)) if len(steps) else 0
+    if len(steps) and back[worst] < -LARGEST_RESIDUAL:
+        what = f"displacements that turn back by {beyond(-back[worst], 'pixels')} from {names[worst]} to "
+        remedy = "check the wavelengths of the captures; a disperser that turns back needs --curve polynomial"
+        raise DataError(source, what + names[worst + 1], f"{LARGEST_RESIDUAL:g} at most", remedy)
+
+
+def _check_given(values: Array, metres: Array, power: Array) -> None:
     if values.ndim != 3 or metres.shape != (len(values),) or len(set(metres.tolist())) < len(metres):
         raise SettingError("wavelengths", f"{metres.size} for {len(values)} captures", "a different one for each")
     if not ((metres > 100e-9) & (metres < 100e-6)).all():
         raise SettingError("wavelengths", f"{metres.min():g} to {metres.max():g}", "metres")
     if power.shape != metres.shape or not (np.isfinite(power) & (power > 0)).all():
         raise SettingError("source power", f"{power.tolist()}", "a number above 0 for each wavelength")
-    if not 0 <= order < len(metres):
-        raise SettingError("order", str(order), f"0 to {len(metres) - 1}, one less than the captures")
 
 
 def _terms(asked: Array, measured: Array, curve: Curve, order: int) -> Array:
@@ -150,12 +182,13 @@ def _terms(asked: Array, measured: Array, curve: Curve, order: int) -> Array:
 
 
 def _curve(metres: Array, shifts: Array, std: Array, curve: Curve, order: int) -> tuple[Array, Array]:
-    """(order + 1, 2) coefficients and (2,) rms of what they leave."""
+    """(order + 1, 2) coefficients and (2,) rms of what they leave, NaN where they are as many as the captures."""
     if curve == "measured":
-        return np.zeros((0, 2)), np.zeros(2)
+        return np.zeros((0, 2)), np.full(2, np.nan)
     terms = _terms(metres, metres, curve, order)
     found = np.empty((order + 1, 2))
     for axis in (0, 1):
         weight = 1 / np.hypot(std[:, axis], 1e-3)
         found[:, axis] = np.linalg.lstsq(terms * weight[:, None], shifts[:, axis] * weight, rcond=None)[0]
-    return found, np.sqrt(((shifts - terms @ found) ** 2).mean(axis=0))
+    left = np.sqrt(((shifts - terms @ found) ** 2).mean(axis=0))
+    return found, left if order + 1 < len(metres) else np.full(2, np.nan)

@@ -10,11 +10,16 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, ShapeError
 from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.measurements.limits import beyond
 from tmca.lab.calibration.measurements.pattern_image import SAMPLES, moved, seen_patterns
 from tmca.lab.calibration.measurements.registration import Registration
 
 LARGEST_RESIDUAL = 0.2
-_LEVELS = (1.5, 0.0)
+_LEVELS = ((1.5, 1), (1.0, SAMPLES))
+"""Blur through which the fit looks, sensor pixels, and parts of a pixel. A blur that is no Gaussian, such as one
+between two pixels, displaces fine structure by less than its centre: through the last one little of that is seen."""
+_LEAST_BLUR = 0.3
+_MARGIN = 3
 _BLUR = 2.0
 
 
@@ -24,7 +29,7 @@ class Displacement:
 
     Args:
         shift: (2,) rows and columns against the registration, sensor pixels.
-        std: (2,) from the fit, sensor pixels.
+        std: (2,) from the noise, sensor pixels.
         light: mean light of open mask pixels above the dark, units of the frame.
         residual: rms of what the fit leaves, as a share of ``light``.
     """
@@ -38,7 +43,7 @@ class Displacement:
 def displacement_of(
     frame: ArrayLike, pattern: ArrayLike, registration: Registration, *, source: object = "capture"
 ) -> Displacement:
-    """Fit the shift of a pattern under smooth light, which falls off by a polynomial of second order over the frame.
+    """Fit the shift of a pattern, with a blur of its own, under smooth light: a polynomial of second order.
 
     Args:
         frame: (H, W) linear digital numbers, dark taken off.
@@ -59,14 +64,16 @@ def displacement_of(
             raise ShapeError(f"{source}", f"a {name} of shape {shape}", f"{tuple(size)} as registered")
     if not np.ptp(values) > 0:
         raise DataError(source, "a frame without light", "a pattern", "capture it again")
-    shift, found = _coarse(values, shown, registration), None
-    for level in _LEVELS:
-        shift, found = _fitted(values, shown, registration, shift, level)
-    light, residual = _light(values, shown, registration, shift)
+    place = np.array([*_coarse(values, shown, registration), max(registration.blur, _LEAST_BLUR)])
+    for level, samples in _LEVELS:
+        where = _inside(shown, registration, place)
+        found = _fitted(values, shown, registration, place, level, samples, where)
+        place = np.asarray(found.x)
+    light, residual = _light(values, shown, registration, place)
     if not light > 0 or residual > LARGEST_RESIDUAL:
-        what = f"a pattern that is not seen (a fit leaves {min(residual, 1):.0%} of its light or more)"
+        what = f"a pattern that is not seen (a fit leaves {beyond(min(residual, 1), '%')} of its light or more)"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", "check the light and which pattern was shown")
-    return Displacement(shift, _std(found), light, residual)
+    return Displacement(place[:2], _std(found, _LEVELS[-1][0], where), light, residual)
 
 
 def _coarse(values: Array, shown: Array, registration: Registration) -> Array:
@@ -79,47 +86,67 @@ def _coarse(values: Array, shown: Array, registration: Registration) -> Array:
     return np.asarray(phase_cross_correlation(own, other, normalization=None)[0], dtype=np.float64)
 
 
-def _fitted(values: Array, shown: Array, registration: Registration, start: Array, level: float) -> tuple[Array, Any]:
-    from scipy.ndimage import gaussian_filter
+def _inside(shown: Array, registration: Registration, place: Array) -> np.ndarray:
+    """(H, W) pixels well inside mask and sensor, all of a small one: how light ends at the mask's edge is not known."""
+    from scipy.ndimage import binary_erosion
+
+    whole = _seen(np.ones_like(shown), registration, np.array([*place[:2], 0.0]), 1) > 0.99
+    inner = np.asarray(binary_erosion(whole, iterations=_MARGIN))
+    return inner if inner.sum() > whole.sum() / 5 else np.ones_like(inner)
+
+
+def _fitted(
+    values: Array, shown: Array, registration: Registration, start: Array, level: float, samples: int, where: np.ndarray
+) -> Any:
+    """Least squares over shift and blur (rows, columns, pixels), frame and model seen through a blur of ``level``."""
     from scipy.optimize import least_squares
 
-    blur = float(np.hypot(level, registration.blur))
-    target = gaussian_filter(values, level) if level else values
-    samples = 1 if level else SAMPLES
+    def residuals(place: Array) -> Array:
+        return _projected(values, _seen(shown, registration, place, samples), level, where)[0]
 
-    def residuals(shift: Array) -> Array:
-        return _projected(target, _seen(shown, registration, shift, blur, samples))[0]
-
-    found = least_squares(residuals, start, xtol=1e-7, ftol=1e-7, max_nfev=20)
-    return np.asarray(found.x), found
+    return least_squares(residuals, start, xtol=1e-7, ftol=1e-7, max_nfev=20)
 
 
-def _seen(shown: Array, registration: Registration, shift: Array, blur: float, samples: int = SAMPLES) -> Array:
-    return seen_patterns(shown[None], moved(registration.matrix, shift), registration.sensor, blur, samples)[0]
+def _seen(shown: Array, registration: Registration, place: Array, samples: int = SAMPLES) -> Array:
+    """The pattern displaced and blurred by ``place``."""
+    matrix = moved(registration.matrix, place[:2])
+    return seen_patterns(shown[None], matrix, registration.sensor, abs(float(place[2])), samples)[0]
 
 
-def _projected(values: Array, seen: Array) -> tuple[Array, Array, Array]:
-    """What smooth light through the pattern, and an offset, leave of a frame; the light; its terms."""
+def _projected(values: Array, seen: Array, level: float = 0.0, where: np.ndarray | None = None) -> tuple[Array, Array]:
+    """What smooth light through the pattern, and an offset, leave of a frame, both blurred by ``level``, at some
+    pixels; the light (H, W)."""
+    from scipy.ndimage import gaussian_filter
+
     rows, columns = (np.linspace(-1, 1, n) for n in values.shape)
     y, x = np.broadcast_arrays(rows[:, None], columns)
     smooth = np.stack([np.ones_like(y), y, x, y * y, y * x, x * x])
-    terms = np.concatenate([smooth * seen, np.ones((1, *values.shape))]).reshape(7, -1).T
-    found = np.linalg.solve(terms.T @ terms + 1e-9 * np.eye(7), terms.T @ values.ravel())
-    return values.ravel() - terms @ found, np.tensordot(found[:6], smooth, 1), found
+    planes = np.concatenate([smooth * seen, np.ones((1, *values.shape)), values[None]])
+    blurred = gaussian_filter(planes, (0, level, level)) if level else planes
+    *parts, target = blurred.reshape(8, -1) if where is None else blurred[:, where]
+    terms = np.stack(parts, axis=1)
+    found = np.linalg.solve(terms.T @ terms + 1e-9 * np.eye(7), terms.T @ target)
+    return target - terms @ found, np.tensordot(found[:6], smooth, 1)
 
 
-def _light(values: Array, shown: Array, registration: Registration, shift: Array) -> tuple[float, float]:
+def _light(values: Array, shown: Array, registration: Registration, place: Array) -> tuple[float, float]:
     """Mean light over the mask's area, and the residual as a share of it."""
-    seen = _seen(shown, registration, shift, registration.blur)
-    left, light, _ = _projected(values, seen)
-    inside = _seen(np.ones_like(shown), registration, shift, 0.0, 1) > 0.5
+    left, light = _projected(values, _seen(shown, registration, place))
+    inside = _seen(np.ones_like(shown), registration, np.array([*place[:2], 0.0]), 1) > 0.5
     if not inside.any():
         return 0.0, np.inf
     mean = float(light[inside].mean())
     return mean, float(np.sqrt((left**2).mean())) / max(mean, 1e-12)
 
 
-def _std(found: Any) -> Array:
-    freedom = max(1, found.fun.size - 9)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float((found.fun**2).sum()) / freedom
-    return np.asarray(np.sqrt(np.diag(covariance)))
+def _std(found: Any, level: float, where: np.ndarray) -> Array:
+    """(2,) of the shift, by independent noise of pixels, of which the blur left neighbours alike."""
+    from scipy.ndimage import gaussian_filter
+
+    freedom = max(1, found.fun.size - 10)
+    noise = float((found.fun**2).sum()) / freedom * 4 * np.pi * level**2
+    slopes = np.zeros((found.jac.shape[1], *where.shape))
+    slopes[:, where] = found.jac.T
+    seen = gaussian_filter(slopes, (0, level, level)).reshape(len(slopes), -1)
+    back = np.linalg.pinv(found.jac.T @ found.jac)
+    return np.asarray(np.sqrt(np.diag(back @ (seen @ seen.T) @ back)[:2] * noise))

@@ -12,6 +12,7 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.measurements.closed_light import closed_light
 from tmca.lab.calibration.measurements.coarse import find_coarse
+from tmca.lab.calibration.measurements.limits import beyond
 from tmca.lab.calibration.measurements.pattern_image import SAMPLES, mapped, seen_patterns
 
 LARGEST_RESIDUAL = 0.2
@@ -114,7 +115,7 @@ def register(
     std, residual = _spread(values, shown.shape[1:]), float(np.sqrt(np.mean(values.fun**2)))
     contrast = float(np.std(shares[:, lit]))
     if residual > LARGEST_RESIDUAL * 2 * contrast:
-        what = f"a fit of the patterns that leaves {residual / (2 * contrast):.0%} of their contrast"
+        what = f"a fit of the patterns that leaves {beyond(residual / (2 * contrast), '%')} of their contrast"
         remedy = "are the frames in the order of the patterns, and the patterns those that were shown?"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
     size = (int(shares.shape[1]), int(shares.shape[2]))

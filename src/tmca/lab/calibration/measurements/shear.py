@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.measurements.displacement import displacement_of
+from tmca.lab.calibration.measurements.limits import beyond
 from tmca.lab.calibration.measurements.registration import Registration
 
 LARGEST_RESIDUAL = 0.25
@@ -83,7 +84,7 @@ def measure_shear(
     left = shifts - terms @ found
     residual = float(np.sqrt((left**2).mean()))
     if residual > LARGEST_RESIDUAL:
-        what = f"shifts of which a linear fit leaves {residual:.2f} pixels"
+        what = f"shifts of which a linear fit leaves {beyond(residual, 'pixels')}"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:g} at most", "check which view each capture had open")
     std = np.sqrt(np.diag(np.linalg.pinv(terms.T @ terms))[1:] * (left**2).sum(axis=0) / max(1, len(views) - 3))
     light = np.array([one.light for one in each])

@@ -12,10 +12,14 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.measurements.limits import beyond
 
 LARGEST_RESIDUAL = 0.1
 """Share of a whole slot's light that the fit may leave, root mean square."""
 LARGEST_LEAKAGE = 0.5
+LARGEST_STD = 0.05
+"""Slots by which the delay, and share by which the duration of a slot, may be uncertain: light that a calibrated
+camera would take for that of a neighbouring slot, half of what the fit may leave."""
 _PULL = 1e-2
 """Weight, beside the levels, of the leakage and of a ratio other than 1: it decides where levels have many causes."""
 _STARTS = 4
@@ -32,7 +36,7 @@ class Timing:
         ratio: duration of a slot of the shutter over one of the aperture.
         std: (2,) of both, from the fit.
         light: of a whole slot, units of the levels.
-        residual: rms of what the fit leaves in a slot, as a share of ``light``.
+        residual: rms of what the fit leaves in a slot, as a share of the largest level.
         slots: K.
         repeats: the exposure repeats, so that before its first aperture comes the last one; else all is shut.
         leakage: share of the light that a closed shutter records.
@@ -95,6 +99,9 @@ def measure_timing(
     """Fit delay, ratio, light and leakage to mean levels, of an exposure that repeats or of one alone, whichever leaves
     less.
 
+    Four numbers are fitted: of three slots or more a fifth level has to say whether they explain the levels. Of two
+    slots there are four in all, so that no standard deviation is known.
+
     A leakage adds the same to all levels: a pedestal (stray light, a dark of another exposure), and what the aperture
     leaks beside ``aperture_leakage``, cannot be told from it. Nor can a delay where no pair was captured that never
     meets, nor, of two slots, an exposure that repeats: then what needs less leakage, and slots more alike, is taken.
@@ -107,8 +114,9 @@ def measure_timing(
         source: named in errors.
 
     Raises:
-        SettingError: not a square of two slots or more.
-        DataError: hardly any light, levels that no delay explains, or a leakage above a half.
+        SettingError: not a square of two slots or more, or too few levels.
+        DataError: no light, levels that are all alike or that no delay explains, a delay that they do not tell or that
+            is beyond half of the exposure (of two slots, of a slot), or a leakage above a half.
     """
     seen = _seen(levels, source)
     slots, top = len(seen), float(np.nanmax(seen))
@@ -117,10 +125,12 @@ def measure_timing(
     found = again if repeats else alone
     delay, ratio, light, leakage = (float(value) for value in found.x)
     left = found.fun[:-2]
-    residual = float(np.sqrt((left**2).mean() * slots) / max(light, 1e-12))
-    _check(found.x, residual, source)
+    # shares of the largest level that was seen: the light of a slot that hardly overlaps is a guess
+    residual = float(np.sqrt((left**2).mean() * slots))
     std = _spread(found, left)
     delay = (delay + slots / 2) % slots - slots / 2 if repeats else delay
+    _check((delay, ratio, leakage), residual, source)
+    _check_known(delay, std, slots, source)
     own_std = float(np.hypot(std[3], aperture_leakage_std))
     return Timing(delay, ratio, std[:2], light * top, residual, slots, repeats, leakage, own_std)
 
@@ -128,10 +138,17 @@ def measure_timing(
 def _seen(levels: ArrayLike, source: object) -> Array:
     """The levels as they were given; errors as of ``measure_timing``."""
     seen = np.asarray(levels, dtype=np.float64)
-    if seen.ndim != 2 or seen.shape[0] != seen.shape[1] or len(seen) < 2 or np.isfinite(seen).sum() < 4:
-        raise SettingError("timing", f"levels of shape {seen.shape}", "(K, K) of two slots or more, four of them known")
+    if seen.ndim != 2 or seen.shape[0] != seen.shape[1] or len(seen) < 2:
+        raise SettingError("timing", f"levels of shape {seen.shape}", "(K, K) of two slots or more")
+    known, needed = int(np.isfinite(seen).sum()), 4 if len(seen) == 2 else 5
+    if known < needed:
+        expected = f"{needed} or more, of which delay, ratio, light and leakage follow"
+        raise SettingError("timing", f"{known} levels that are known", expected, "capture neighbouring slots as well")
     if not np.nanmax(seen) > 0:
         raise DataError(source, "no light in any pair of slots", "light where both are open", "check both triggers")
+    if np.nanmax(seen) - np.nanmin(seen) < LARGEST_RESIDUAL * np.nanmax(seen):
+        found = f"levels that are all alike within {LARGEST_RESIDUAL:.0%}, which no delay explains"
+        raise DataError(source, found, "pairs that meet and others that do not", "does the shutter close?")
     return seen
 
 
@@ -147,14 +164,32 @@ def _misfit(shares: Array, aperture: float, repeats: bool) -> Callable[[Array], 
     return residuals
 
 
-def _check(values: Array, residual: float, source: object) -> None:
+def _check(values: tuple[float, float, float], residual: float, source: object) -> None:
     """Raises DataError for levels that no delay explains, and for a shutter that hardly closes."""
-    if residual > LARGEST_RESIDUAL or not 0.2 < values[1] < 5:
-        what = f"levels that no delay explains (a fit leaves {residual:.0%} of a slot's light)"
-        raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", "check which slots each capture had open")
-    if values[3] > LARGEST_LEAKAGE:
-        what, remedy = f"{values[3]:.0%} of the light in closed slots", "check which slots each capture had open"
+    _, ratio, leakage = values
+    remedy = "check which slots each capture had open"
+    if residual > LARGEST_RESIDUAL:
+        what = f"levels that no delay explains (a fit leaves {beyond(residual, '%')} of a slot's light)"
+        raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
+    if not 0.2 < ratio < 5:
+        what = f"levels that no delay explains but with slots of the shutter {ratio:.3g} times the aperture's"
+        raise DataError(source, what, "0.2 to 5 times", remedy)
+    if leakage > LARGEST_LEAKAGE:
+        what = f"{beyond(leakage, '%')} of the light in closed slots"
         raise DataError(source, what, f"{LARGEST_LEAKAGE:.0%} at most", remedy)
+
+
+def _check_known(delay: float, std: Array, slots: int, source: object) -> None:
+    """Raises DataError for a delay that the levels do not tell, or by which most of the exposure is missed."""
+    remedy = "check which slots each capture had open, and both triggers"
+    if slots > 2 and not std[:2].max() <= LARGEST_STD:
+        what = f"levels that no delay explains alone (delay ± {std[0]:.2g} slots, ratio ± {std[1]:.2g})"
+        raise DataError(source, what, f"± {LARGEST_STD:g} at most", remedy)
+    # of two slots, one that comes a slot late is the other one under a wrong name
+    largest = slots / 2 if slots > 2 else 0.5
+    if abs(delay) > largest:
+        what = f"a shutter that is {delay:+.2f} slots from the aperture"
+        raise DataError(source, what, f"{largest:g} at most of an exposure of {slots}", remedy)
 
 
 def _spread(found: Any, left: Array) -> Array:

@@ -12,10 +12,12 @@ from tmca.lab.calibration import captures
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import averaged, corrected, in_order, named, read_captures
-from tmca.lab.calibration.measurements.dispersion import Curve, measure_dispersion
+from tmca.lab.calibration.measurements.dark_flat import ROUNDING, DarkField
+from tmca.lab.calibration.measurements.dispersion import Curve, MeasuredDispersion, measure_dispersion
 from tmca.lab.calibration.measurements.registration import Registration, register
 from tmca.lab.calibration.measurements.shear import measure_shear
 from tmca.lab.calibration.measurements.timing import measure_timing
+from tmca.lab.calibration.stated import REGISTERED_AT
 from tmca.lab.calibration.steps.building_on import needed, read_patterns, sensor_size, shown_pattern
 from tmca.lab.frames import Frames
 
@@ -53,6 +55,7 @@ def registration_step(
         "residual_of_contrast": found.residual,
         "corner_std_pixels": found.edge_std,
         "blur_pixels": found.blur,
+        "mirrored": float(np.linalg.det(found.matrix[:, :2]) < 0),
         "scale": float(np.sqrt(abs(np.linalg.det(found.matrix[:, :2])))),
         "turn_degrees": float(np.rad2deg(np.arctan2(found.matrix[1, 0], found.matrix[0, 0]))),
         **_leakage_said(found),
@@ -109,6 +112,7 @@ def dispersion_step(
         corrected(values, calibration), waves, shown_pattern(patterns, pattern, registration), registration,
         power=stated, curve=curve, order=order, source=path,
     )  # fmt: skip
+    _check_reference(found, registration, path)
     residuals = {
         "x_residual_pixels": float(found.residual[1]),
         "y_residual_pixels": float(found.residual[0]),
@@ -118,8 +122,19 @@ def dispersion_step(
         "largest_misfit": float(found.misfit.max()),
     }
     sources = [path, patterns, *([] if power is None else [power])]
-    settings = {"pattern": pattern, "curve": curve, "order": order}
+    settings = {"pattern": pattern, "curve": curve, "order": order, REGISTERED_AT: registration.wavelength}
     return calibration.with_part("dispersion", found, residuals, sources, sensor=registration.sensor, settings=settings)
+
+
+def _check_reference(found: MeasuredDispersion, registration: Registration, path: str | Path) -> None:
+    """Raises DataError where the registration's own light is displaced against it."""
+    if registration.wavelength is None:
+        return
+    off = found.off_reference(registration.wavelength)
+    if off is not None:
+        what = f"light of {metres_to_nm(registration.wavelength):.6g} nm displaced by {off:.2f} pixels"
+        remedy = "check the wavelengths of captures and registration; where the bench moved, register again"
+        raise DataError(path, what, "none, for it was registered", remedy)
 
 
 def _power(path: str | Path, waves: Array) -> Array:
@@ -201,12 +216,22 @@ def _pair_levels(frames: Frames, calibration: Calibration) -> Array:
     """(K, K) mean light with slot i of the aperture and slot j of the shutter open; NaN of pairs without a frame."""
     keys = [(int(i), int(j)) for i, j in named(frames, captures.SLOTS, "aperture_0_shutter_1")]
     slots = 1 + max(max(key) for key in keys)
-    gone = [k for k in range(slots) if (k, k) not in keys]
-    if gone:
-        found = f"no aperture_{gone[0]}_shutter_{gone[0]}"
-        raise DataError(frames.source, found, "every slot of the aperture with that of the shutter", "capture it")
+    wanted = [(i, j) for i in range(slots) for j in range(slots) if abs(i - j) <= 1]
+    if gone := [pair for pair in wanted if pair not in keys]:
+        found = "no aperture_{}_shutter_{}".format(*gone[0])
+        expected = "every slot of the aperture with that of the shutter and with both beside it"
+        raise DataError(frames.source, found, expected, "capture it")
     levels = np.full((slots, slots), np.nan)
     light = corrected(frames.values, calibration).mean(axis=(1, 2))
     for key in set(keys):
         levels[key] = np.mean([one for one, own in zip(light, keys, strict=True) if own == key])
+    _check_light(float(np.nanmax(levels)), calibration.part("dark"), frames.source)
     return levels
+
+
+def _check_light(level: float, dark: DarkField, source: object) -> None:
+    """Raises DataError for a largest mean level that is within the noise of the mean of dark frames."""
+    noise = max(dark.noise, ROUNDING) * np.sqrt((1 + 1 / dark.frames) / dark.mean.size)
+    if level < 10 * noise:
+        found = f"light of {level:.2g} above the dark in the brightest pair of slots"
+        raise DataError(source, found, f"ten times its noise, {10 * noise:.2g}, or more", "is the lamp on?")

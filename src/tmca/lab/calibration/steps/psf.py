@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import nm_to_metres
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.lab.calibration import captures
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
@@ -18,6 +19,22 @@ from tmca.lab.calibration.measurements.zernike_fit import MODES, fit_zernike_psf
 from tmca.lab.calibration.steps.building_on import needed, sensor_size
 from tmca.optics import PhaseMaskBench
 from tmca.optics.zernike import Mode
+
+
+def phase_mask_camera(snapshot: str | Path, slot: int) -> SpectralDepthCamera:
+    """The camera of a snapshot file, whose mask of a slot is measured.
+
+    Raises:
+        DataError: a camera without phase masks.
+        SettingError: a slot that it does not have.
+    """
+    camera = Snapshot.load(snapshot).camera
+    if not isinstance(camera, SpectralDepthCamera):
+        remedy = "name a snapshot of the camera that the points are of"
+        raise DataError(snapshot, f"a {camera.application} camera", "a spectral-depth one, with phase masks", remedy)
+    if not 0 <= slot < camera.slots:
+        raise SettingError("--slot", f"{slot}", f"slots 0 to {camera.slots - 1} of a spectral-depth camera")
+    return camera
 
 
 def psf_step(

@@ -10,7 +10,7 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibration import captures
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.captures import named, read_captures
-from tmca.lab.calibration.measurements.dark_flat import measure_dark, measure_flat
+from tmca.lab.calibration.measurements.dark_flat import check_steady, measure_dark, measure_flat
 from tmca.lab.calibration.measurements.linearity import measure_linearity
 from tmca.lab.calibration.steps.building_on import needed, sensor_size
 
@@ -66,12 +66,14 @@ def flat_step(
     found = measure_flat(frames.values, dark, source=path)
     level = found.level if white is None else _white(white, calibration.with_part("flat", found, {}), saturation)
     level /= reflectance
+    above_dark = frames.top - float(np.median(dark.mean))
     residuals = {
         "level_dn": found.level,
         "nonuniformity": found.nonuniformity,
         "std": found.std,
         "dead_pixels": float((found.defects > 0).sum()),
         "white_level_dn": level,
+        **({"white_level_of_saturation": level / above_dark} if np.isfinite(above_dark) else {}),
     }
     sources = [path, *([] if white is None else [white])]
     return calibration.with_part(
@@ -82,11 +84,13 @@ def flat_step(
 def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> float:
     """Level of white in the middle third of the sensor, where a disperser lays all bands on one another."""
     frames = read_captures(path, saturation=saturation, sensor=sensor_size(calibration))
-    values = captures.corrected(frames.values, calibration).mean(axis=0)
-    rows, columns = (slice(n // 3, n - n // 3) for n in values.shape)
-    level = float(np.median(values[rows, columns]))
+    rows, columns = (slice(n // 3, n - n // 3) for n in frames.values.shape[1:])
+    values = captures.corrected(frames.values, calibration)[:, rows, columns]
+    level = float(np.median(values.mean(axis=0)))
     if level < 10 * calibration.part("dark").noise:
         raise DataError(path, f"white of {level:.3g} above the dark", "ten times its noise", "give more light")
+    if len(values) > 1:
+        check_steady(float(np.sqrt(values.var(axis=0, ddof=1).mean())) / level, path)
     return level
 
 
