@@ -148,7 +148,7 @@ def test_frames_of_other_steps_are_refused(capsys, bench):
         shutil.copy(own, file)
     assert "in the brightest pair of slots" in refused(capsys, "calibrate", "timing", "bench/timing", *ON)
     shutil.copy(frames[0], frames[1])
-    assert "dark_01 equal to dark_00" in refused(capsys, "calibrate", "dark", "bench/dark", "--out", "x")
+    assert "dark_01 the same as dark_00" in refused(capsys, "calibrate", "dark", "bench/dark", "--out", "x")
     assert len(list(bench.parent.glob("*.nc"))) == 1
 
 

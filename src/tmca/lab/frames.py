@@ -16,6 +16,8 @@ from tmca.errors import DataError, SettingError
 
 SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".bmp")
 
+_CLIPPED = 0.01
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -122,7 +124,7 @@ def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: f
 def check_distinct(*series: Frames) -> None:
     """Refuse frames of one session that are the same in every pixel: noise alone makes two exposures differ.
 
-    Frames of one value are left out: without any light or full of it, two may well be equal.
+    Frames that are clipped to one value but for a hundredth of their pixels may: dark ones of 8 bits, saturated ones.
 
     Raises:
         DataError: naming both.
@@ -130,12 +132,17 @@ def check_distinct(*series: Frames) -> None:
     seen: dict[bytes, str] = {}
     for frames in series:
         for name, values in zip(frames.names, frames.values, strict=True):
-            if np.ptp(values) == 0:
-                continue
             other = seen.setdefault(hashlib.sha256(values.tobytes()).digest(), name)
-            if other is not name:
+            if other is not name and _alive(values, frames.top) > _CLIPPED:
                 found = f"frame {name} the same as {other} in every pixel"
-                raise DataError(frames.source, found, "an exposure of its own for each", "capture it again")
+                remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
+                raise DataError(frames.source, found, "an exposure of its own for each", remedy)
+
+
+def _alive(values: NDArray[np.float32], top: float) -> float:
+    """Share of the pixels that are neither saturated nor of the commonest value."""
+    found, counts = np.unique(values[values < top], return_counts=True)
+    return float(counts.sum() - counts.max()) / values.size if len(found) else 0.0
 
 
 def _full_scale(raw: NDArray[Any]) -> float:

@@ -242,7 +242,7 @@ def test_a_frame_that_repeats_another_is_refused(tmp_path):
     noise = RNG.integers(900, 1100, (3, *SIZE))
     read_captures(pictures(tmp_path / "own", {f"f_{i}": one for i, one in enumerate(noise)}))
     stale = pictures(tmp_path / "stale", {"band_450nm": noise[0], "band_500nm": noise[1], "band_550nm": noise[0]})
-    with pytest.raises(DataError, match="band_550nm equal to band_450nm in every pixel"):
+    with pytest.raises(DataError, match="band_550nm the same as band_450nm in every pixel"):
         read_captures(stale)
     # a sensor that is cut off at black or at its top has no noise to tell
     for level in (0, 65535):

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.codes_date import CAPTURES
-from tmca.lab.frames import Frames, read_frames
+from tmca.lab.frames import Frames, check_distinct, read_frames
 
 _SATURATED = 0.01
-_CLIPPED = 0.01
 
 VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
 SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
@@ -57,7 +55,7 @@ def read_captures(
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
     if kept.get("driver") != "simulated":
-        _check_repeated(frames)
+        check_distinct(frames)
     return frames
 
 
@@ -68,26 +66,6 @@ def _kept(path: Path) -> dict[str, Any]:
     from tmca.lab.devices.captures import read_captures as kept_captures
 
     return dict(kept_captures(path)["taken_with"])
-
-
-def _check_repeated(frames: Frames) -> None:
-    """Raises DataError for a frame that is another one, value by value: a sensor's noise never repeats.
-
-    Frames that are clipped to one value but for a hundredth of their pixels may: dark ones of 8 bits, saturated ones.
-    """
-    seen: dict[bytes, str] = {}
-    for name, values in zip(frames.names, frames.values, strict=True):
-        first = seen.setdefault(sha256(values.tobytes()).digest(), name)
-        if first != name and _alive(values, frames.top) > _CLIPPED:
-            found = f"{name} equal to {first} in every pixel"
-            remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
-            raise DataError(frames.source, found, "frames that differ by their noise", remedy)
-
-
-def _alive(values: NDArray[np.float32], top: float) -> float:
-    """Share of the pixels that are neither saturated nor of the commonest value."""
-    found, counts = np.unique(values[values < top], return_counts=True)
-    return float(counts.sum() - counts.max()) / values.size if len(found) else 0.0
 
 
 def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[float, ...]]:
