@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.cameras import Camera
+from tmca.cameras import Camera, moving_scenes
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.errors import DeviceError, SettingError
 from tmca.lab.devices.export import Export
@@ -17,7 +17,7 @@ from tmca.lab.devices.light import Light
 from tmca.lab.devices.lit import lit_scene
 from tmca.lab.devices.manifest import exposed_whole
 from tmca.lab.devices.reading import read_export
-from tmca.lab.devices.shown_camera import of_one_slot, showing, sub_exposed
+from tmca.lab.devices.shown_camera import of_one_slot, seen_in_frame, showing, sub_exposed
 
 
 class SimulatedBench:
@@ -74,6 +74,11 @@ class SimulatedBench:
         codes, self.coded = read_export(export.folder), exposed_whole(export.manifest)
         if codes.slots != self.known.slots and ("shutter" in codes.planes or codes.modes):
             raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.known.slots}")
+        if self.scene and self.hardware.leakage and not self.coded:
+            expected = "none where frames of an ordinary camera are masked afterwards"
+            raise SettingError(
+                "leakage", f"{self.hardware.leakage:g}", expected, "export to coded-exposure, or leave it"
+            )
         self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed, "dark")
         self.loaded = True
 
@@ -109,10 +114,18 @@ class SimulatedBench:
         if not whole and self.shown is None:
             return self._even(0)
         shown = None if whole else self.shown
-        camera = self.camera if shown is None else of_one_slot(self.camera, shown, self.known.slots)
-        scene = self.scene if self.light is None else lit_scene(camera, self.light)
+        seen, shares = seen_in_frame(self.camera, shown or 0, settled=self.light is not None)
+        camera = self.camera if shown is None else of_one_slot(self.camera, seen, shares, self.known.slots)
+        scene = self._moved(None if shown is None else seen) if self.light is None else lit_scene(camera, self.light)
         found: Tensor = camera(*scene, self._noise())
         return found
+
+    def _moved(self, seen: list[int] | None) -> tuple[Tensor, ...]:
+        """The scene as it is in some slots, in all of them without: (1, n, …) where it moves."""
+        if not any(self.hardware.movement):
+            return self.scene
+        moved = moving_scenes(self.scene[0], self.hardware.movement, self.camera.slots)
+        return (moved if seen is None else moved[:, seen],)
 
     def _noise(self) -> torch.Generator:
         return torch.Generator().manual_seed(1000 * self.seed + self.taken)
