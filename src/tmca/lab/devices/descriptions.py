@@ -31,7 +31,7 @@ class DeviceDescription(BaseModel):
         kind: of device.
         size: (rows, columns) of its pixels; that of the codes for a sensor.
         pitch_um: of its pixels, micrometres.
-        bits: of its frames.
+        bits: of its frames; a binary device shows 0 and the largest number of them.
         lattice: ``diamond``: odd rows are displaced by half a pitch, rows are half a pitch apart.
         mounting_angle_deg: by which it is turned on the table; patterns are turned back.
         flip: axes along which it shows patterns mirrored.
@@ -43,6 +43,7 @@ class DeviceDescription(BaseModel):
         pupil_mm: diameter of a mirror's pupil.
         noll: Noll indices of the terms that a mirror shows.
         stroke_um: largest surface of one term over the pupil, micrometres either way.
+        total_stroke_um: largest difference between two places of its surface, all terms together, micrometres.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -63,6 +64,7 @@ class DeviceDescription(BaseModel):
     pupil_mm: Positive | None = None
     noll: tuple[Annotated[int, Field(ge=1)], ...] = ()
     stroke_um: Positive | None = None
+    total_stroke_um: Positive | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> DeviceDescription:
@@ -73,6 +75,11 @@ class DeviceDescription(BaseModel):
         if self.kind == "lcos" and self.bits != 8:
             raise ValueError("bits: 8, frames of an LCoS are grey pictures")
         return self
+
+    @property
+    def top(self) -> int:
+        """Largest number in its frames."""
+        return int(2**self.bits - 1)
 
     @property
     def plane(self) -> str:
