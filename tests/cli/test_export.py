@@ -103,3 +103,32 @@ def test_frames_of_two_scenes_are_never_mixed(capsys, tmp_path):
     assert (tmp_path / "f" / "captures.json").read_bytes() == before
     said = refused(capsys, "capture", "ex", "--device", "mine", "--bits", "10")
     assert "--bits: found 10, expected none before mine" in said
+
+
+def test_a_driver_gets_what_follows_the_first_sign_of_equality(monkeypatch):
+    from tests.lab.devices.test_drivers import Lamp
+    from tmca.lab.devices import protocol
+
+    given = {}
+
+    def lamp(**settings):
+        given.update(settings)
+        return Lamp(900)
+
+    point = type("Point", (), {"name": "lamp", "load": staticmethod(lambda: lamp)})
+    monkeypatch.setattr(protocol, "entry_points", lambda group: [point])
+    main([*EXPORT, "--out", "ex"])
+    with pytest.raises(SystemExit):  # its frames are of another size
+        main(["capture", "ex", "--device", "lamp", "--set", "roi=0,0,640,480", "--set", "key=a=b", "--set", "name=abc"])
+    assert given == {"roi": "0,0,640,480", "key": "a=b", "name": "abc"}
+
+
+def test_frames_of_other_software_are_joined(tmp_path):
+    main([*EXPORT, "--out", "ex"])
+    main(["capture", "ex", "--scene", "coffee", "--out", "f"])
+    (tmp_path / "theirs").mkdir()
+    for file in (tmp_path / "f").glob("*.tif"):
+        file.rename(tmp_path / "theirs" / file.name)
+    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "g"])
+    one, other = Snapshot.load("f.nc"), Snapshot.load("g.nc")
+    torch.testing.assert_close(other.values / other.values.max(), one.values / one.values.max())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import sha256
 
 import numpy as np
 import torch
@@ -31,7 +32,7 @@ class SimulatedBench:
         black: digital number of no light; without, 1/64 of the range, or six standard deviations of a dark frame.
         whole: digital numbers reach up to white in a whole exposure; else up to that in a frame of one slot.
         seed: of noise and faults.
-        taken: frames that it took before, whose noise is not drawn again.
+        taken: frames that it took before, whose noise is not drawn again; of frames without a name.
         stops_after: frames after which it does not answer any more; never without.
 
     Raises:
@@ -62,12 +63,22 @@ class SimulatedBench:
         self.loaded, self.coded = False, False
         self.shown: int | None = None
         self.light: Light | None = None
+        self.name: str | None = None
         self.taken, self.first, self.stops_after = taken, taken, stops_after
 
     @property
     def gain(self) -> float:
         """Snapshot units of a digital number."""
         return float(self._top / (self.saturation - self.black))
+
+    @property
+    def snapshot_units_per_dn(self) -> float:
+        """See ``Device``."""
+        return self.gain
+
+    def name_frame(self, name: str) -> None:
+        """See ``Named``: a frame has the noise of its name, whenever it is taken."""
+        self.name = name
 
     def load(self, export: Export) -> None:
         """See ``Device``; from then on it images what was exported, a mirror's own terms among it."""
@@ -128,7 +139,10 @@ class SimulatedBench:
         return (moved if seen is None else moved[:, seen],)
 
     def _noise(self) -> torch.Generator:
-        return torch.Generator().manual_seed(1000 * self.seed + self.taken)
+        if self.name is None:
+            return torch.Generator().manual_seed(1000 * self.seed + self.taken)
+        drawn = sha256(f"{self.seed} {self.name}".encode()).digest()
+        return torch.Generator().manual_seed(int.from_bytes(drawn[:6], "big"))
 
     def _even(self, share: float) -> Tensor:
         """Of the same light on every pixel, a share of white's."""
