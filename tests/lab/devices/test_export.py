@@ -342,7 +342,19 @@ def test_descriptions_that_make_no_device_are_refused(tmp_path, text, words):
 
 
 @pytest.mark.parametrize(
-    "lines", ["0,1\n255,0.5", "0,0\n200,1", "nothing", "0,0,0\n255,1,1", "grey,phase_rad\n0,1\n255,1"]
+    "lines",
+    [
+        "0,1\n255,0.5",
+        "0,0\n200,1",
+        "nothing",
+        "0,0,0\n255,1,1",
+        "grey,phase_rad\n0,1\n255,1",
+        "",
+        "grey,phase_deg\n0,0\n255,180",
+        "grey,light\n0,0\n100,much\n255,1",
+        "0,0\n255,1\n,",
+        "grey,light,x\n0,0\n255,1",
+    ],
 )
 def test_responses_that_do_not_rise_are_refused(tmp_path, lines):
     (tmp_path / "lut.csv").write_text(lines)

@@ -100,9 +100,16 @@ def _driver_settings(texts: list[str]) -> dict[str, str]:
 def known_camera(export: Path, like: Path | None) -> Any:
     """The snapshot whose camera is known."""
     from tmca.cameras import Snapshot
+    from tmca.lab.devices.manifest import SOURCE_AT
 
-    source = Path(like or named_export(export)["source"])
-    if like is None and not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
+    if like is not None:
+        return Snapshot.load(like)
+    manifest = named_export(export)
+    source = Path(manifest.get(SOURCE_AT, manifest["source"]))
+    if not source.exists():
+        found = f"an export of {source}, which is not found"
+        raise SettingError("--like", found, "the snapshot file of its camera", "name it where it is now")
+    if not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
         found = f"an export of {source}, which says codes alone"
         raise SettingError("--like", found, "a snapshot file of its camera", "write one with `tmca simulate`")
     return Snapshot.load(source)

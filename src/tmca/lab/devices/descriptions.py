@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -105,11 +106,24 @@ def device_named(name: str, **changes: Any) -> DeviceDescription:
     if described.get("lut"):
         described["lut"] = str(file.parent / described["lut"])
     try:
-        return DeviceDescription.model_validate(described)
+        found = DeviceDescription.model_validate(described)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "device"
-        raise SettingError(f"{file}: {where}", str(first.get("input"))[:80], first["msg"]) from None
+        where = _where(first["loc"], file, changes)
+        raise SettingError(where, str(first.get("input"))[:80], first["msg"]) from None
+    if found.lut is not None and found.kind != "lcos":
+        raise SettingError(
+            _where(("lut",), file, changes), f"one of a {found.kind}", "none: an lcos alone has a response"
+        )
+    return found
+
+
+def _where(place: Sequence[int | str], file: Path, changes: Mapping[str, Any]) -> str:
+    """The option that set a value, or its place in a file."""
+    name = str(place[0]) if place else "device"
+    if changes.get(name) is not None:
+        return f"--{name.removesuffix('_deg').replace('_', '-')}"
+    return f"{file}: {'.'.join(map(str, place)) or name}"
 
 
 def _described(file: Path) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from tmca.lab.codes_date import CODES_DATE, date_of_codes, now
 from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.export_folder import RESPONSE, TABLE, check_free, written_whole
 from tmca.lab.devices.frames import write_frame
-from tmca.lab.devices.manifest import FORMAT, NAME, Timing, checksum, sealed, shown_files
+from tmca.lab.devices.manifest import FORMAT, NAME, SOURCE_AT, Timing, checksum, sealed, shown_files
 from tmca.lab.devices.mirror import table, terms_of
 from tmca.lab.devices.placement import Affine, Placement
 from tmca.lab.devices.response import grey_of, response
@@ -219,6 +219,7 @@ def _manifest(codes: Planes, timing: Timing, planes: list[dict[str, Any]]) -> di
     return sealed({
         "format": FORMAT, "tmca": tmca.__version__, "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "source": codes.source, "camera": codes.application, "settings": dict(codes.settings or {}),
+        **({SOURCE_AT: str(Path(codes.source).absolute())} if Path(codes.source).exists() else {}),
         CODES_DATE: date_of_codes([codes.source]) if Path(codes.source).exists() else now(),
         "slots": timing.slots, "exposure_s": timing.exposure, "planes": planes,
     })  # fmt: skip

@@ -15,6 +15,8 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 
 NAME, FORMAT = "manifest.json", "tmca export 1"
+SOURCE_AT = "source_at"
+"""Where the source lies, whatever folder its name was given in."""
 DIGEST = "manifest_sha256"
 """Of the manifest's own content."""
 
