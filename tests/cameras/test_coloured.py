@@ -1,9 +1,9 @@
-"""A coloured aperture in the place of the codes, and scenes that move within the exposure."""
+"""A coloured aperture in the place of the codes."""
 
 import pytest
 import torch
 
-from tmca.cameras import Snapshot, SpectralCamera, moving_scene
+from tmca.cameras import Snapshot, SpectralCamera
 from tmca.errors import SettingError, ShapeError
 
 
@@ -41,16 +41,3 @@ def test_a_coloured_aperture_refuses_what_it_cannot_have(changes):
         coloured_camera(**changes)
     with pytest.raises(ShapeError, match="coloured"):
         SpectralCamera(bands=3, size=(6, 7), coloured=torch.ones(4, 6, 7))
-
-
-def test_motion_by_whole_pixels_is_a_shift_and_the_middle_is_the_scene():
-    scene = torch.rand(2, 9, 11)
-    moved = moving_scene(scene, (0.0, 3.0), 3)  # the three slots are one pixel apart
-    assert torch.allclose(moved[1], scene, atol=1e-5)
-    assert torch.allclose(moved[2][:, :, 1:], scene[:, :, :-1], atol=1e-5)
-    assert torch.allclose(moved[0][:, :, :-1], scene[:, :, 1:], atol=1e-5)
-
-
-def test_a_scene_at_rest_moves_nowhere():
-    scene = torch.rand(3, 5, 6)
-    assert torch.allclose(moving_scene(scene, (0.0, 0.0), 4), scene.expand(4, -1, -1, -1), atol=1e-6)

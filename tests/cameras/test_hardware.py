@@ -295,3 +295,9 @@ def test_only_the_faults_there_are_are_told():
     told = Hardware.of({"contrast_ratio": 50, "misregistration": [0.1, 0.2]})
     assert told.faults() == {"contrast_ratio": 50.0, "misregistration": (0.1, 0.2)}
     assert set(LIMITS) == set(vars(Hardware()))
+
+
+def test_pairs_may_be_text():
+    assert Hardware.of({"misregistration": "0.5:-1", "delay": "0.1"}) == Hardware(misregistration=(0.5, -1), delay=0.1)
+    with pytest.raises(SettingError, match="blur"):
+        Hardware.of({"blur": "1:2"})

@@ -51,6 +51,11 @@ def test_a_capture_that_was_stopped_goes_on(capsys, tmp_path):
         (["export", "none.nc", "--device", "dli4120"], "none.nc"),
         (["export", "sim.nc", "--device", "dli4120", "--macro-pixel", "99"], "macro-pixel"),
         (["export", "sim.nc", "--device", "pluto-2.1", "--lut", "none.csv"], "none.csv"),
+        (["export", "sim.nc", "--device", "dli4120", "--macro-pixel", "nan"], "--macro-pixel: found nan"),
+        (["export", "sim.nc", "--device", "dli4120", "--mounting-angle", "inf"], "--mounting-angle: found inf"),
+        (["export", "sim.nc", "--device", "dli4120", "--lut", "sim.nc"], "--lut: found one of a dmd"),
+        (["export", "sim.nc", "--device", "dli4120", "--code-size=-3x4"], "--code-size: found -3x4"),
+        (["export", "sim.nc", "--device", "dli4120", "--offset", "600x0"], "--offset: found"),
         (["export", "check", "nowhere"], "manifest"), (["capture", "nowhere", "--scene", "coffee"], "manifest"),
         (["capture", "sim.nc", "--scene", "coffee"], "folder of an export"),
     ],
@@ -103,3 +108,53 @@ def test_frames_of_two_scenes_are_never_mixed(capsys, tmp_path):
     assert (tmp_path / "f" / "captures.json").read_bytes() == before
     said = refused(capsys, "capture", "ex", "--device", "mine", "--bits", "10")
     assert "--bits: found 10, expected none before mine" in said
+
+
+def test_a_driver_gets_what_follows_the_first_sign_of_equality(monkeypatch):
+    from tests.lab.devices.test_drivers import Lamp
+    from tmca.lab.devices import protocol
+
+    given = {}
+
+    def lamp(**settings):
+        given.update(settings)
+        return Lamp(900)
+
+    point = type("Point", (), {"name": "lamp", "load": staticmethod(lambda: lamp)})
+    monkeypatch.setattr(protocol, "entry_points", lambda group: [point])
+    main([*EXPORT, "--out", "ex"])
+    with pytest.raises(SystemExit):  # its frames are of another size
+        main(["capture", "ex", "--device", "lamp", "--set", "roi=0,0,640,480", "--set", "key=a=b", "--set", "name=abc"])
+    assert given == {"roi": "0,0,640,480", "key": "a=b", "name": "abc"}
+
+
+def test_frames_of_other_software_are_joined(tmp_path):
+    main([*EXPORT, "--out", "ex"])
+    main(["capture", "ex", "--scene", "coffee", "--out", "f"])
+    (tmp_path / "theirs").mkdir()
+    for file in (tmp_path / "f").glob("*.tif"):
+        file.rename(tmp_path / "theirs" / file.name)
+    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "g"])
+    one, other = Snapshot.load("f.nc"), Snapshot.load("g.nc")
+    torch.testing.assert_close(other.values / other.values.max(), one.values / one.values.max())
+
+
+def test_the_camera_of_an_export_is_found_from_another_folder_and_said_to_be_gone(capsys, tmp_path, monkeypatch):
+    main([*EXPORT, "--out", "ex"])
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    main(["capture", "../ex", "--scene", "coffee", "--out", "f"])
+    assert (tmp_path / "other" / "f.nc").exists()
+    (tmp_path / "sim.nc").rename(tmp_path / "moved.nc")
+    capsys.readouterr()
+    assert "sim.nc, which is not found" in refused(capsys, "capture", "../ex", "--scene", "coffee", "--out", "g")
+    main(["capture", "../ex", "--scene", "coffee", "--out", "g", "--like", "../moved.nc"])
+
+
+def test_the_folder_of_a_design_stands_for_its_codes(tmp_path):
+    from tmca.codes import write_codes
+
+    (tmp_path / "design").mkdir()
+    write_codes("design/codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
+    main(["export", "design", "--device", "dli4120", "--no-figures", "--out", "ex"])
+    assert json.loads((tmp_path / "ex" / "manifest.json").read_text())["slots"] == 2

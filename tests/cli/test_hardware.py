@@ -85,3 +85,20 @@ def test_a_bench_with_faults_is_the_same_from_python():
     assert isinstance(camera, SpectralCamera)
     scene = torch.rand(1, *camera.scene_shape)
     assert imperfect(camera, Hardware(rolling=1))(scene).shape == snapshot.values.shape
+
+
+def test_a_motion_among_the_faults_is_no_option_of_its_own(capsys):
+    said = refused(capsys, "simulate", "spectral", "coffee", "--crop", "24x24", "--hardware", "motion=100")
+    assert "motion: found 100,100" in said
+    assert "--motion" not in said
+
+
+def test_a_sweep_takes_pairs(capsys):
+    main(["sweep", "spectral", "coffee", "--vary", "misregistration=0,0:1,1:0,1", "--crop", "24x24", "--set", "slots=2",
+          "--set", "motion=0:0.5", "--bands", "4", "--decoder", "admm-tv", "--out", "s", "--json"])  # fmt: skip
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["misregistration"] for row in rows] == [0.0, "0:1", "1:0", 1.0]
+    assert len({row["psnr"] for row in rows}) == 4
+    assert "misregistration: found 1:2:3" in refused(
+        capsys, "sweep", "spectral", "coffee", "--vary", "misregistration=1:2:3", "--out", "t"
+    )

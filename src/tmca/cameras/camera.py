@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+import copy
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -62,3 +63,10 @@ class Camera(nn.Module):
     def exposures(self) -> int:
         """Exposure times that are accumulated: K per slot."""
         return self.slots if self.exposure == "per-slot" else 1
+
+
+def sharing(module: Any) -> Any:
+    """A module of the same parts; others can take their place without a change of the first."""
+    found = copy.copy(module)
+    found._modules, found._buffers = dict(module._modules), dict(module._buffers)
+    return found

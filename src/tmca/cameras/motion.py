@@ -2,34 +2,75 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
+from itertools import pairwise
+from math import ceil, floor
+
 import torch
 from torch import Tensor
 
 from tmca.errors import SettingError
+
+_GAUSS = (0.5 - 12**-0.5, 0.5 + 12**-0.5)
+"""Places between 0 and 1 whose mean is the integral of every polynomial up to the third degree."""
 
 
 def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
     """(L, H, W) → (K, L, H, W): the scene displaced evenly over the exposure, itself in the middle; bilinear, its edge
     continued.
 
+    Every slot sees the mean of what passes during it, not a standing scene: one slot, a static exposure, is smeared
+    over the whole displacement.
+
     Args:
         scene: (L, H, W).
         displacement: rows and columns from the beginning to the end of the exposure, pixels.
-        slots: K; each slot shows the scene at the slot's own middle.
+        slots: K.
 
     Raises:
         SettingError: a displacement as large as the scene.
     """
     height, width = scene.shape[1:]
-    if abs(displacement[0]) >= height or abs(displacement[1]) >= width:
+    if not (abs(displacement[0]) < height and abs(displacement[1]) < width):
         raise SettingError(
             "motion", f"{displacement[0]:g},{displacement[1]:g}", f"less than the scene's {height}×{width}"
         )
-    times = (torch.arange(slots, dtype=torch.float64) + 0.5) / slots - 0.5
-    theta = torch.zeros(slots, 2, 3, dtype=scene.dtype)
-    theta[:, 0, 0] = theta[:, 1, 1] = 1
-    theta[:, 0, 2] = (-2 * displacement[1] * times / width).to(scene.dtype)
-    theta[:, 1, 2] = (-2 * displacement[0] * times / height).to(scene.dtype)
-    grid = torch.nn.functional.affine_grid(theta, [slots, 1, height, width], align_corners=False)
-    stack = scene.expand(slots, -1, -1, -1)
-    return torch.nn.functional.grid_sample(stack, grid, padding_mode="border", align_corners=False)
+    down, across = (ceil(abs(part) / 2) + 1 for part in displacement)
+    edged = torch.nn.functional.pad(scene[None], (across, across, down, down), mode="replicate")[0]
+
+    def seen(places: Mapping[tuple[int, int], float]) -> Tensor:
+        found = torch.zeros_like(scene)
+        for (row, column), share in places.items():
+            found = found + share * edged[:, down - row : down - row + height, across - column :][..., :width]
+        return found
+
+    edges = [slot / slots - 0.5 for slot in range(slots + 1)]
+    return torch.stack([seen(_places(displacement, *times)) for times in pairwise(edges)])
+
+
+def moving_scenes(scenes: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
+    """(B, …, H, W) → (B, K, …, H, W): see ``moving_scene``, for scenes with any axes of channels or views."""
+    moved = [moving_scene(one, displacement, slots) for one in scenes.flatten(1, -3)]
+    return torch.stack(moved).unflatten(2, scenes.shape[1:-2])
+
+
+def _places(displacement: tuple[float, float], start: float, end: float) -> dict[tuple[int, int], float]:
+    """Displacements by whole pixels, and how much of the time between two times each has.
+
+    Between whole pixels, bilinear shares are quadratic in time: two points integrate them exactly.
+    """
+    crossed = {
+        pixel / part
+        for part in displacement
+        if part
+        for pixel in range(ceil(min(part * start, part * end)), floor(max(part * start, part * end)) + 1)
+    }
+    found: dict[tuple[int, int], float] = defaultdict(float)
+    for first, last in pairwise(sorted({start, end, *(time for time in crossed if start < time < end)})):
+        for point in _GAUSS:
+            y, x = (part * (first + point * (last - first)) for part in displacement)
+            for row, down in ((floor(y), 1 - y % 1), (floor(y) + 1, y % 1)):
+                for column, across in ((floor(x), 1 - x % 1), (floor(x) + 1, x % 1)):
+                    found[row, column] += down * across * (last - first) / (end - start) / 2
+    return {place: share for place, share in found.items() if share}

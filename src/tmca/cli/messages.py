@@ -53,6 +53,11 @@ def options() -> dict[str, str]:
     return {name: f"--{name.replace('_', '-')}" for name in (*names, *_EXTRA)} | _ALIASES
 
 
+def _only_a_fault(given: Sequence[str]) -> bool:
+    """Whether a motion was asked for as one of the bench's faults."""
+    return bool(given) and not any(word.startswith("--motion") for word in given)
+
+
 def in_options(error: TmcaError, given: Sequence[str] = ()) -> str:
     """The error's line with ``name=value`` and bare names of arguments put as options.
 
@@ -60,7 +65,7 @@ def in_options(error: TmcaError, given: Sequence[str] = ()) -> str:
     """
     known = options()
     text = str(error)
-    if error.where in known:
+    if error.where in known and not (error.where == "motion" and _only_a_fault(given)):
         text = known[error.where] + text[len(error.where) :]
     if error.where == "views" and not any(word.startswith("--views") for word in given):
         text = re.sub(r"found (\d+)", r"found \1, the default,", text, count=1)

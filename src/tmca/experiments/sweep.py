@@ -12,7 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras.hardware import LIMITS, PARTS, Hardware
+from tmca.cameras.hardware import LIMITS, PAIRS, PARTS, Hardware
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.figures import save_figure
@@ -182,6 +182,9 @@ def converted(swept: Swept, settings: Values, option: str) -> dict[str, list[Any
 
 def _converted(swept: Swept, name: str, value: Any, option: str) -> Any:
     if name in swept.words:
+        return str(value)
+    if name in PAIRS and ":" in str(value):
+        Hardware.of({name: value})
         return str(value)
     try:
         number = float(value)

@@ -65,10 +65,22 @@ def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
     return _frames(path, names, np.stack(arrays), saturation)
 
 
-def _of_folder(folder: Path) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
+def frame_files(folder: Path) -> list[Path]:
+    """Files of frames in the order of the numbers in their names.
+
+    Raises:
+        DataError: no folder, or none in it.
+    """
+    if not folder.is_dir():
+        raise DataError(folder, "no such folder", "a folder of frames", "check the path")
     files = sorted((f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES), key=lambda f: counted(f.name))
     if not files:
         raise DataError(folder, "a folder without frames", f"files {', '.join('*' + s for s in SUFFIXES)}")
+    return files
+
+
+def _of_folder(folder: Path) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
+    files = frame_files(folder)
     return tuple(f.stem for f in files), [_grey_axes(read_array(f), f) for f in files]
 
 

@@ -178,6 +178,42 @@ def test_a_capture_that_is_gone_on_with_is_the_one_without_a_stop(tmp_path):
     assert len({frame.tobytes() for frame in frames}) == len(frames)
 
 
+def test_a_frame_that_is_taken_again_is_the_frame_that_it_was(tmp_path):
+    camera = spectral(sensor=Sensor(read_noise=0.01))
+    export = exported(tmp_path, camera)
+    folder = capture(export, bench_of(camera), tmp_path / "f")
+    before = {file.name: file.read_bytes() for file in folder.glob("*.tif")}
+    (folder / "slot_001.tif").unlink()
+    capture(export, bench_of(camera, taken=6), folder)
+    assert {file.name: file.read_bytes() for file in folder.glob("*.tif")} == before
+    assert len({*before.values()}) == len(before)
+
+
+@pytest.mark.parametrize("moment", [0, 1, 2, 3])
+def test_a_capture_whose_process_is_killed_at_its_first_frame_goes_on(tmp_path, monkeypatch, moment):
+    """Whatever file is being put in its place: the list, the frame, the list again."""
+    import tmca.data.write as write
+
+    camera, export, calls = spectral(), exported(tmp_path, spectral()), []
+    own, remove = write._replace, write._remove
+
+    def killed(temporary, path):
+        calls.append(path)
+        if len(calls) > moment:
+            raise KeyboardInterrupt
+        own(temporary, path)
+
+    monkeypatch.setattr(write, "_replace", killed)
+    monkeypatch.setattr(write, "_remove", lambda path: None)
+    with pytest.raises(KeyboardInterrupt):
+        capture(export, bench_of(camera), tmp_path / "f")
+    assert any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())
+    monkeypatch.setattr(write, "_replace", own)
+    monkeypatch.setattr(write, "_remove", remove)
+    joined(capture(export, bench_of(camera), tmp_path / "f"), export, camera)
+    assert not any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())
+
+
 def test_frames_are_no_capture_of_a_camera_with_other_codes(taken):
     _, export, folder = taken
     other = SpectralCamera(bands=3, size=(12, 16), slots=3, seed=5)

@@ -273,3 +273,60 @@ def test_a_capture_by_a_driver_gets_the_flat_field_and_the_white_of_its_calibrat
     found = calibrated_snapshot(taken, known)
     wanted = taken.values / 0.01 / torch.from_numpy(vignette).float() * camera.full_scale / 500
     torch.testing.assert_close(found.values, wanted * (camera.codes()[1].amax(0) > 0), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("units", [0.0, -1.0, np.nan, np.inf, "abc", None])
+def test_a_scale_that_is_none_is_refused(tmp_path, units):
+    camera, lamp = spectral(), Lamp(900)
+    lamp.snapshot_units_per_dn = units
+    with pytest.raises(DeviceError, match=r"snapshot_units_per_dn|ValueError|TypeError"):
+        capture(exported(tmp_path, camera), lamp, tmp_path / "frames", gain=None, camera=camera)
+    assert not (tmp_path / "frames").exists()
+
+
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+@pytest.mark.parametrize("shutter", ["emulated-shutter", "coded-exposure"])
+def test_saturation_is_white_in_one_frame_unless_the_driver_knows_its_scale(tmp_path, exposure, shutter):
+    camera, lamp = spectral(exposure=exposure), Lamp(900)
+    export = exported(tmp_path, camera, "dli4120", shutter)
+    lamp.gain = 12.0  # decibels of its amplifier, which say nothing of a snapshot's units
+    found = joined(capture(export, lamp, tmp_path / "frames", gain=None, camera=camera), export, camera)
+    white = camera.full_scale if shutter == "coded-exposure" else camera.white
+    assert found.notes["gain_per_digital_number"] == pytest.approx(white / 4095)
+    lamp.snapshot_units_per_dn = 0.25
+    found = joined(capture(export, lamp, tmp_path / "other", gain=None, camera=camera), export, camera)
+    assert found.notes["gain_per_digital_number"] == 0.25
+
+
+def test_a_saturation_that_hangs_ends_the_capture(tmp_path):
+    class Hung(Lamp):
+        saturation = property(lambda self: threading.Event().wait())
+
+    with pytest.raises(DeviceError, match=r"device Hung: found no answer in 0\.2 s"):
+        capture(exported(tmp_path, spectral()), Hung(900), tmp_path / "frames", timeout=0.2)
+
+
+@pytest.mark.parametrize("limit", [0, 20])
+def test_a_driver_does_not_end_the_process(tmp_path, limit):
+    def leave():
+        raise SystemExit(3)
+
+    with pytest.raises(DeviceError, match="device Broken: found SystemExit: 3"):
+        capture(exported(tmp_path, spectral()), Broken(leave), tmp_path / "frames", timeout=limit)
+
+
+@pytest.mark.parametrize("name", ["simulated", "folder"])
+def test_no_driver_takes_the_name_of_the_packages_own(tmp_path, monkeypatch, name):
+    point = type("Point", (), {"name": name, "load": staticmethod(failing)})
+    monkeypatch.setattr(protocol_module, "entry_points", lambda group: [point])
+    if name == "simulated":
+        assert isinstance(find_device(name, camera=spectral(), scene=[]), SimulatedBench)
+    else:
+        with pytest.raises(DataError, match="none: found no such folder"):
+            find_device(name, path=tmp_path / "none")
+
+
+def test_a_setting_of_a_driver_may_be_called_name(monkeypatch):
+    point = type("Point", (), {"name": "lamp", "load": staticmethod(lambda: lambda name: Lamp(int(name)))})
+    monkeypatch.setattr(protocol_module, "entry_points", lambda group: [point])
+    assert find_device("lamp", name="7").level == 7

@@ -190,16 +190,17 @@ def test_a_manifest_that_was_changed_is_refused_in_one_line(written, path, value
     assert "\n" not in str(found.value)
 
 
-def test_the_digest_of_a_manifest_is_of_what_it_says_and_older_ones_have_none(written):
+def test_the_digest_of_a_manifest_is_of_what_it_says_and_none_is_trusted_without(written):
     sealed = json.loads((written / "manifest.json").read_text())
-    older = {name: value for name, value in sealed.items() if name != DIGEST}
-    (written / "manifest.json").write_text(json.dumps(older))
-    assert check_export(written) == older
+    bare = {name: value for name, value in sealed.items() if name != DIGEST}
     backwards = {name: sealed[name] for name in reversed(sealed)}
     (written / "manifest.json").write_text(json.dumps(backwards, indent=7))
     assert check_export(written) == sealed
-    said = json.dumps(older, sort_keys=True, separators=(",", ":"))
+    said = json.dumps(bare, sort_keys=True, separators=(",", ":"))
     assert sealed[DIGEST] == hashlib.sha256(said.encode()).hexdigest()
+    (written / "manifest.json").write_text(json.dumps(bare))
+    with pytest.raises(DataError, match=f"manifest.json: found no {DIGEST}"):
+        check_export(written)
 
 
 def test_a_missing_frame_is_named(written):
@@ -234,7 +235,10 @@ def test_a_table_without_a_term_is_refused(tmp_path):
         (["dli4120", "pluto-2.1"], {}, "one device for each plane"), ([], {}, "one device"),
         (["pluto-2.1"], {"exposure": 0.01}, "60 at most"), (["dli4120"], {"exposure": -1}, "above 0"),
         (["dmp40"], {}, "heights, which this device shows"), (["dli4120"], {"code_size": (20, 20)}, "20×20 or more"),
-        (["dli4120"], {"offset": (380, 0)}, "on its 768×1024"),
+        (["dli4120"], {"offset": (380, 0)}, "--offset: .* on its 768×1024"),
+        (["dli4120"], {"code_size": (0, 4)}, "--code-size: found 0x4"),
+        (["emulated-shutter"], {"sensor_size": (3, -4)}, "--sensor-size: found 3x-4"),
+        (["dli4120"], {"exposure": "a"}, "--exposure: found a s"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_shown_leaves_nothing(tmp_path, devices, how, words):
@@ -261,6 +265,64 @@ def test_nothing_is_replaced_unasked(tmp_path, written):
         export_codes(codes, [device_named("dli4120")], tmp_path / "mine", overwrite=True)
 
 
+@pytest.mark.parametrize("kept", ["captures/dark.tif", "aperture/mine.png", "notes.txt", "captures"])
+def test_an_export_that_is_replaced_takes_nothing_else_with_it(tmp_path, written, kept):
+    (written / kept).parent.mkdir(exist_ok=True)
+    (written / kept).write_text("mine") if "." in kept else (written / kept).mkdir()
+    (written / "overview.png").write_text("")
+    before = {file: file.read_bytes() for file in written.rglob("*") if file.is_file()}
+    with pytest.raises(OutputError, match=f"{kept.split('/')[0]}.*no part of the export"):
+        export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], written, overwrite=True)
+    assert {file: file.read_bytes() for file in written.rglob("*") if file.is_file()} == before
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_an_export_goes_into_the_folder_that_one_stands_in(tmp_path, monkeypatch, again):
+    codes = read_planes(snapshot(tmp_path, spectral()))
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for _ in range(1 + again):
+        export_codes(codes, [device_named("dli4120")], ".", overwrite=again)
+    assert sorted(file.name for file in (tmp_path / "here").iterdir()) == ["aperture", "manifest.json"]
+    assert (tmp_path / "here").samefile(".")
+    check_export(".")
+    assert {file.name for file in tmp_path.iterdir()} == {"here", "taken.nc"}
+
+
+@pytest.mark.parametrize("bits", [1, 8, 12, 16])
+def test_open_mirrors_are_the_largest_number_of_their_frames(tmp_path, bits):
+    camera = spectral()
+    folder = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dli4120", bits=bits)],
+                          tmp_path / "out").folder  # fmt: skip
+    with Image.open(folder / "aperture" / "aperture_000.png") as frame:
+        assert np.unique(np.asarray(frame)).tolist() == [0, 2**bits - 1]
+    assert torch.equal(read_export(folder).planes["aperture"], camera.codes()[0])
+
+
+def test_a_sensor_without_a_size_shows_no_tile_unasked(tmp_path):
+    tiles = torch.randint(0, 2, (2, 4, 6)).float(), torch.randint(0, 2, (2, 4, 6)).float()
+    write_codes(tmp_path / "codes.nc", *tiles, (4, 6))
+    with pytest.raises(SettingError, match=r"--sensor-size: found none, .*a tile of 4×6"):
+        export_codes(read_planes(tmp_path / "codes.nc"), [device_named("emulated-shutter")], tmp_path / "out")
+    turned = device_named("dli4120", mounting_angle_deg=45.0)
+    with pytest.raises(SettingError, match="--code-size: found none"):
+        export_codes(read_planes(tmp_path / "codes.nc"), [turned], tmp_path / "out")
+
+
+def test_all_terms_of_a_mirror_together_have_a_stroke(tmp_path):
+    """Defocus alone, 2√3 a between its middle and its edge; with another term of its peak they add up."""
+    camera = mirror()
+    codes = read_planes(snapshot(tmp_path, camera))
+    found = export_codes(codes, [device_named("dmp40")], tmp_path / "out").manifest["planes"][0]["peak_to_valley_um"]
+    modes = zernike_modes([noll(i) for i in range(4, 16)], (301, 301))
+    maps = torch.tensordot(camera.spread.heights.metres().detach().double(), modes, 1)[:, modes[0] != 0] * 1e6
+    np.testing.assert_allclose(found, maps.amax(1) - maps.amin(1), rtol=0.03)
+    tight = device_named("dmp40", total_stroke_um=0.9 * max(found))
+    with pytest.raises(SettingError, match=r"between peak and valley in slot \d.*total stroke of dmp40"):
+        export_codes(codes, [tight], tmp_path / "other")
+    export_codes(codes, [device_named("dmp40", total_stroke_um=1.1 * max(found))], tmp_path / "other")
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_is_a_device(name):
     assert device_named(name).name == name
@@ -280,7 +342,19 @@ def test_descriptions_that_make_no_device_are_refused(tmp_path, text, words):
 
 
 @pytest.mark.parametrize(
-    "lines", ["0,1\n255,0.5", "0,0\n200,1", "nothing", "0,0,0\n255,1,1", "grey,phase_rad\n0,1\n255,1"]
+    "lines",
+    [
+        "0,1\n255,0.5",
+        "0,0\n200,1",
+        "nothing",
+        "0,0,0\n255,1,1",
+        "grey,phase_rad\n0,1\n255,1",
+        "",
+        "grey,phase_deg\n0,0\n255,180",
+        "grey,light\n0,0\n100,much\n255,1",
+        "0,0\n255,1\n,",
+        "grey,light,x\n0,0\n255,1",
+    ],
 )
 def test_responses_that_do_not_rise_are_refused(tmp_path, lines):
     (tmp_path / "lut.csv").write_text(lines)

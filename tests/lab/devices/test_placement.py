@@ -11,14 +11,19 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.devices import Placement
 
 
+def mirror(place, i, j):
+    """Place of a device pixel, pitches."""
+    return (i / 2, j + (i % 2) / 2) if place.lattice == "diamond" else (i, j)
+
+
 def slow(place):
     """(R, C) index, one device pixel after the other."""
     found = np.full(place.device, -1)
+    at = {(i, j): mirror(place, i, j) for i in range(place.device[0]) for j in range(place.device[1])}
+    middle = [(min(part) + max(part)) / 2 for part in zip(*at.values(), strict=True)]
     for i in range(place.device[0]):
         for j in range(place.device[1]):
-            y, x = (i / 2, j + (i % 2) / 2) if place.lattice == "diamond" else (i, j)
-            height = place.device[0] / (2 if place.lattice == "diamond" else 1)
-            y, x = y - (height - 1) / 2 - place.offset[0], x - (place.device[1] - 1) / 2 - place.offset[1]
+            y, x = (part - m - moved for part, m, moved in zip(at[i, j], middle, place.offset, strict=True))
             turn = radians(place.angle)
             y, x = cos(turn) * y + sin(turn) * x, cos(turn) * x - sin(turn) * y
             y, x = (-y if "rows" in place.flip else y), (-x if "columns" in place.flip else x)
@@ -124,3 +129,18 @@ def test_frames_that_were_touched_are_refused():
         place.read_back(frames, "here")
     with pytest.raises(DataError, match="4×4"):
         place.read_back(frames[:, :3], "here")
+
+
+@pytest.mark.parametrize("device", [(48, 40), (48, 41), (50, 40)])
+def test_a_code_lies_on_the_middle_of_the_mirrors_of_a_diamond_lattice(device):
+    place = Placement((4, 4), device, 4, lattice="diamond")
+    index = place.index()
+    at = np.array([[mirror(place, i, j) for j in range(device[1])] for i in range(device[0])])
+    np.testing.assert_allclose(at[index >= 0].mean(0), at.reshape(-1, 2).mean(0), atol=1e-9)
+
+
+@pytest.mark.parametrize("columns", [15, 16, 32, 33])
+def test_a_code_that_just_fits_a_diamond_lattice_is_shown(columns):
+    Placement((4, 5), (24, columns), 3, lattice="diamond").index()
+    with pytest.raises(SettingError, match="smaller code than 24×15 pixels"):
+        Placement((4, 5), (23, columns), 3, lattice="diamond").index()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 from typing import Any, TypeVar
 
-from tmca.cameras.camera import Camera
+from tmca.cameras.camera import Camera, sharing
 from tmca.cameras.coded import CodedCamera
 from tmca.cameras.hardware.codes import ImperfectCodes, ImperfectPlane, ShutterFaults
 from tmca.cameras.hardware.dispersion import DisplacedCamera, beyond, over
@@ -43,7 +42,7 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0, outside: Ou
     hardware.check(camera.application)
     if not set(hardware.faults()) - {"motion"}:  # of the scene, not of the camera
         return camera
-    found: Any = _sharing(camera)
+    found: Any = sharing(camera)
     if isinstance(camera, SpectralCamera):
         _spectral(found, hardware, seed, outside)
     elif isinstance(camera, LightFieldCamera):
@@ -65,13 +64,6 @@ def defective(sensor: Sensor, hardware: Hardware, seed: int = 0) -> Sensor:
     if not (hardware.hot_pixels or hardware.dead_pixels):
         return sensor
     return DefectiveSensor(hardware.hot_pixels, hardware.dead_pixels, seed, **sensor.settings())
-
-
-def _sharing(module: Any) -> Any:
-    """A module of the same parts; others can take their place without a change of the first."""
-    found = copy.copy(module)
-    found._modules, found._buffers = dict(module._modules), dict(module._buffers)
-    return found
 
 
 def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int, outside: Outside) -> None:
@@ -123,7 +115,7 @@ def _spectral_depth(camera: SpectralDepthCamera, hardware: Hardware, seed: int) 
     faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
     camera.shutter = ImperfectPlane(camera.shutter, faults)  # type: ignore[assignment]
     if hardware.height_error or hardware.wavefront_error:
-        spread = camera.spread = _sharing(camera.spread)
+        spread = camera.spread = sharing(camera.spread)
         path = aberration(hardware.wavefront_error, spread.heights.size, seed)
         spread.waves = aberrated(spread.waves, path, camera.wavelengths)
         spread.heights = ImperfectHeights(spread.heights, hardware.height_error)

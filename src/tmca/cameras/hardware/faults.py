@@ -110,7 +110,7 @@ class Hardware:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Hardware:
-        """Faults by their names.
+        """Faults by their names; values are numbers, or texts of them, ROWS:COLUMNS where there are two.
 
         Raises:
             SettingError: an unknown name, or an impossible value.
@@ -153,7 +153,8 @@ def _pair(both: float | Pair) -> Pair:
 
 
 def _numbers(name: str, value: Any) -> tuple[float, ...]:
-    parts = value if isinstance(value, tuple | list) else (value,)
+    known = value.split(":") if isinstance(value, str) else value
+    parts = known if isinstance(known, tuple | list) else (known,)
     if len(parts) not in ((1, 2) if name in PAIRS else (1,)):
         raise SettingError(name, str(value), LIMITS[name]["unit"])
     try:

@@ -52,27 +52,22 @@ class AskedBench:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
 
-    def bench(self, taken: Any, done: int, whole: bool) -> tuple[Any, float]:
-        """The bench, and the snapshot units of its digital numbers.
+    def bench(self, taken: Any, done: int, whole: bool) -> Any:
+        """The bench.
 
         Args:
             taken: snapshot of the camera.
             done: frames that it took before.
             whole: whether its frames are whole exposures, or slots.
         """
-        from tmca.cli.sweep import named_values
         from tmca.lab.devices import find_device
-        from tmca.lab.devices.protocol import saturation_of
 
         if self.device != "simulated":
-            given = {name: values[0] for name, values in named_values(self.settings, "--set").items()}
-            bench = find_device(self.device, **given)
-            return bench, float(getattr(bench, "gain", taken.camera.full_scale / saturation_of(bench)))
+            return find_device(self.device, **_driver_settings(self.settings))
         made: dict[str, Any] = {"bits": self._bits, "seed": self.seed or 0, "hardware": self.hardware}
         made |= {"stops_after": self.stops_after, "taken": done, "whole": whole}
         scene = [] if self.scene is None else _scene(self.scene, taken)
-        bench = find_device("simulated", camera=taken.camera, scene=scene, **made)
-        return bench, bench.gain  # type: ignore[attr-defined]
+        return find_device("simulated", camera=taken.camera, scene=scene, **made)
 
     @property
     def _bits(self) -> int:
@@ -87,12 +82,34 @@ class AskedBench:
         return about
 
 
+def _driver_settings(texts: list[str]) -> dict[str, str]:
+    """Name → text after the first ``=``: what a driver makes of it is its own.
+
+    Raises:
+        SettingError: a text of another form, or a name twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, sign, value = text.partition("=")
+        if not (sign and name.strip()) or name.strip() in found:
+            raise SettingError("--set", repr(text), "NAME=VALUE, every name once")
+        found[name.strip()] = value.strip()
+    return found
+
+
 def known_camera(export: Path, like: Path | None) -> Any:
     """The snapshot whose camera is known."""
     from tmca.cameras import Snapshot
+    from tmca.lab.devices.manifest import SOURCE_AT
 
-    source = Path(like or named_export(export)["source"])
-    if like is None and not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
+    if like is not None:
+        return Snapshot.load(like)
+    manifest = named_export(export)
+    source = Path(manifest.get(SOURCE_AT, manifest["source"]))
+    if not source.exists():
+        found = f"an export of {source}, which is not found"
+        raise SettingError("--like", found, "the snapshot file of its camera", "name it where it is now")
+    if not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
         found = f"an export of {source}, which says codes alone"
         raise SettingError("--like", found, "a snapshot file of its camera", "write one with `tmca simulate`")
     return Snapshot.load(source)

@@ -79,7 +79,7 @@ def capture(
     known = steps_of(taken.camera, manifest)
     for one in _all(known, device, taken.camera) if step == "all" else (step,):
         first = _APART * (1 + known.index(one)) if one in known else 0
-        bench, _ = asked.bench(taken, first, exposed_whole(manifest))
+        bench = asked.bench(taken, first, exposed_whole(manifest))
         _captured(one, export, bench, out, taken.camera, wanted, asked)
         print(_next(one, out, wanted))
 

@@ -48,12 +48,13 @@ def capture(
 
     Args:
         export: folder of the export.
-        device: simulated, or the name of a driver (entry points tmca.devices).
+        device: simulated, the name of a driver (entry points tmca.devices), or folder: frames of other software in
+            --set path=FOLDER.
         out: folder of frames.
         snapshot: file to write; OUT.nc without it.
         like: snapshot file whose camera this is; that of the export where it was made from a snapshot.
         repeat: frames of each kind, which are averaged; more of them later add to those that are there.
-        set_: NAME=VALUE settings of a driver.
+        set_: NAME=VALUE settings of a driver, which it gets as text.
         timeout: seconds that a driver has for each answer, 0 for no limit; 30 s or three exposures without, whichever
             is longer.
         overwrite: replace the snapshot file.
@@ -78,8 +79,8 @@ def capture(
     if device == "simulated" and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene, timeout)
-    bench, gain = asked.bench(taken, len(kept_so_far(out, export)["frames"]), exposed_whole(read_manifest(export)))
-    how = {"gain": gain, "repeats": repeat, "camera": taken.camera, "bench": asked.said(), "timeout": timeout}
+    bench = asked.bench(taken, len(kept_so_far(out, export)["frames"]), exposed_whole(read_manifest(export)))
+    how = {"gain": None, "repeats": repeat, "camera": taken.camera, "bench": asked.said(), "timeout": timeout}
     _captured(export, bench, out, how)
     found = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}

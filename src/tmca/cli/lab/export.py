@@ -49,7 +49,8 @@ def export(
         sensor_size: HEIGHTxWIDTH of the shutter, likewise.
         macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
         mounting_angle: of the aperture's device, degrees: 45 for mirrors that tilt about their diagonal.
-        offset: ROWSxCOLUMNS of device pixels by which the aperture is displaced from the device's middle.
+        offset: ROWSxCOLUMNS by which the aperture is displaced from the device's middle: device pixels, of a diamond
+            lattice two rows and a pixel of a row.
         lut: CSV of grey level and light, or phase_rad, of the aperture's device.
         calibration: of `tmca calibrate registration`, whose patterns had the aperture device's own pixels: codes are
             placed so that they fall on the sensor pixels that the camera of SOURCE, a snapshot, was drawn with.
@@ -134,7 +135,9 @@ def _words(plane: dict[str, Any]) -> str:
     device = plane["device"]
     if "residual_rms_nm" in plane:
         worst = max(plane["residual_rms_nm"])
-        return f"{len(device['noll'])} Zernike terms for {device['name']}, which leave up to {worst:.3g} nm rms"
+        span = max(plane["peak_to_valley_um"])
+        terms = f"{len(device['noll'])} Zernike terms for {device['name']}, up to {span:.3g} µm from peak to valley"
+        return f"{terms}, which leave up to {worst:.3g} nm rms"
     place = plane["placement"]
     rows, columns = place["code"]
     on = f"{place['device'][0]}×{place['device'][1]} pixels of {device['name']}"

@@ -51,7 +51,7 @@ def written(text: str) -> dict[str, Any]:
         name, sign, value = (word.strip() for word in part.partition("="))
         if not (sign and name and value) or name in found:
             raise SettingError("--hardware", repr(text), "NAME=VALUE,NAME=VALUE, such as contrast_ratio=50,delay=0.1")
-        found[name] = value.split(":") if ":" in value else value
+        found[name] = value
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.cameras import LightFieldCamera, Snapshot, moving_scene
+from tmca.cameras import LightFieldCamera, Snapshot, moving_scenes
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.decoders import Decoded, Weights, decode_light_field
 from tmca.errors import DataError, SettingError
@@ -170,8 +170,8 @@ def take_light_field_snapshot(
     faults, views = hardware or Hardware(), as_batch(light_field)
     notes: dict[str, Any] = {"scene": str(light_field.attrs.get("name", "")), "noise_seed": seed}
     if any(faults.movement):
-        moved = [moving_scene(colour.flatten(0, 1), faults.movement, camera.slots) for colour in views]
-        views, notes["motion_pixels"] = torch.stack(moved).unflatten(2, camera.views), list(faults.movement)
+        views = moving_scenes(views, faults.movement, camera.slots)
+        notes["motion_pixels"] = list(faults.movement)
     with torch.no_grad():
         values = imperfect(camera, faults, seed)(views, NOISE_STREAM + seed)
     notes |= {"hardware": faults.said()} if faults.faults() else {}

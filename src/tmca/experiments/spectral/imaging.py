@@ -64,7 +64,7 @@ def take_snapshot(
         hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
 
     Raises:
-        SettingError: faults that this camera cannot have, or another number of cubes than slots.
+        SettingError: faults that this camera cannot have, or another number of cubes than slots, or several that move.
     """
     cubes = list(cube) if isinstance(cube, Sequence) else [cube]
     scenes = [torch.from_numpy(np.ascontiguousarray(one.values, dtype=np.float32)) for one in cubes]
@@ -74,6 +74,9 @@ def take_snapshot(
     notes = {"scene": str(cubes[0].attrs.get("name", "")), "noise_seed": seed}
     faults = hardware or Hardware()
     motion = motion if any(motion) else faults.movement
+    if any(motion) and len(scenes) > 1:
+        found = f"{motion[0]:g},{motion[1]:g} of {len(scenes)} scenes"
+        raise SettingError("motion", found, "one scene that moves, or one for each slot, at rest in it")
     if any(motion):
         scene, notes["motion_pixels"] = moving_scene(scene, motion, camera.slots), list(motion)
     with torch.no_grad():

@@ -70,10 +70,11 @@ def capture_step(
         remedy = "take them one after the other (--wavelength), or give the driver illuminate(light)"
         raise SettingError(f"frames of {step}", f"{len(lights)} lights", "one, where the bench sets none", remedy)
     shown, folder = ShownCodes(export, Path(out), how), Path(out) / step
-    about = {"saturation": saturation_of(device), "gain": 1.0, **(bench or {}), **told(step, how)}
-    kept = going_on(kept_so_far(folder, export), about, folder)
     loaded = ""
     with calls_of(device, manifest, timeout) as calls:
+        saturation = calls.of(lambda: saturation_of(device))
+        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **told(step, how)}
+        kept = going_on(kept_so_far(folder, export), about, folder)
         for done, shot in enumerate(shots):
             if shot.name not in kept["frames"]:
                 loaded = _loaded(calls, shot, shown, loaded)
@@ -106,10 +107,10 @@ def _loaded(calls: Calls, shot: Shot, shown: ShownCodes, loaded: str) -> str:
 
 def _frame(calls: Calls, shot: Shot, folder: Path, step: str, shape: tuple[int, ...]) -> Any:
     """(H, W); of a sensor with channels their mean, as `tmca calibrate` reads colours."""
-    frame = frame_of(calls, shot.slot, shot.whole)
+    frame = frame_of(calls, shot.slot, shot.whole, f"{step}/{shot.name}")
     if tuple(frame.shape[-2:]) != tuple(shape[1:]) or frame.ndim != (2 if shape[0] == 1 else 3):
         found, known = ("×".join(map(str, one)) for one in (frame.shape, shape if shape[0] > 1 else shape[1:]))
         raise DataError(folder / shot.name, f"a frame of {found}", f"{known} pixels", "set the sensor's region to that")
     if step != "linearity":
-        check_saturated(frame, saturation_of(calls.device), folder / shot.name)
+        check_saturated(frame, calls.of(lambda: saturation_of(calls.device)), folder / shot.name)
     return frame if frame.ndim == 2 else np.rint(frame.mean(0)).astype(np.uint16)

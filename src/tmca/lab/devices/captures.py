@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,6 +19,9 @@ from tmca.lab.devices.manifest import NAME, checksum, exposed_whole
 DARK, WHOLE = "dark", "exposure"
 _DARKS = 4
 """Least number of dark frames: their mean is taken from every other frame, and their spread is the read noise."""
+
+_UNDONE = re.compile(r"\..+\.[0-9a-f]{12}\.tmp\.(json|tif)")
+"""Names of files that were not written to their end."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ def kept_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
     """
     of = checksum(Path(export) / NAME)
     if not (folder / CAPTURES).exists():
-        if folder.exists() and (folder.is_file() or any(folder.iterdir())):
+        if folder.exists() and (folder.is_file() or any(not _UNDONE.fullmatch(file.name) for file in folder.iterdir())):
             raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
         return {"export": str(export), "export_sha256": of, "taken_with": {}, "frames": {}}
     kept = read_captures(folder, whole=False)
@@ -80,13 +84,21 @@ def going_on(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[st
 
 
 def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: Path) -> None:
-    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it."""
+    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it.
+
+    The list is there before the first frame, so that whatever ends the process leaves a capture that goes on; what was
+    left half-written is swept away.
+    """
     import tifffile
 
     from tmca.data import make_folder, write_json
     from tmca.data.write import atomic_path
 
     file = make_folder(folder) / f"{step.name}.tif"
+    for left in [one for one in folder.iterdir() if _UNDONE.fullmatch(one.name)]:
+        left.unlink(missing_ok=True)
+    if not (folder / CAPTURES).exists():
+        write_json(kept, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:
         tifffile.imwrite(temporary, frame.astype(np.uint16), photometric="minisblack")
     about = {"slot": step.slot, "of": step.of, "sha256": checksum(file)}

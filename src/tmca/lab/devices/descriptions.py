@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -31,7 +32,7 @@ class DeviceDescription(BaseModel):
         kind: of device.
         size: (rows, columns) of its pixels; that of the codes for a sensor.
         pitch_um: of its pixels, micrometres.
-        bits: of its frames.
+        bits: of its frames; a binary device shows 0 and the largest number of them.
         lattice: ``diamond``: odd rows are displaced by half a pitch, rows are half a pitch apart.
         mounting_angle_deg: by which it is turned on the table; patterns are turned back.
         flip: axes along which it shows patterns mirrored.
@@ -43,6 +44,7 @@ class DeviceDescription(BaseModel):
         pupil_mm: diameter of a mirror's pupil.
         noll: Noll indices of the terms that a mirror shows.
         stroke_um: largest surface of one term over the pupil, micrometres either way.
+        total_stroke_um: largest difference between two places of its surface, all terms together, micrometres.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -63,6 +65,7 @@ class DeviceDescription(BaseModel):
     pupil_mm: Positive | None = None
     noll: tuple[Annotated[int, Field(ge=1)], ...] = ()
     stroke_um: Positive | None = None
+    total_stroke_um: Positive | None = None
 
     @model_validator(mode="after")
     def _complete(self) -> DeviceDescription:
@@ -73,6 +76,11 @@ class DeviceDescription(BaseModel):
         if self.kind == "lcos" and self.bits != 8:
             raise ValueError("bits: 8, frames of an LCoS are grey pictures")
         return self
+
+    @property
+    def top(self) -> int:
+        """Largest number in its frames."""
+        return int(2**self.bits - 1)
 
     @property
     def plane(self) -> str:
@@ -98,11 +106,24 @@ def device_named(name: str, **changes: Any) -> DeviceDescription:
     if described.get("lut"):
         described["lut"] = str(file.parent / described["lut"])
     try:
-        return DeviceDescription.model_validate(described)
+        found = DeviceDescription.model_validate(described)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(map(str, first["loc"])) or "device"
-        raise SettingError(f"{file}: {where}", str(first.get("input"))[:80], first["msg"]) from None
+        where = _where(first["loc"], file, changes)
+        raise SettingError(where, str(first.get("input"))[:80], first["msg"]) from None
+    if found.lut is not None and found.kind != "lcos":
+        raise SettingError(
+            _where(("lut",), file, changes), f"one of a {found.kind}", "none: an lcos alone has a response"
+        )
+    return found
+
+
+def _where(place: Sequence[int | str], file: Path, changes: Mapping[str, Any]) -> str:
+    """The option that set a value, or its place in a file."""
+    name = str(place[0]) if place else "device"
+    if changes.get(name) is not None:
+        return f"--{name.removesuffix('_deg').replace('_', '-')}"
+    return f"{file}: {'.'.join(map(str, place)) or name}"
 
 
 def _described(file: Path) -> dict[str, Any]:

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tmca
-from tmca.errors import OutputError, SettingError
+from tmca.errors import SettingError
 from tmca.lab.codes_date import CODES_DATE, date_of_codes, now
 from tmca.lab.devices.descriptions import DeviceDescription
+from tmca.lab.devices.export_folder import RESPONSE, TABLE, check_free, written_whole
 from tmca.lab.devices.frames import write_frame
-from tmca.lab.devices.manifest import FORMAT, NAME, Timing, checksum, sealed, shown_files
+from tmca.lab.devices.manifest import FORMAT, NAME, SOURCE_AT, Timing, checksum, sealed, shown_files
 from tmca.lab.devices.mirror import table, terms_of
 from tmca.lab.devices.placement import Affine, Placement
 from tmca.lab.devices.response import grey_of, response
@@ -30,7 +31,6 @@ _TRIGGERS = {
     "coded-exposure": {"source": "sensor", "edge": "slot", "shows": "one mask a slot, one exposure of all"},
     "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
 }
-TABLE, RESPONSE = "zernike.csv", "response.csv"
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def export_codes(
         exposure: of all slots together, seconds.
         code_size: (H, W) pixels of the aperture's code; the code's own, or as many as the device shows of a tile.
         sensor_size: (H, W) of the shutter, likewise; the shutter's own without.
-        offset: (rows, columns) of device pixels by which the aperture is displaced from the device's middle.
+        offset: (rows, columns) by which the aperture is displaced from the device's middle, pitches of its pixels.
         affine: of ``registered_affine``, from code to device pixels of the aperture, in the place of its description's
             macro-pixel, angle and flip and of the offset.
         overwrite: replace an export.
@@ -76,6 +76,9 @@ def export_codes(
         SettingError: codes that a device cannot show, or two devices for one plane.
         OutputError: something is in the folder's place.
     """
+    for name, size in (("--code-size", code_size), ("--sensor-size", sensor_size)):
+        if size is not None and min(size) < 1:
+            raise SettingError(name, f"{size[0]}x{size[1]}", "HEIGHTxWIDTH of one pixel or more")
     sizes, places = {"aperture": code_size, "shutter": sensor_size}, {"aperture": (offset, affine)}
 
     def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
@@ -126,20 +129,9 @@ def _written(
     timing = Timing(codes.slots, exposure)
     for device in devices:
         timing.check(device)
-    temporary = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
-        temporary.mkdir(parents=True)
+    with written_whole(folder) as temporary:
         manifest = _manifest(codes, timing, [_plane(codes, one, shown, timing, temporary) for one in devices])
         _write_manifest(manifest, temporary)
-        if folder.exists():
-            shutil.rmtree(folder)
-        temporary.rename(folder)
-    except OSError as error:
-        found = f"no folder can be written ({error.strerror})"
-        raise OutputError(folder, found, "a folder", "choose another") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
     return Export(folder, manifest)
 
 
@@ -148,11 +140,7 @@ def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: 
     if not planes or len(set(planes)) < len(planes):
         found = f"{len(planes)} of them, for {', '.join(planes) or 'nothing'}"
         raise SettingError("--device", found, "one device for each plane that is shown")
-    there = folder.exists() and (folder.is_file() or any(folder.iterdir()))
-    if there and not (folder / NAME).is_file():
-        raise OutputError(folder, "something that is no export", "a new folder", "choose another")
-    if there and not overwrite:
-        raise OutputError(folder, "an export", "a new folder", "choose another, or pass --overwrite")
+    check_free(folder, overwrite)
 
 
 def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, timing: Timing, folder: Path) -> dict[str, Any]:
@@ -167,7 +155,7 @@ def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, timing: Timi
     files = [write_frame(place / f"{device.plane}_{k:03d}.png", frame, device.bits) for k, frame in enumerate(frames)]
     return about | {
         "placement": vars(placement),
-        "units": "1 = open" if device.bits == 1 else "grey level",
+        "units": "grey level" if device.kind == "lcos" else f"{device.top} = open",
         "frames": shown_files(files, folder, timing, _TRIGGERS[device.kind]),
         "codes_sha256": digest(plane),
     }
@@ -185,19 +173,24 @@ def _response(device: DeviceDescription, place: Path) -> dict[str, Any]:
 
 def _shown_size(codes: Planes, device: DeviceDescription) -> Size | None:
     """Of a tile: as many code pixels as a device shows; None for codes that have a size of their own."""
-    if device.plane not in codes.tiled or device.size is None:
+    if device.plane not in codes.tiled:
         return None
+    option = "--sensor-size" if device.plane == "shutter" else "--code-size"
+    if device.size is None:
+        tile = "×".join(map(str, codes.planes[device.plane].shape[1:]))
+        said = f"HEIGHTxWIDTH of {device.name}, which shows a tile of {tile} pixels again and again"
+        raise SettingError(option, "none", said)
     if device.mounting_angle_deg or device.lattice != "square":
-        raise SettingError("--size", "none", "HEIGHTxWIDTH of the code where a device is turned", "give one that fits")
+        raise SettingError(option, "none", "HEIGHTxWIDTH of the code where a device is turned", "give one that fits")
     return (int(device.size[0] // device.macro_pixel), int(device.size[1] // device.macro_pixel))
 
 
-def _levels(plane: NDArray[np.float32], device: DeviceDescription, source: str) -> NDArray[np.uint8]:
+def _levels(plane: NDArray[np.float32], device: DeviceDescription, source: str) -> NDArray[np.integer]:
     if device.kind == "lcos":
         return grey_of(plane, device)
     if ((plane != 0) & (plane != 1)).any():
         raise SettingError(source, f"grey values in the {device.plane}", "zeros and ones on a binary device")
-    return plane.astype(np.uint8)
+    return (plane * device.top).astype(np.uint16)
 
 
 def _mirror(codes: Planes, device: DeviceDescription, timing: Timing, place: Path, folder: Path) -> dict[str, Any]:
@@ -209,6 +202,7 @@ def _mirror(codes: Planes, device: DeviceDescription, timing: Timing, place: Pat
         "units": "micrometres of surface, root mean square over the pupil; larger = deeper (longer path)",
         "frames": frames,
         "residual_rms_nm": (terms.residual * 1e9).round(4).tolist(),
+        "peak_to_valley_um": (terms.peak_to_valley() * 1e6).round(6).tolist(),
         "codes_sha256": digest(np.round(terms.rms * 1e6, 9)),
     }
 
@@ -225,6 +219,7 @@ def _manifest(codes: Planes, timing: Timing, planes: list[dict[str, Any]]) -> di
     return sealed({
         "format": FORMAT, "tmca": tmca.__version__, "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "source": codes.source, "camera": codes.application, "settings": dict(codes.settings or {}),
+        **({SOURCE_AT: str(Path(codes.source).absolute())} if Path(codes.source).exists() else {}),
         CODES_DATE: date_of_codes([codes.source]) if Path(codes.source).exists() else now(),
         "slots": timing.slots, "exposure_s": timing.exposure, "planes": planes,
     })  # fmt: skip

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from copy import copy
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from tmca.cameras import Camera, Snapshot
+from tmca.cameras import Camera, Snapshot, sharing
 from tmca.errors import DataError
 from tmca.lab.captured_notes import AVERAGED, DRIVER, GAIN, SATURATED, WHITE
 from tmca.lab.codes_date import CODES_DATE
@@ -87,8 +86,7 @@ def _read_noise(folder: Path, kept: dict[str, Any], repeats: int, opened: torch.
 
 def _with_noise(camera: Camera, read: float, repeats: int) -> Camera:
     """The camera, whose sensor reads with this noise in snapshot units, and collects the light of all repeats."""
-    told = copy(camera)
-    told._modules = dict(camera._modules)
+    told = sharing(camera)
     settings: dict[str, Any] = {**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0}
     if settings["full_well"] is not None:
         settings["full_well"] *= repeats

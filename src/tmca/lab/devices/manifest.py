@@ -15,8 +15,10 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 
 NAME, FORMAT = "manifest.json", "tmca export 1"
+SOURCE_AT = "source_at"
+"""Where the source lies, whatever folder its name was given in."""
 DIGEST = "manifest_sha256"
-"""Of the manifest's own content; exports of before have none."""
+"""Of the manifest's own content."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,8 @@ class Timing:
 
     def check(self, device: DeviceDescription) -> None:
         """Raises SettingError where a device is too slow, or holds too few patterns."""
-        if not 0 < self.exposure < inf:
-            raise SettingError("--exposure", f"{self.exposure:g} s", "a finite time above 0")
+        if isinstance(self.exposure, str) or not 0 < self.exposure < inf:
+            raise SettingError("--exposure", f"{self.exposure} s", "a finite time above 0")
         rate = self.slots / self.exposure
         if device.pattern_rate_hz is not None and rate > device.pattern_rate_hz * (1 + 1e-9):
             least = self.slots / device.pattern_rate_hz
@@ -84,7 +86,9 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
-    if DIGEST in found and found[DIGEST] != content_digest(found, DIGEST):
+    if DIGEST not in found:
+        raise DataError(file, f"no {DIGEST}", "the digest that `tmca export` writes", "export again")
+    if found[DIGEST] != content_digest(found, DIGEST):
         raise DataError(file, "a manifest that was changed after the export", f"that of its {DIGEST}", "export again")
     _check_planes(found, file)
     return found

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from tmca.errors import DataError, SettingError
 from tmca.lab.devices.descriptions import DeviceDescription
 from tmca.lab.devices.sources import Planes
-from tmca.optics.zernike import fit_zernike, noll
+from tmca.optics.zernike import fit_zernike, noll, zernike_modes
 
 COLUMNS = ("slot", "noll", "n", "m", "rms_um", "peak_um")
 _DIGITS = 9
+_PUPIL = (129, 129)
+"""Pixels over which a surface is looked at."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,12 @@ class Terms:
     noll: tuple[int, ...]
     rms: NDArray[np.float64]
     residual: NDArray[np.float64]
+
+    def peak_to_valley(self) -> NDArray[np.float64]:
+        """(K,) metres between the highest and the lowest place of every surface over the pupil."""
+        disk = zernike_modes([(0, 0)], _PUPIL)[0].numpy() != 0
+        surfaces = np.tensordot(self.rms, zernike_modes([noll(index) for index in self.noll], _PUPIL).numpy(), 1)
+        return np.asarray(np.ptp(surfaces[:, disk], axis=1))
 
 
 def terms_of(codes: Planes, device: DeviceDescription) -> Terms:
@@ -79,6 +87,11 @@ def _check_stroke(terms: Terms, device: DeviceDescription, source: str) -> None:
     if peaks[slot, term] > device.stroke_um:
         found = f"{peaks[slot, term]:.3g} µm of term {terms.noll[term]} in slot {slot}"
         wanted = f"{device.stroke_um:g} µm at most, the stroke of {device.name}"
+        raise SettingError(source, found, wanted, "design masks within the stroke (--stroke)")
+    spans = terms.peak_to_valley() * 1e6
+    if device.total_stroke_um is not None and spans.max() > device.total_stroke_um:
+        found = f"{spans.max():.3g} µm between peak and valley in slot {int(spans.argmax())}"
+        wanted = f"{device.total_stroke_um:g} µm at most, the total stroke of {device.name}"
         raise SettingError(source, found, wanted, "design masks within the stroke (--stroke)")
 
 

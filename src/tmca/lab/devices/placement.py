@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, radians
 
 import numpy as np
@@ -27,7 +27,8 @@ class Placement:
         angle: by which the device is mounted turned, degrees.
         lattice: ``"square"`` or ``"diamond"``.
         flip: axes along which the device mirrors, of ``"rows"`` and ``"columns"``.
-        offset: (rows, columns) of device pixels by which the code is displaced from the middle.
+        offset: (rows, columns) by which the code is displaced from the middle, pitches: device pixels, of a diamond
+            lattice two rows and a pixel of a row.
         affine: 2×3, from code pixel (row, column, 1) to device pixel, as a registration measures it; it takes the place
             of all that is above.
     """
@@ -59,12 +60,26 @@ class Placement:
         Raises:
             SettingError: a code pixel that no device pixel shows.
         """
+        found, owned = self._owned()
+        self._check(owned)
+        return found
+
+    def fits(self) -> bool:
+        """Whether every code pixel is on the device."""
+        return bool(self._owned()[1].min() > 0)
+
+    def _owned(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The index, and how many device pixels show each code pixel: none of one that is cut off."""
         margin = 2 * ceil(self.macro_pixel)
         wide = self._index(margin)
         found = wide[margin:-margin, margin:-margin]
         every, own = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, found))
-        self._check(np.where(own < every, 0, own))  # a code pixel that is cut off is none
-        return found
+        return found, np.where(own < every, 0, own)
+
+    @property
+    def _rows(self) -> int:
+        """Rows in a pitch."""
+        return 2 if self.lattice == "diamond" else 1
 
     def _index(self, margin: int) -> NDArray[np.int64]:
         """The index with a margin of pixels around the device."""
@@ -113,12 +128,14 @@ class Placement:
         return np.floor(rows + _SLACK).astype(np.int64), np.floor(columns + _SLACK).astype(np.int64)
 
     def _corner(self, axis: int) -> float:
-        """Device pixel of the code's middle; whole macro-pixels lie on whole pixels where nothing is turned."""
-        length = self.device[axis] / (2 if self.lattice == "diamond" and axis == 0 else 1)
-        side = self.code[axis] * self.macro_pixel
-        margin = (length - side) / 2
-        straight = self.angle == 0 and self.lattice == "square"
-        return (np.floor(margin) if straight else margin) + side / 2 + self.offset[axis] - 0.5
+        """The code's middle, pitches from the first pixel; whole macro-pixels lie on whole pixels where nothing is
+        turned."""
+        length, side = self.device[axis], self.code[axis] * self.macro_pixel
+        if self.lattice == "diamond":  # rows 0 to (R - 1) / 2, columns 0 to C - 1/2
+            middle = (length - 1) / 4 if axis == 0 else (length - 0.5) / 2
+        else:
+            middle = (np.floor((length - side) / 2) + side / 2 if self.angle == 0 else length / 2) - 0.5
+        return float(middle + self.offset[axis])
 
     def _check(self, owned: NDArray[np.int64]) -> None:
         if owned.min() > 0:
@@ -132,6 +149,8 @@ class Placement:
         found = f"{shown}, of which ({row}, {column}) is not on the device"
         turned = self.angle % 90 != 0 or self.lattice == "diamond"
         least = "--macro-pixel 2 or more where patterns are turned, " if turned and self.macro_pixel < 2 else ""
-        fits = [ceil(n * self.macro_pixel) for n in self.code]
+        fits = [ceil(n * self.macro_pixel * each) for n, each in zip(self.code, (self._rows, 1), strict=True)]
         wanted = f"all on its {self.device[0]}×{self.device[1]} pixels"
-        raise SettingError("--macro-pixel", found, wanted, f"{least}a smaller code than {fits[0]}×{fits[1]} pixels")
+        moved = "no --offset, " if any(self.offset) else ""
+        where = "--offset" if moved and replace(self, offset=(0, 0)).fits() else "--macro-pixel"
+        raise SettingError(where, found, wanted, f"{moved}{least}a smaller code than {fits[0]}×{fits[1]} pixels")

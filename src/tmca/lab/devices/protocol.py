@@ -22,7 +22,10 @@ class Device(Protocol):
     """A bench: what shows codes, and the camera behind it.
 
     A package plugs one in by the entry point ``NAME = "module:factory"`` of the group ``tmca.devices``; the factory
-    takes the settings of ``tmca capture`` as keyword arguments.
+    takes the settings of ``tmca capture`` as keyword arguments, texts all of them.
+
+    A bench that knows its scale has ``snapshot_units_per_dn``, the snapshot units of a digital number above the dark;
+    without, saturation is a white scene in one frame.
     """
 
     saturation: float
@@ -51,16 +54,27 @@ class Device(Protocol):
         """
 
 
+@runtime_checkable
+class Named(Protocol):
+    """A `Device` that is told which frame comes next."""
+
+    def name_frame(self, name: str) -> None:
+        """The frame that is captured next, by the name of its file."""
+
+
 def device_drivers() -> dict[str, EntryPoint | None]:
-    """Benches that can be named: the simulated one, and those of packages that are installed."""
-    return {"simulated": None, **{point.name: point for point in entry_points(group=GROUP)}}
+    """Benches that can be named: the package's own, whose names nobody else's can take, and those of packages that are
+    installed."""
+    points = {point.name: point for point in entry_points(group=GROUP)}
+    own = ("simulated", "folder")
+    return {own[0]: None, **points, **dict.fromkeys(own)}
 
 
-def find_device(name: str, **settings: Any) -> Device:
+def find_device(name: str, /, **settings: Any) -> Device:
     """A bench by its name.
 
     Args:
-        name: ``"simulated"``, or that of an entry point of the group ``tmca.devices``.
+        name: ``"simulated"``, ``"folder"``, or that of an entry point of the group ``tmca.devices``.
         settings: of its factory.
 
     Raises:
@@ -71,14 +85,38 @@ def find_device(name: str, **settings: Any) -> Device:
     if name not in known:
         raise SettingError("--device", repr(name), f"one of {', '.join(known)}", "install the package of its driver")
     point = known[name]
-    if point is None:
+    if name == "simulated":
         from tmca.lab.devices.simulated import SimulatedBench
 
         return SimulatedBench(**settings)
     with answering(name):
-        found = point.load()(**settings)
+        found = (_frame_folder() if point is None else point.load())(**settings)
     if not isinstance(found, Device):
         raise SettingError("--device", f"{name}: {type(found).__name__}", "load, show, capture and saturation")
+    return found
+
+
+def _frame_folder() -> Any:
+    from tmca.lab.devices.frame_folder import FrameFolder
+
+    return FrameFolder
+
+
+def units_of(device: Device, white: float) -> float:
+    """Snapshot units of a digital number: what the driver says, else those by which saturation is white.
+
+    Args:
+        device: the driver.
+        white: level of a white scene in one of its frames, snapshot units.
+
+    Raises:
+        DeviceError: none that is finite and above 0.
+    """
+    with answering(device):
+        found = float(getattr(device, "snapshot_units_per_dn", white / saturation_of(device)))
+    if not 0 < found < inf:
+        said = f"snapshot_units_per_dn {found:g}"
+        raise DeviceError(f"device {type(device).__name__}", said, "a finite number above 0", "mend it")
     return found
 
 
@@ -109,7 +147,7 @@ def answering(device: object) -> Iterator[None]:
         yield
     except TmcaError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         name = device if isinstance(device, str) else type(device).__name__
         said = f"{type(error).__name__}: {error}".rstrip(": ")
         remedy = "see to the device, and run the same command again"

@@ -104,7 +104,7 @@ def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> t
     frames = np.stack([read_frame(folder / frame["file"]) for frame in about["frames"]])
     levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
     if device.kind != "lcos":
-        return _checked(levels.astype(np.float32), about, folder)
+        return _checked(levels.astype(np.float32) / device.top, about, folder)
     light = light_of(levels.astype(np.uint8), device)
     binary = np.round(light).astype(np.float32)
     exact = np.array_equal(grey_of(binary, device), levels)  # zeros and ones come back as what they were

@@ -14,7 +14,8 @@ from tmca.errors import DataError, DeviceError, SettingError
 from tmca.lab.devices.captures import DARK, WHOLE, Step, going_on, keep, kept_so_far, read_tif, steps
 from tmca.lab.devices.export import Export
 from tmca.lab.devices.joining import check_camera
-from tmca.lab.devices.protocol import Device, saturation_of
+from tmca.lab.devices.manifest import exposed_whole
+from tmca.lab.devices.protocol import Device, Named, saturation_of, units_of
 from tmca.lab.devices.reading import check_export
 from tmca.lab.devices.simulated import SimulatedBench
 from tmca.lab.devices.time_limit import Calls, time_limit
@@ -29,7 +30,7 @@ def capture(
     device: Device,
     out: str | Path,
     *,
-    gain: float = 1.0,
+    gain: float | None = 1.0,
     repeats: int = 1,
     camera: Camera | None = None,
     bench: Mapping[str, Any] | None = None,
@@ -45,7 +46,8 @@ def capture(
         export: its folder.
         device: the bench.
         out: folder of the capture; a capture that was stopped goes on there.
-        gain: snapshot units of a digital number, for files.
+        gain: snapshot units of a digital number, for files; None for those of the bench (``units_of``), which needs the
+            camera.
         repeats: times that every frame is captured; more of them later add to those that are there.
         camera: as it is known; where it is given, other codes and frames of another size are refused at once.
         bench: what frames depend on beside the export (driver, its settings, scene), as JSON values; kept with them.
@@ -64,14 +66,16 @@ def capture(
     manifest, folder = check_export(export), Path(out)
     if camera is not None:
         check_camera(export, camera)
-    saturation = saturation_of(device)
-    kept = going_on(kept_so_far(folder, export), {"gain": gain, "saturation": saturation, **(bench or {})}, folder)
     wanted = steps(manifest, repeats)
     with calls_of(device, manifest, timeout) as calls:
+        saturation = calls.of(lambda: saturation_of(device))
+        units = calls.of(lambda: _units(device, camera, manifest)) if gain is None else gain
+        about = {"gain": units, "saturation": saturation, **(bench or {})}
+        kept = going_on(kept_so_far(folder, export), about, folder)
         calls.of(lambda: device.load(Export(Path(export), manifest)))
         for done, step in enumerate(wanted):
             if step.name not in kept["frames"]:
-                frame = frame_of(calls, step.slot, step.of == WHOLE)
+                frame = frame_of(calls, step.slot, step.of == WHOLE, step.name)
                 _check_size(frame, step, folder, camera)
                 _check_light(frame, step, saturation, folder)
                 keep(frame, step, kept, folder)
@@ -80,18 +84,26 @@ def capture(
     return folder
 
 
+def _units(device: Device, camera: Camera | None, manifest: dict[str, Any]) -> float:
+    if camera is None:
+        raise SettingError("gain", "None", "snapshot units of a digital number where no camera is known")
+    return units_of(device, camera.full_scale if exposed_whole(manifest) else camera.white)
+
+
 def calls_of(device: Device, manifest: dict[str, Any], timeout: float | None) -> Calls:
     """A context of calls of a bench; a simulated one takes as long as it computes."""
     return Calls(device, None if isinstance(device, SimulatedBench) else time_limit(manifest, timeout))
 
 
-def frame_of(calls: Calls, slot: int | None, whole: bool) -> NDArray[np.integer]:
-    """(H, W) or (C, H, W) digital numbers of a slot, or of a whole exposure.
+def frame_of(calls: Calls, slot: int | None, whole: bool, name: str) -> NDArray[np.integer]:
+    """(H, W) or (C, H, W) digital numbers of a slot, or of a whole exposure, and its name for benches that ask for it.
 
     Raises:
         DeviceError: no answer, or something that is no frame.
     """
     device = calls.device
+    if isinstance(device, Named):
+        device.name_frame(name)
     calls.of(lambda: device.show(slot))
     found: NDArray[Any] = calls.of(lambda: np.asarray(device.capture(whole=whole)))
     whole_numbers = np.issubdtype(found.dtype, np.integer)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import copy
+from collections.abc import Sequence
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras import CodedCamera
+from tmca.cameras import CodedCamera, sharing
+from tmca.cameras.hardware.codes import ImperfectCodes, ImperfectPlane
 from tmca.errors import DeviceError
 from tmca.lab.devices.sources import Planes
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll
+
+_UNSEEN = 1e-12
+"""Share of a slot below which a pattern is not seen: rounding."""
 
 
 def showing(camera: Any, codes: Planes) -> Any:
@@ -21,7 +25,7 @@ def showing(camera: Any, codes: Planes) -> Any:
     Raises:
         DeviceError: codes of another size.
     """
-    found = _sharing(camera)
+    found = sharing(camera)
     if isinstance(camera, CodedCamera):
         own = dict(zip(("aperture", "shutter"), camera.codes(), strict=True))
         shown = {name: codes.planes.get(name, plane) for name, plane in own.items()}
@@ -34,33 +38,56 @@ def showing(camera: Any, codes: Planes) -> Any:
         found.multiplexed, found._fixed = _Shown(shown["aperture"], shown["shutter"]), None
     elif codes.modes:
         size, modes = camera.spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
-        found.spread, found._kept = _sharing(camera.spread), None
+        found.spread, found._kept = sharing(camera.spread), None
         found.spread.heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
     return found
 
 
-def _sharing(module: Any) -> Any:
-    """A module of the same parts; others can take their place without a change of the first."""
-    found = copy.copy(module)
-    found._modules, found._buffers = dict(module._modules), dict(module._buffers)
-    return found
+def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[int], Tensor]:
+    """Patterns that a frame sees which an ordinary camera takes for one slot, and how long.
+
+    Its shutter is open for all pixels while shutter pattern ``slot`` would be shown: late, row after row, while the
+    aperture still turns to its next pattern, as the faults of the camera say.
+
+    Args:
+        camera: on its bench.
+        slot: of the frame.
+        settled: the frame waits for a pattern that stands still.
+
+    Returns:
+        Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
+    """
+    codes = camera.multiplexed if isinstance(camera, CodedCamera) else camera.shutter
+    faults = codes.faults if isinstance(codes, ImperfectCodes | ImperfectPlane) else None
+    if settled or faults is None or not faults.timed:
+        return [slot], torch.ones(1, camera.size[0])
+    shares = faults.overlap[:, slot].T.float()
+    seen = [pattern for pattern, share in enumerate(shares) if float(share.abs().max()) > _UNSEEN] or [slot]
+    return seen, shares[seen]
 
 
-def of_one_slot(camera: Any, slot: int, share: int) -> Any:
-    """The camera while one slot, the ``share``-th part of an exposure, is shown, its shutter open.
+def of_one_slot(camera: Any, seen: Sequence[int], shares: Tensor, share: int) -> Any:
+    """The camera in the frame of one slot, the ``share``-th part of an exposure, its shutter open.
 
     A slot of an equal exposure lasts the K-th part of it: the sensor collects a K-th of the light, and what it reads is
     K-fold, so that snapshots of all slots, masked, average to that of the exposure, shot and read noise as they are.
+
+    Args:
+        camera: on its bench.
+        seen: patterns that the frame sees.
+        shares: (n, H) of a slot that each is seen for, see ``seen_in_frame``.
+        share: K of the exposure.
     """
-    found = _sharing(camera)
+    found = sharing(camera)
     found.sensor = sub_exposed(camera, share)
-    found.slots, found.exposure = 1, "equal"
+    found.slots, found.exposure = len(seen), "equal"
+    opened = shares[:, :, None] * len(seen)  # a mean over these patterns is then their sum
     if isinstance(camera, CodedCamera):
-        found.multiplexed, found._fixed = _OneSlot(camera.multiplexed, slot), None
+        found.multiplexed, found._fixed = _Seen(camera.multiplexed, seen, opened), None
         return found
-    found.shutter, found._kept = _Open(camera.shutter), None
-    found.spread = _sharing(camera.spread)
-    found.spread.heights = _OneMap(camera.spread.heights, slot)
+    found.shutter, found._kept = _Opened(camera.shutter, opened), None
+    found.spread = sharing(camera.spread)
+    found.spread.heights = _Maps(camera.spread.heights, seen)
     return found
 
 
@@ -80,45 +107,50 @@ class _Shown(nn.Module):
         return self.aperture, self.shutter
 
 
-class _OneSlot(nn.Module):
-    """(aperture, open shutter) of one slot."""
+class _Seen(nn.Module):
+    """(aperture, shutter) of some patterns, the shutter open for a share of the time, row by row."""
 
     learnable = False
+    opened: Tensor
 
-    def __init__(self, codes: nn.Module, slot: int) -> None:
+    def __init__(self, codes: nn.Module, seen: Sequence[int], opened: Tensor) -> None:
         super().__init__()
-        self.codes, self.slot = codes, slot
+        self.codes, self.seen = codes, list(seen)
+        self.register_buffer("opened", opened)
 
     def forward(self) -> tuple[Tensor, Tensor]:
         aperture, shutter = self.codes()
-        return aperture[self.slot : self.slot + 1], torch.ones_like(shutter[:1])
+        return aperture[self.seen], self.opened.expand(-1, -1, shutter.shape[2]).to(shutter)
 
 
-class _Open(nn.Module):
-    """An open shutter in the place of a coded one."""
+class _Opened(nn.Module):
+    """A shutter that is open for a share of the time in the place of a coded one."""
 
     period = None
+    opened: Tensor
 
-    def __init__(self, plane: nn.Module) -> None:
+    def __init__(self, plane: nn.Module, opened: Tensor) -> None:
         super().__init__()
         self.plane = plane
+        self.register_buffer("opened", opened)
 
     def forward(self) -> Tensor:
-        return torch.ones_like(self.plane()[:1])
+        known = self.plane()
+        return self.opened.expand(-1, -1, known.shape[2]).to(known)
 
     def part(self, rows: slice, columns: slice) -> Tensor:
         return self()[:, rows, columns]
 
 
-class _OneMap(nn.Module):
-    """The height map of one slot."""
+class _Maps(nn.Module):
+    """The height maps of some slots."""
 
-    def __init__(self, heights: nn.Module, slot: int) -> None:
+    def __init__(self, heights: nn.Module, seen: Sequence[int]) -> None:
         super().__init__()
-        self.heights, self.slot, self.size = heights, slot, heights.size
+        self.heights, self.seen, self.size = heights, list(seen), heights.size
 
     def forward(self) -> Tensor:
-        found: Tensor = self.heights()[self.slot : self.slot + 1]
+        found: Tensor = self.heights()[self.seen]
         return found
 
 

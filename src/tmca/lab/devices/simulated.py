@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from hashlib import sha256
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.cameras import Camera
+from tmca.cameras import Camera, moving_scenes
 from tmca.cameras.hardware import Hardware, imperfect
 from tmca.errors import DeviceError, SettingError
 from tmca.lab.devices.export import Export
@@ -17,7 +18,7 @@ from tmca.lab.devices.light import Light
 from tmca.lab.devices.lit import lit_scene
 from tmca.lab.devices.manifest import exposed_whole
 from tmca.lab.devices.reading import read_export
-from tmca.lab.devices.shown_camera import of_one_slot, showing, sub_exposed
+from tmca.lab.devices.shown_camera import of_one_slot, seen_in_frame, showing, sub_exposed
 
 
 class SimulatedBench:
@@ -31,7 +32,7 @@ class SimulatedBench:
         black: digital number of no light; without, 1/64 of the range, or six standard deviations of a dark frame.
         whole: digital numbers reach up to white in a whole exposure; else up to that in a frame of one slot.
         seed: of noise and faults.
-        taken: frames that it took before, whose noise is not drawn again.
+        taken: frames that it took before, whose noise is not drawn again; of frames without a name.
         stops_after: frames after which it does not answer any more; never without.
 
     Raises:
@@ -62,6 +63,7 @@ class SimulatedBench:
         self.loaded, self.coded = False, False
         self.shown: int | None = None
         self.light: Light | None = None
+        self.name: str | None = None
         self.taken, self.first, self.stops_after = taken, taken, stops_after
 
     @property
@@ -69,11 +71,25 @@ class SimulatedBench:
         """Snapshot units of a digital number."""
         return float(self._top / (self.saturation - self.black))
 
+    @property
+    def snapshot_units_per_dn(self) -> float:
+        """See ``Device``."""
+        return self.gain
+
+    def name_frame(self, name: str) -> None:
+        """See ``Named``: a frame has the noise of its name, whenever it is taken."""
+        self.name = name
+
     def load(self, export: Export) -> None:
         """See ``Device``; from then on it images what was exported, a mirror's own terms among it."""
         codes, self.coded = read_export(export.folder), exposed_whole(export.manifest)
         if codes.slots != self.known.slots and ("shutter" in codes.planes or codes.modes):
             raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.known.slots}")
+        if self.scene and self.hardware.leakage and not self.coded:
+            expected = "none where frames of an ordinary camera are masked afterwards"
+            raise SettingError(
+                "leakage", f"{self.hardware.leakage:g}", expected, "export to coded-exposure, or leave it"
+            )
         self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed, "dark")
         self.loaded = True
 
@@ -109,13 +125,24 @@ class SimulatedBench:
         if not whole and self.shown is None:
             return self._even(0)
         shown = None if whole else self.shown
-        camera = self.camera if shown is None else of_one_slot(self.camera, shown, self.known.slots)
-        scene = self.scene if self.light is None else lit_scene(camera, self.light)
+        seen, shares = seen_in_frame(self.camera, shown or 0, settled=self.light is not None)
+        camera = self.camera if shown is None else of_one_slot(self.camera, seen, shares, self.known.slots)
+        scene = self._moved(None if shown is None else seen) if self.light is None else lit_scene(camera, self.light)
         found: Tensor = camera(*scene, self._noise())
         return found
 
+    def _moved(self, seen: list[int] | None) -> tuple[Tensor, ...]:
+        """The scene as it is in some slots, in all of them without: (1, n, …) where it moves."""
+        if not any(self.hardware.movement):
+            return self.scene
+        moved = moving_scenes(self.scene[0], self.hardware.movement, self.camera.slots)
+        return (moved if seen is None else moved[:, seen],)
+
     def _noise(self) -> torch.Generator:
-        return torch.Generator().manual_seed(1000 * self.seed + self.taken)
+        if self.name is None:
+            return torch.Generator().manual_seed(1000 * self.seed + self.taken)
+        drawn = sha256(f"{self.seed} {self.name}".encode()).digest()
+        return torch.Generator().manual_seed(int.from_bytes(drawn[:6], "big"))
 
     def _even(self, share: float) -> Tensor:
         """Of the same light on every pixel, a share of white's."""

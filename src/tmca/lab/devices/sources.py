@@ -74,12 +74,14 @@ class Planes:
 
 
 def read_planes(source: str | Path) -> Planes:
-    """Codes of a file of `tmca design`, a run or weights of `tmca train`, or a snapshot.
+    """Codes of a file of `tmca design` or the folder that it wrote, a run or weights of `tmca train`, or a snapshot.
 
     Raises:
         DataError: none of these.
     """
     path = Path(source)
+    if (path / "codes.nc").is_file() and not any(path.rglob("*.safetensors")):
+        path = path / "codes.nc"
     if path.is_dir() or path.suffix == ".safetensors":
         return _of_weights(path)
     if path.suffix not in (".nc", ".h5", ".zarr"):
