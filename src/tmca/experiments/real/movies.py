@@ -33,9 +33,8 @@ def study_movie(
         seconds = time.process_time() - start
         rows.append({"decoder": method, "seconds": seconds, **_errors(snapshot, movie, frames, how)})
         found[method] = movie.frames[:, 0].numpy()
-    for row in rows:
-        row["agreement_psnr"] = float(psnr(*(np.clip(found[name], 0, 1) for name in ("kriging", "space-time-tv"))))
-    return rows, found
+    agreed = float(psnr(*(np.clip(found[name], 0, 1) for name in ("kriging", "space-time-tv"))))
+    return [{**row, "agreement_psnr": agreed} for row in rows], found
 
 
 def _errors(snapshot: Snapshot[SpectralCamera], movie: Movie, frames: int, how: dict[str, Any]) -> dict[str, float]:

@@ -19,9 +19,9 @@ from tmca.operators import SlotwiseDisperser
 if TYPE_CHECKING:
     import xarray as xr
 
-MOVIE_METHODS = ("kriging", "space-time-tv")
 MOVIE_NUMBERS = {"kriging": ("lifetime", "changing"), "space-time-tv": ("weight", "time")}
 """Numbers of `decode_movie` that each method takes."""
+MOVIE_METHODS = tuple(MOVIE_NUMBERS)
 
 
 @dataclass(frozen=True)
