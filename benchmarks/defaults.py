@@ -4,7 +4,8 @@
 block sizes of the prior, every scene decoded under a prior of the others. ``adapted``: PSNR of the adapted LMMSE over
 the number of times its prior is refitted, and the PSNR that its standard deviation predicts, in the same way.
 ``tiles``: the same over the size of its tiles. ``subspace``: PSNR of plug-and-play ADMM in the scene's own subspace
-over dimensions and strengths, beside ADMM-TV.
+over dimensions and strengths, beside ADMM-TV. ``tikhonov``: PSNR of least squares with a smooth scene over weights and
+numbers of iterations, beside ADMM-TV and the least-norm scene.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_split
 from tmca.decoders import AdaptedLMMSE, admm_tv, decode, default_weight, pnp_admm, tv_denoiser
 from tmca.decoders.iterative.subspace import subspace_denoiser
+from tmca.decoders.iterative.tikhonov import tikhonov
 from tmca.experiments.scenes import load_scene
 from tmca.metrics import psnr
 from tmca.priors import learn_prior
@@ -34,6 +36,7 @@ NOISES = (0.0, 0.01, 0.05)
 FACTORS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 10.0)
 REFITS = (0, 1, 2, 4, 8)
 TILES = (None, 128, 64)
+STIFFNESSES, STEPS = (0.03, 0.1, 0.3, 1.0, 3.0), (30, 60, 100)
 RANKS, STRENGTHS = (4, 6, 8, 12), (2.5, 5.0, 10.0)
 BLOCKS = ((6, 30), (6, 36), (8, 36), (10, 36), (12, 30), (12, 36), (12, 42), (16, 36))
 
@@ -92,6 +95,22 @@ def study_subspace(cubes: Sequence[xr.DataArray]) -> None:
             print(f"{code}, σ = {noise:g}  {text}", flush=True)
 
 
+def study_tikhonov(cubes: Sequence[xr.DataArray]) -> None:
+    """Mean PSNR over scenes for weights and iterations, beside joint ADMM-TV and the least norm."""
+    for code in CODES:
+        for noise in NOISES:
+            values: dict[str, list[float]] = {}
+            for cube in cubes:
+                taken, scene = snapshot(cube, code, noise)
+                for name in ("admm-tv-joint", "dagger"):
+                    values.setdefault(name, []).append(float(psnr(decode(taken, name).estimate, scene)))
+                for weight, steps in product(STIFFNESSES, STEPS):
+                    found = tikhonov(taken.camera.operator(), taken.values, weight=weight, iterations=steps)
+                    values.setdefault(f"{weight:g}, {steps}", []).append(float(psnr(found.clamp_min(0), scene)))
+            text = "  ".join(f"{name}: {sum(v) / len(v):.2f}" for name, v in values.items())
+            print(f"{code}, σ = {noise:g}  {text}", flush=True)
+
+
 def study_blocks(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -> None:
     """Mean PSNR over scenes and codes for block sizes (rows × columns), each scene left out of its prior."""
     for block in BLOCKS:
@@ -135,7 +154,7 @@ def _adapted(cube: xr.DataArray, whole: Sequence[xr.DataArray], settings: dict[s
             print(f"{cube.attrs['name']}, {code}, {noise:g}:  " + "  ".join(found), flush=True)
 
 
-OF_CROPS = {"tv": study_tv, "subspace": study_subspace}
+OF_CROPS = {"tv": study_tv, "subspace": study_subspace, "tikhonov": study_tikhonov}
 STUDIES = {"blocks": study_blocks, "adapted": study_adapted, "tiles": study_tiles}
 
 

@@ -90,8 +90,15 @@ def test_onnx_is_the_network_too(tmp_path, caplog):
     assert check_decoder(tmp_path / "out", file)[0].error < 1e-4
 
 
+def test_a_start_by_conjugate_gradients_is_exported_too(tmp_path):
+    file = written_weights(tmp_path, start="tikhonov")
+    found = export_decoder(file, tmp_path / "out", ("torch",))
+    assert found[0].error < 1e-4
+    assert check_decoder(tmp_path / "out", file)[0].error < 1e-4
+
+
 def test_what_cannot_stand_alone_is_refused(exported, tmp_path):
-    with pytest.raises(SettingError, match="starts from lmmse, expected one that starts from adjoint or dagger"):
+    with pytest.raises(SettingError, match="from lmmse, expected one that starts from adjoint, dagger or tikhonov"):
         export_decoder(written_weights(tmp_path, start="lmmse"), tmp_path / "a", ("torch",))
     (tmp_path / "weights.safetensors").unlink()
     with pytest.raises(SettingError, match="whole pixels"):

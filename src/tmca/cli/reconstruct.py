@@ -42,10 +42,10 @@ def reconstruct(
 
     Args:
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
-        decoder: lmmse (default), admm-tv, dagger, or network; of a spectral snapshot also lmmse-adapted (its prior
-            refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means, pnp-subspace (the best of
-            those without a prior); of a light-field snapshot also mixture, dictionary, dictionary-omp. Of a
-            spectral-depth snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch
+        decoder: lmmse (default), admm-tv, tikhonov, dagger, or network; of a spectral snapshot also lmmse-adapted
+            (its prior refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means, pnp-subspace
+            (the best of those without a prior); of a light-field snapshot also mixture, dictionary, dictionary-omp. Of
+            a spectral-depth snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch
             prior; or network.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
             the decoder is then network.

@@ -16,6 +16,7 @@ from tmca.decoders.iterative.admm import admm_tv, default_weight
 from tmca.decoders.iterative.denoisers import nl_means_denoiser, tv_denoiser
 from tmca.decoders.iterative.pnp import Denoiser, pnp_admm
 from tmca.decoders.iterative.subspace import subspace_denoiser
+from tmca.decoders.iterative.tikhonov import tikhonov
 from tmca.decoders.networks.neural import Weights
 from tmca.decoders.patch_based.adapted import AdaptedLMMSE
 from tmca.decoders.patch_based.lmmse import PatchLMMSE
@@ -24,7 +25,7 @@ from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 
-_ITERATIONS, _PNP_ITERATIONS = 300, 100
+_ITERATIONS, _PNP_ITERATIONS, _SMOOTH_ITERATIONS = 300, 100, 100
 _DENOISERS: dict[str, tuple[Callable[[], Denoiser], float]] = {
     "pnp-tv": (tv_denoiser, 1e-3),
     "pnp-nl-means": (nl_means_denoiser, 1e-3),
@@ -180,6 +181,12 @@ def _noise_level(snapshot: Snapshot[Any]) -> float:
 def _exposure_gain(camera: CodedCamera) -> float:
     """What one band of a white scene gives through open codes: 1 at equal exposure, the slots where they add up."""
     return camera.full_scale / float(camera.response.sum())
+
+
+def by_smoothness(snapshot: Snapshot[Any], progress: Progress | None) -> Decoded:
+    """Scenes by least squares with smooth channels; (B, L, H, W)."""
+    operator = tap_operator(snapshot.camera, "tikhonov")
+    return Decoded(tikhonov(operator, snapshot.values, iterations=_SMOOTH_ITERATIONS, progress=progress))
 
 
 def by_denoiser(snapshot: Snapshot[Any], method: str, progress: Progress | None) -> Decoded:

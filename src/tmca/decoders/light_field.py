@@ -14,6 +14,7 @@ from tmca.decoders.decoding import (
     Prior,
     Progress,
     by_prior,
+    by_smoothness,
     by_variation,
     check_arguments,
     finished,
@@ -28,7 +29,7 @@ from tmca.priors import PatchDictionary
 from tmca.priors.files import HOW_TO_LEARN
 from tmca.priors.light_field import check_views
 
-LIGHT_FIELD_METHODS = ("lmmse", "mixture", "dictionary", "dictionary-omp", "admm-tv", "dagger", "network")
+LIGHT_FIELD_METHODS = ("lmmse", "mixture", "dictionary", "dictionary-omp", "admm-tv", "tikhonov", "dagger", "network")
 
 
 def decode_light_field(
@@ -48,8 +49,8 @@ def decode_light_field(
         snapshot: values (B, 1, H, W), a batch of colours, and camera.
         method: ``"lmmse"`` (Gaussian prior), ``"mixture"`` (Gaussian-mixture prior), ``"dictionary"``,
             ``"dictionary-omp"`` (sparse patches in a learned dictionary, by LASSO or orthogonal matching pursuit),
-            ``"admm-tv"`` (total variation view by view), ``"dagger"`` (least-norm, the plain baseline), ``"network"``
-            (trained).
+            ``"admm-tv"`` (total variation view by view), ``"tikhonov"`` (least squares with smooth views), ``"dagger"``
+            (least-norm, the plain baseline), ``"network"`` (trained).
         prior: for the LMMSE or the mixture; for a network, in the place of its own.
         dictionary: for the two that use it.
         tv_weight: for total variation; chosen from the noise if None.
@@ -79,6 +80,8 @@ def decode_light_field(
             found = _by_network(snapshot, weights, prior, progress)
         elif method == "dagger":
             found = Decoded(camera.A_dagger(snapshot.values).flatten(1, 2))
+        elif method == "tikhonov":
+            found = by_smoothness(snapshot, progress)
         else:
             found = by_variation(snapshot, False, tv_weight, progress)
     found.estimate = found.estimate.unflatten(1, camera.views)

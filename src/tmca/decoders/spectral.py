@@ -15,6 +15,7 @@ from tmca.decoders.decoding import (
     Progress,
     by_denoiser,
     by_prior,
+    by_smoothness,
     by_variation,
     check_arguments,
     check_bands,
@@ -36,6 +37,7 @@ METHODS = (
     "pnp-tv",
     "pnp-nl-means",
     "pnp-subspace",
+    "tikhonov",
     "dagger",
     "network",
 )
@@ -59,7 +61,8 @@ def decode(
             ``"mixture"`` (Gaussian-mixture prior), ``"admm-tv"``, ``"admm-tv-joint"`` (total variation band by
             band or over all bands), ``"pnp-tv"``, ``"pnp-nl-means"`` (plug-and-play ADMM with a denoiser),
             ``"pnp-subspace"`` (with total variation in the scene's own spectral subspace of six dimensions),
-            ``"dagger"`` (least-norm, the plain baseline), ``"network"`` (trained).
+            ``"tikhonov"`` (least squares with a smooth scene), ``"dagger"`` (least-norm, the plain baseline),
+            ``"network"`` (trained).
         prior: for the first three; for a network, in the place of its own.
         weights: of the network.
         tv_weight: for total variation; chosen from the noise if None.
@@ -79,6 +82,8 @@ def decode(
             found = _by_network(snapshot, weights, prior, progress)
         elif method == "dagger":
             found = Decoded(snapshot.camera.A_dagger(snapshot.values))
+        elif method == "tikhonov":
+            found = by_smoothness(snapshot, progress)
         elif method.startswith("pnp"):
             found = by_denoiser(snapshot, method, progress)
         else:

@@ -56,7 +56,7 @@ class CameraDecoder(nn.Module):
     """Snapshot (1, 1, H, W') → scene (1, L, H, W) behind fixed codes.
 
     Args:
-        weights: of a network that starts from ``adjoint`` or ``dagger``.
+        weights: of a network that starts from ``adjoint``, ``dagger`` or ``tikhonov``.
         operator: of the camera.
         noise: of its sensor.
 
@@ -67,10 +67,10 @@ class CameraDecoder(nn.Module):
     def __init__(self, weights: Weights, operator: TapOperator, noise: Noise) -> None:
         super().__init__()
         if weights.network.start in NEED_PRIOR:
-            wanted = "one that starts from adjoint or dagger, which is a formula"
+            wanted = "one that starts from adjoint, dagger or tikhonov, which are formulas"
             raise SettingError(
                 "weights", f"a network that starts from {weights.network.start}", wanted,
-                "train it with --set decoder='{kind: unrolled, start: dagger}'",
+                "train it with --set decoder='{kind: unrolled, start: tikhonov}'",
             )  # fmt: skip
         taps = operator.taps
         if gram_neighbour(taps) is not None or taps.channels != tuple(range(taps.scene_channels)):

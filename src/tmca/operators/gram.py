@@ -1,4 +1,5 @@
-"""``A Aᵀ`` of a collapsed camera: diagonal, or tridiagonal along x where a band falls between two pixels."""
+"""``A Aᵀ`` of a collapsed camera: diagonal, or tridiagonal along x where a band falls between two pixels; of
+``Aᵀ A`` the diagonal."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from itertools import product
 import torch
 from torch import Tensor
 
-from tmca.operators.taps import Taps
+from tmca.operators.taps import Taps, sum_by_channel
 
 
 def gram_diagonal(taps: Taps) -> Tensor:
@@ -17,6 +18,11 @@ def gram_diagonal(taps: Taps) -> Tensor:
     for code, offset in zip(taps.code, taps.offsets, strict=True):
         diagonal[:, offset : offset + columns].addcmul_(code, code)
     return diagonal
+
+
+def channel_energy(taps: Taps) -> Tensor:
+    """(L, H, W) diagonal of ``Aᵀ A``: squared codes of the taps that read each entry of the scene, summed."""
+    return sum_by_channel(taps.code.square(), taps.channels, taps.scene_channels)
 
 
 def gram_neighbour(taps: Taps) -> Tensor | None:

@@ -142,7 +142,7 @@ class LightFieldApplication:
 
 def _no_mixture(mixture: bool) -> None:
     if mixture:
-        raise SettingError("decoder.start", "mixture", "lmmse, dagger or adjoint for a light field")
+        raise SettingError("decoder.start", "mixture", "lmmse, tikhonov, dagger or adjoint for a light field")
 
 
 def light_field_settings(

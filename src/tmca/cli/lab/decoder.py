@@ -30,7 +30,7 @@ def export(
     """Write the network of RUN, with its codes and optics, as decoder.pt2 and decoder.onnx, each checked when written.
 
     Args:
-        run: folder of `tmca train spectral` or a weights file; its network starts from adjoint or dagger.
+        run: folder of `tmca train spectral` or a weights file; its network starts from adjoint, dagger or tikhonov.
         out: folder to write into.
         formats: torch, onnx, or both separated by a comma; onnx needs `pip install 'tmca[onnx]'`.
         frame: HEIGHTxWIDTH of the scene; that of the run's camera without it.

@@ -150,6 +150,7 @@ def report(
     out: Path,
     weights: Path | None = None,
     decoders: str = "admm-tv,pnp,network",
+    control: list[str] | None = None,
     keep: Path = Path("real-estimates"),
     overwrite: Flag = False,
 ) -> None:
@@ -160,6 +161,8 @@ def report(
         out: page to write, without suffix.
         weights: run of `tmca train spectral --snapshot`, for network.
         decoders: some of admm-tv, pnp, network, separated by commas.
+        control: scenes that are known (files, or names of rendered ones), imaged behind the same mask, to hold the
+            merit against the truth.
         keep: folder of estimates, which the next report uses again where their input is the same.
         overwrite: replace results that exist.
     """
@@ -167,5 +170,7 @@ def report(
 
     names = [name.strip() for name in decoders.split(",") if name.strip()]
     command = ["tmca", *sys.argv[1:]]
-    files = write_report(data, out, names, weights, keep, command, overwrite=overwrite, told=warned)
+    files = write_report(
+        data, out, names, weights, keep, command, control=control or (), overwrite=overwrite, told=warned
+    )
     print(f"{files[1]}: {', '.join(file.name for file in files[2:])} beside it")

@@ -117,7 +117,7 @@ class SpatialAngular(Network):
     Args:
         bands: L = V·U, the number of views.
         views: (V, U), rows and columns of the grid; if None, a square one.
-        start: first estimate, ``"adjoint"``, ``"dagger"`` or ``"lmmse"``.
+        start: first estimate, ``"adjoint"``, ``"dagger"``, ``"tikhonov"`` or ``"lmmse"``.
         stages: steps on the operator, each with a body; 0 for the plain sub-network.
         shared: all stages share one body.
         width: channels that each block makes for each view.

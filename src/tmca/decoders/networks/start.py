@@ -7,6 +7,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from tmca.decoders.iterative.tikhonov import tikhonov
 from tmca.decoders.patch_based.lmmse import PatchLMMSE
 from tmca.decoders.patch_based.mixture import MixtureLMMSE
 from tmca.decoders.patch_based.patches import PatchDecoder
@@ -15,7 +16,7 @@ from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Noise
 
-STARTS = ("adjoint", "dagger", "lmmse", "mixture")
+STARTS = ("adjoint", "dagger", "tikhonov", "lmmse", "mixture")
 NEED_PRIOR = ("lmmse", "mixture")
 _LEAST_READ_NOISE = 5e-4
 """Snapshot units: float32 is enough above it, and networks have no use for more."""
@@ -34,12 +35,13 @@ def first_estimate(
     """(B, 1, H, W') → (B, L, H, W).
 
     Args:
-        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene), ``"lmmse"`` or ``"mixture"``.
+        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene), ``"tikhonov"`` (least squares
+            with a smooth scene), ``"lmmse"`` or ``"mixture"``.
         snapshot: in snapshot units.
         operator: that took it.
         noise: of the sensor.
         prior: for the LMMSE, or of the mixture.
-        differentiable: let gradients reach code and snapshot through the LMMSE too.
+        differentiable: let gradients reach code and snapshot through Tikhonov's or the LMMSE too.
         progress: told the share of the LMMSE that is done.
 
     Raises:
@@ -49,6 +51,9 @@ def first_estimate(
         return operator.A_adjoint(snapshot)
     if kind == "dagger":
         return operator.A_dagger(snapshot)
+    if kind == "tikhonov":
+        with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
+            return tikhonov(operator, snapshot, progress=progress)
     if kind not in NEED_PRIOR:
         raise SettingError("start", repr(kind), f"one of {', '.join(STARTS)}")
     decoder = _patch_decoder(kind, prior)

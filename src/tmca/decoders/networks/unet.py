@@ -21,7 +21,7 @@ class UNet(Network):
 
     Args:
         bands: L.
-        start: first estimate, ``"adjoint"``, ``"dagger"`` or ``"lmmse"``.
+        start: first estimate, ``"adjoint"``, ``"dagger"``, ``"tikhonov"`` or ``"lmmse"``.
         codes: also give the code of every band to the network.
         noise_aware: also give the noise, and work on values relative to the local brightness.
         widths: channels of each level, finest first.

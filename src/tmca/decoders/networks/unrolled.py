@@ -25,7 +25,7 @@ class Unrolled(Network):
 
     Args:
         bands: L.
-        start: first estimate, ``"adjoint"``, ``"dagger"`` or ``"lmmse"``.
+        start: first estimate, ``"adjoint"``, ``"dagger"``, ``"tikhonov"`` or ``"lmmse"``.
         stages: number of data steps; in the same minutes on one core two learn more than three do.
         shared: all stages share one proximal network.
         widths: channels of each level of a proximal network, finest first.

@@ -91,10 +91,15 @@ def brightest_rows(snapshot: Snapshot[SpectralCamera], rows: int) -> Snapshot[Sp
     light = np.convolve(values[0, 0].sum(1).numpy(), np.ones(rows), "valid")
     top = int(light.argmax())
     part = slice(top, top + rows)
+    return Snapshot(values[:, :, part], part_of(camera, part, slice(0, camera.size[1])), snapshot.notes)
+
+
+def part_of(camera: SpectralCamera, rows: slice, columns: slice) -> SpectralCamera:
+    """The same camera behind a part of its codes, in scene pixels."""
     aperture, shutter = camera.codes()
-    cut = SpectralCamera(
-        bands=camera.wavelengths, size=(rows, camera.size[1]), slots=camera.slots, aperture=aperture[:, part],
-        shutter=shutter[:, part], exposure=camera.exposure, dispersion=camera.dispersion, response=camera.response,
-        sensor=camera.sensor,
+    seen = slice(columns.start, columns.stop + shutter.shape[2] - camera.size[1])
+    return SpectralCamera(
+        bands=camera.wavelengths, size=(rows.stop - rows.start, columns.stop - columns.start), slots=camera.slots,
+        aperture=aperture[:, rows, columns], shutter=shutter[:, rows, seen], exposure=camera.exposure,
+        dispersion=camera.dispersion, response=camera.response, sensor=camera.sensor,
     )  # fmt: skip
-    return Snapshot(values[:, :, part], cut, snapshot.notes)

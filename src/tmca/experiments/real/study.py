@@ -74,6 +74,11 @@ def single_disperser() -> SingleDisperser:
     return found
 
 
+def first_capture(folder: Path) -> Snapshot[SpectralCamera]:
+    """The first capture of the single disperser, imported."""
+    return import_capture(folder / f"tsa/{SCENES[0]}.mat", single_disperser(), folder / MASK)
+
+
 def study_scene(
     folder: Path, name: str, decoders: Sequence[str], weights: Weights | None, keep: Path, told: Told
 ) -> Scene:

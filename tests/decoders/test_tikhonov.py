@@ -1,0 +1,120 @@
+"""Least squares with a smooth scene, against the normal equations solved densely."""
+
+import pytest
+import torch
+
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
+from tmca.decoders import decode, decode_light_field
+from tmca.decoders.iterative.tikhonov import tikhonov
+from tmca.decoders.networks.start import first_estimate
+from tmca.errors import SettingError, ShapeError
+from tmca.sensor import Noise, Sensor
+
+WEIGHT = 0.7
+CAMERAS = {
+    "odd": lambda: SpectralCamera(bands=3, size=(7, 9), slots=3),
+    "even, parts of pixels": lambda: SpectralCamera(bands=3, size=(6, 8), slots=2, dispersion=0.6),
+    "dual disperser": lambda: SpectralCamera(bands=3, size=(5, 8), slots=2, disperser="dual"),
+    "light field": lambda: LightFieldCamera(3, (6, 7), 2),
+}
+
+
+def operator_of(name):
+    return CAMERAS[name]().double().operator()
+
+
+def dense(operator, snapshot, weight):
+    """The minimum by its normal equations."""
+    shape = operator.scene_shape
+    units = torch.eye(torch.Size(shape).numel(), dtype=torch.float64).reshape(-1, *shape)
+    matrix = operator.A(units).flatten(1).T
+    steps = torch.cat([units.diff(dim=-2).flatten(1), units.diff(dim=-1).flatten(1)], dim=1).T
+    stiffness = weight * matrix.square().sum(0).mean()
+    normal = matrix.T @ matrix + stiffness * steps.T @ steps
+    return torch.linalg.solve(normal, matrix.T @ snapshot.flatten(1).T).T.reshape(-1, *shape)
+
+
+def random_snapshots(operator, count=1):
+    generator = torch.Generator().manual_seed(0)
+    return torch.rand(count, *operator.snapshot_shape, generator=generator, dtype=torch.float64)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_it_is_the_minimum(name):
+    operator = operator_of(name)
+    snapshots = random_snapshots(operator, 2)
+    found = tikhonov(operator, snapshots, weight=WEIGHT, iterations=200)
+    torch.testing.assert_close(found, dense(operator, snapshots, WEIGHT), rtol=1e-9, atol=1e-10)
+
+
+def test_snapshots_of_a_batch_do_not_see_each_other():
+    operator = operator_of("odd")
+    snapshots = random_snapshots(operator, 3) * torch.tensor([1.0, 100.0, 0.0])[:, None, None, None]
+    together = tikhonov(operator, snapshots, iterations=7)
+    alone = torch.cat([tikhonov(operator, one[None], iterations=7) for one in snapshots])
+    torch.testing.assert_close(together, alone, rtol=1e-12, atol=0)
+    assert not together[2].any()
+
+
+def test_of_several_minima_one_is_kept():
+    camera = SpectralCamera(bands=4, size=(6, 8), slots=1, shutter="open", dispersion=0.6).double()
+    operator = camera.operator()  # scenes that are constant in every band: four numbers, told by three displacements
+    snapshot = random_snapshots(operator)
+    few, many = (tikhonov(operator, snapshot, iterations=count) for count in (100, 400))
+    torch.testing.assert_close(many, few, rtol=0, atol=1e-8)
+
+
+def test_gradients_reach_code_and_snapshot():
+    camera = CAMERAS["odd"]().double()
+    snapshot = random_snapshots(camera.operator()).requires_grad_()
+    code = camera.operator().taps.code.detach().clone().clamp_min(0.1).requires_grad_()
+
+    def solved(code, snapshot):
+        operator = camera.operator()
+        operator.code = code
+        return tikhonov(operator, snapshot, iterations=5)
+
+    assert torch.autograd.gradcheck(solved, (code, snapshot))
+
+
+def test_gradients_stop_at_a_start_that_is_not_learned_through():
+    operator, noise = operator_of("odd"), Noise(0.01, 0.0)
+    snapshot = random_snapshots(operator).requires_grad_()
+    assert not first_estimate("tikhonov", snapshot, operator, noise).requires_grad
+    assert first_estimate("tikhonov", snapshot, operator, noise, differentiable=True).requires_grad
+
+
+def test_closed_codes_say_nothing():
+    camera = SpectralCamera(bands=2, size=(4, 5), slots=1, aperture=torch.zeros(1, 4, 5), shutter="open")
+    assert not tikhonov(camera.operator(), torch.ones(1, 1, 4, 6)).any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "decoder"),
+    [("spectral", decode), ("light field", decode_light_field)],
+)
+def test_a_smooth_scene_comes_back_better_than_by_the_least_norm(kind, decoder):
+    if kind == "spectral":
+        camera = SpectralCamera(bands=4, size=(21, 24), slots=2, sensor=Sensor(read_noise=0.005))
+        shape = (1, 4, 21, 24)
+    else:
+        camera = LightFieldCamera(3, (21, 24), 2, sensor=Sensor(read_noise=0.005))
+        shape = (1, 3, 3, 21, 24)
+    rows, columns = torch.linspace(0, 3, 21)[:, None], torch.linspace(0, 4, 24)
+    scene = (0.5 + 0.4 * torch.sin(rows) * torch.cos(columns)).expand(shape)
+    taken = Snapshot(camera(scene, generator=0), camera)
+    errors = {name: float((decoder(taken, name).estimate - scene).norm()) for name in ("tikhonov", "dagger")}
+    assert errors["tikhonov"] < 0.2 * errors["dagger"]
+
+
+def test_what_it_refuses():
+    operator = operator_of("odd")
+    snapshot = random_snapshots(operator)
+    with pytest.raises(SettingError, match="weight: found 0, expected > 0"):
+        tikhonov(operator, snapshot, weight=0.0)
+    with pytest.raises(SettingError, match="weight: found nan"):
+        tikhonov(operator, snapshot, weight=float("nan"))
+    with pytest.raises(SettingError, match="iterations: found 0, expected at least 1"):
+        tikhonov(operator, snapshot, iterations=0)
+    with pytest.raises(ShapeError, match="snapshot"):
+        tikhonov(operator, snapshot[..., 1:])
