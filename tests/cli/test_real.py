@@ -93,21 +93,23 @@ def test_frames_behind_a_pixel_shutter(capsys, folder, bench):
     text = said(capsys, "real", "movie", "w.nc", "--frames", "2", "--out", "m.nc", "--figure", "m.png")
     assert "2 frames of 2 slots each" in text
     with xr.open_dataset("m.nc") as frames:
-        np.testing.assert_allclose(frames["frames"], 0.5, atol=1e-5)
+        np.testing.assert_allclose(frames["frames"], 0.5, atol=1e-4)
+        assert frames.attrs["decoder"] == "space-time-dct"
     assert "a divisor of the 4 slots" in refused(capsys, "real", "movie", "w.nc", "--frames", "3", "--out", "n.nc")
 
 
 @pytest.mark.parametrize(
     ("decoder", "option", "said"),
     [
-        ("kriging", "--time=nan", "--time: found nan, expected none for kriging"),
-        ("kriging", "--weight=0.1", "--weight: found 0.1, expected none for kriging"),
+        ("kriging", "--threshold=0.1", "--threshold: found 0.1, expected none for kriging"),
+        ("kriging", "--iterations=9", "--iterations: found 9, expected none for kriging"),
         ("kriging", "--lifetime=inf", "expected a finite number above 0"),
         ("kriging", "--changing=1.5", "a share from 0 to 1"),
-        ("space-time-tv", "--time=nan", "a finite time"),
-        ("space-time-tv", "--weight=0", "a finite weight > 0"),
-        ("space-time-tv", "--lifetime=nan", "--lifetime: found nan, expected none for space-time-tv"),
-        ("dream", "--time=nan", "one of kriging, space-time-tv"),
+        ("space-time-dct", "--threshold=nan", "falling, finite and above 0"),
+        ("space-time-dct", "--threshold=0", "falling, finite and above 0"),
+        ("space-time-dct", "--iterations=1", "at least 2"),
+        ("space-time-dct", "--lifetime=nan", "--lifetime: found nan, expected none for space-time-dct"),
+        ("dream", "--threshold=1", "one of space-time-dct, kriging"),
     ],
 )
 def test_impossible_numbers_of_a_movie_are_refused(capsys, folder, bench, tmp_path, decoder, option, said):
@@ -117,9 +119,20 @@ def test_impossible_numbers_of_a_movie_are_refused(capsys, folder, bench, tmp_pa
     assert not (tmp_path / "m.nc").exists()
 
 
-def test_frames_that_slots_of_one_frame_tie_to_nothing_are_decoded(capsys, folder, bench, tmp_path):
-    how = ("--frames", "2", "--decoder", "space-time-tv", "--time", "0", "--out", tmp_path / "m.nc")
-    assert "2 frames" in said(capsys, "real", "movie", _imported(capsys, folder, tmp_path), *how)
+@pytest.mark.parametrize("decoder", ["kriging", "space-time-dct"])
+def test_a_frame_per_slot_is_decoded(capsys, folder, bench, tmp_path, decoder):
+    how = ("--frames", "4", "--decoder", decoder, "--out", tmp_path / "m.nc")
+    assert "4 frames of 1 slots" in said(capsys, "real", "movie", _imported(capsys, folder, tmp_path), *how)
+
+
+def test_a_capture_with_a_pixel_that_is_no_number_has_no_place(capsys, folder, bench, tmp_path):
+    from scipy.io import loadmat
+
+    found = {name: values for name, values in loadmat(folder / "wine.mat").items() if not name.startswith("_")}
+    found["a"][3, 4] = np.nan
+    bad = write_mat(tmp_path / "nan.mat", **found)
+    how = ("--prototype", folder / "wine.yaml", "--name", "w", "--shift", "0,0")
+    assert "expected a finite picture" in refused(capsys, "real", "register", bad, *how)
 
 
 def _imported(capsys, folder, place):

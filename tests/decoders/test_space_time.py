@@ -1,76 +1,128 @@
-"""Total variation in space and time: adjoint, an independent solver, its limits."""
+"""Blocks of space and time, sparse in their cosine transform: a slow loop, scenes whose frames are known."""
 
-import cvxpy
 import numpy as np
 import pytest
+import scipy.fft
 import torch
+from scipy.ndimage import gaussian_filter
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.iterative.space_time import slopes, slopes_adjoint, space_time_tv, space_time_variation
-from tmca.errors import SettingError
+from tmca.decoders.iterative.space_time import BlockThreshold, local_means, space_time_dct
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators import SlotwiseDisperser
 
 
-def operator(slots, size, seed=0):
-    chosen = torch.randint(slots, size, generator=torch.Generator().manual_seed(seed))
-    shutter = (chosen[None] == torch.arange(slots)[:, None, None]).double()
-    own = SpectralCamera(bands=1, size=size, slots=slots, dispersion=0.0)
-    return SlotwiseDisperser(torch.ones(slots, *size).double(), shutter, own.dispersion, None, "per-slot", moving=True)
+def operator(slots, size, bands=1, share=None, seed=0):
+    """One-hot shutters, or random ones of which a share is open."""
+    generator = torch.Generator().manual_seed(seed)
+    own = SpectralCamera(bands=bands, size=size, slots=slots, dispersion=1.0 if bands > 1 else 0.0)
+    wide = (size[0], size[1] + bands - 1)
+    if share is None:
+        shutter = (torch.randint(slots, wide, generator=generator) == torch.arange(slots)[:, None, None]).double()
+    else:
+        shutter = (torch.rand(slots, *wide, generator=generator) < share).double()
+    aperture = torch.ones(slots, *size).double()
+    return SlotwiseDisperser(aperture, shutter, own.dispersion, None, "per-slot", moving=True)
 
 
-@pytest.mark.parametrize("shape", [(2, 3, 2, 5, 4), (1, 4, 1, 4, 7)])
-def test_the_adjoint_is_the_transpose(shape):
-    movie = torch.randn(*shape, dtype=torch.float64)
-    field = torch.randn(3, *shape, dtype=torch.float64)
-    torch.testing.assert_close((slopes(movie, 1.7) * field).sum(), (movie * slopes_adjoint(field, 1.7)).sum())
+def falling_edge(slots, size):
+    rows = torch.arange(size[0], dtype=torch.float64)[None, :, None]
+    edge = 0.2 * size[0] + 0.5 * size[0] * torch.arange(slots, dtype=torch.float64)[:, None, None] / slots
+    return torch.sigmoid((edge - rows) / 1.5).expand(slots, *size)[None, :, None].clone()
 
 
-def test_the_variation_of_a_step_is_its_area():
-    movie = torch.zeros(1, 3, 1, 5, 4)
-    movie[:, :, :, 2:] = 0.5
-    assert space_time_variation(movie, 1.0) == pytest.approx(3 * 4 * 0.5)
-    flash = torch.zeros(1, 3, 1, 5, 4)
-    flash[:, 1:] = 0.5
-    assert space_time_variation(flash, 2.0) == pytest.approx(20 * 0.5 * 2)
+def thresholded_slowly(movie, threshold, block, stride):
+    """Block by block, SciPy's transform; movies of no more frames than a block has."""
+    total, weight = np.zeros(movie.shape), np.zeros(movie.shape)
+    _, height, width = movie.shape
+    padded = [length + (-(length - side)) % stride for length, side in zip((height, width), block, strict=True)]
+    laid = np.pad(movie, ((0, 0), (0, padded[0] - height), (0, padded[1] - width)), mode="edge")
+    for top in range(0, padded[0] - block[0] + 1, stride):
+        for left in range(0, padded[1] - block[1] + 1, stride):
+            where = (slice(None), slice(top, top + block[0]), slice(left, left + block[1]))
+            spectrum = scipy.fft.dctn(laid[where], norm="ortho")
+            keep = np.abs(spectrum) >= threshold
+            keep[0, 0, 0] = True
+            found = scipy.fft.idctn(spectrum * keep, norm="ortho") / keep.sum()
+            inside = tuple(slice(0, size) for size in total[where].shape)
+            total[where] += found[inside]
+            weight[where] += 1 / keep.sum()
+    return total / weight
 
 
-def test_it_is_the_minimum_that_a_general_solver_finds():
-    own, weight, time = operator(3, (4, 5)), 0.1, 1.5
-    snapshot = torch.rand(1, 1, 4, 5, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    found = space_time_tv(own, snapshot, weight, time=time, max_iterations=1500, tolerance=0)
-    unknown = [cvxpy.Variable((4, 5)) for _ in range(3)]
+@pytest.mark.parametrize("size", [(11, 14), (8, 9)])
+def test_blocks_are_thresholded_as_in_a_slow_loop(size):
+    movie = torch.rand(2, 5, *size, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    found = BlockThreshold(5, size, (8, 6, 5), stride=3)(movie, 0.4)
+    wanted = [thresholded_slowly(one, 0.4, (6, 5), 3) for one in movie.numpy()]
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+
+
+@pytest.mark.parametrize("frames", [1, 3, 8, 9, 21])
+def test_nothing_is_lost_without_a_threshold(frames):
+    movie = torch.rand(1, frames, 7, 9, dtype=torch.float64)
+    torch.testing.assert_close(BlockThreshold(frames, (7, 9), (8, 4, 4), stride=2)(movie, 0.0), movie)
+
+
+def test_the_first_estimate_is_the_light_from_around():
+    own = operator(6, (9, 10))
+    snapshot = torch.rand(1, 1, 9, 10, dtype=torch.float64)
     shutter = own.shutter.numpy()
-    seen = sum(cvxpy.multiply(shutter[k], unknown[k]) for k in range(3))
-    terms = []
-    for k in range(3):
-        for i in range(4):
-            for j in range(5):
-                here = unknown[k][i, j]
-                rows = unknown[k][i + 1, j] - here if i < 3 else 0
-                columns = unknown[k][i, j + 1] - here if j < 4 else 0
-                slots = time * (unknown[k + 1][i, j] - here) if k < 2 else 0
-                terms.append(cvxpy.norm(cvxpy.hstack([rows, columns, slots])))
-    cost = 0.5 * cvxpy.sum_squares(seen - snapshot[0, 0].numpy()) + weight * sum(terms)
-    cvxpy.Problem(cvxpy.Minimize(cost)).solve(solver=cvxpy.CLARABEL)
-    assert found.objective[-1] == pytest.approx(cost.value, rel=1e-4)
+    light, back = (
+        gaussian_filter(shutter * part, (1, 1.5, 1.5), mode="nearest") for part in (1.0, snapshot[0].numpy())
+    )
+    np.testing.assert_allclose(local_means(own, snapshot)[0, :, 0], back / light, rtol=1e-10)
 
 
-def test_a_heavy_weight_on_time_makes_the_scene_stand_still():
-    snapshot = torch.rand(1, 1, 6, 7, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    found = space_time_tv(operator(4, (6, 7)), snapshot, 0.05, time=20.0, max_iterations=1000, tolerance=1e-7)
-    assert float((found.estimate - found.estimate.mean(1, keepdim=True)).abs().max()) < 0.01
-    assert float(found.estimate.std()) > 0.05
+def test_where_no_light_came_from_the_mean_is_taken():
+    own = operator(2, (6, 60))
+    own.shutter[:, :, 30:] = 0
+    found = local_means(own, own.A(torch.full((1, 2, 1, 6, 60), 0.4, dtype=torch.float64)))
+    torch.testing.assert_close(found, torch.full_like(found, 0.4))
 
 
-def test_impossible_weights_are_refused():
-    own, snapshot = operator(2, (3, 3)), torch.zeros(1, 1, 3, 3, dtype=torch.float64)
-    for weight, time in ((0.0, 1.0), (float("nan"), 1.0), (0.1, -1.0)):
-        with pytest.raises(SettingError, match="weight, time"):
-            space_time_tv(own, snapshot, weight, time=time)
+@pytest.mark.parametrize(("bands", "share"), [(1, None), (1, 0.4), (2, None)])
+def test_an_even_scene_comes_back(bands, share):
+    own = operator(5, (18, 19), bands, share)
+    scene = torch.full((1, 5, bands, 18, 19), 0.4, dtype=torch.float64)
+    found = space_time_dct(own, own.A(scene), last=1e-3, iterations=10)
+    torch.testing.assert_close(found, scene, atol=5e-3, rtol=0)
 
 
-def test_it_ends_by_itself_where_nothing_changes_any_more():
-    own = operator(3, (5, 5))
-    found = space_time_tv(own, torch.full((1, 1, 5, 5), 0.3, dtype=torch.float64), 0.01, tolerance=1e-3)
-    assert found.converged
-    np.testing.assert_allclose(found.estimate, 0.3, atol=1e-2)
+def test_an_edge_that_falls_is_followed_better_than_by_local_means():
+    size, slots = (33, 34), 8
+    own, scene = operator(slots, size), falling_edge(slots, size)
+    snapshot = own.A(scene)
+    shares = []
+    found = space_time_dct(own, snapshot, last=0.005, progress=shares.append)
+    error, before = ((one - scene).square().mean().sqrt() for one in (found, local_means(own, snapshot)))
+    still = (scene - scene.mean(1, keepdim=True)).square().mean().sqrt()
+    assert float(error) < 0.5 * float(before)
+    assert float(error) < 0.15 * float(still)
+    assert shares[-1] == 1
+    assert len(shares) == 40
+
+
+def test_snapshots_of_a_batch_do_not_see_each_other():
+    own = operator(4, (17, 30))
+    own.shutter[:, :, 14:] = 0
+    snapshots = own.A(torch.cat([falling_edge(4, (17, 30)), 0.7 * falling_edge(4, (17, 30)).flip(1)]))
+    together = space_time_dct(own, snapshots, last=0.01, first=0.4, iterations=5)
+    alone = torch.cat([space_time_dct(own, one[None], last=0.01, first=0.4, iterations=5) for one in snapshots])
+    torch.testing.assert_close(together, alone)
+
+
+def test_what_it_refuses():
+    own = operator(2, (3, 3))
+    snapshot = torch.ones(1, 1, 3, 3, dtype=torch.float64)
+    for last in (0.0, float("nan"), -1.0):
+        with pytest.raises(SettingError, match="threshold: found from"):
+            space_time_dct(own, snapshot, last=last)
+    with pytest.raises(SettingError, match=r"threshold: found from 0\.1 to 0\.2"):
+        space_time_dct(own, snapshot, last=0.2, first=0.1)
+    with pytest.raises(SettingError, match="iterations: found 1, expected at least 2"):
+        space_time_dct(own, snapshot, last=0.01, iterations=1)
+    with pytest.raises(ShapeError):
+        space_time_dct(own, snapshot[..., 1:], last=0.01)
+    with pytest.raises(DataError, match="NaN"):
+        space_time_dct(own, snapshot * torch.nan, last=0.01)

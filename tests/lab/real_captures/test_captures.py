@@ -85,7 +85,8 @@ def noisy(bench, seed=0):
 
 BAD = {
     "no light": (lambda values: np.random.default_rng(2).normal(0.1, 0.002, values.shape), "hardly any light"),
-    "negated": (lambda values: 0.2 - values, "hardly any light above the black level of 0.1"),
+    "negated": (lambda values: 0.2 - values, r"a median of .* below the black level, expected the black level of 0\.1"),
+    "below black": (lambda values: values - 0.5, "a median of .* below the black level"),
     "zeros": (lambda values: 0 * values, "the value 0 in every pixel"),
     "12-bit numbers": (lambda values: np.round(4095 * values), "values around .*, expected 4 times the white level"),
     "saturated": (lambda values: values.clip(max=np.quantile(values, 0.4)), "60% of the pixels saturated"),

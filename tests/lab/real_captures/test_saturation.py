@@ -89,7 +89,7 @@ def test_withholding_saturated_wine_hardly_helps_the_pixels_that_are_not(real_da
     assert taken.notes["saturated_share"] == pytest.approx(share, abs=5e-4)
     operator, (blind, hidden), moving = frame_operator(taken.camera, 16), withheld(taken), moving_part(taken)
     for shown, wanted in ((blind, kept), (without_pixels(blind, bad), gone)):
-        guessed = decode_movie(shown, 16).frames[None]
+        guessed = decode_movie(shown, 16, "kriging").frames[None]
         found = [foretelling_error(operator, guessed, taken.values, hidden & ~bad & part)
                  for part in (torch.ones_like(bad), moving)]  # fmt: skip
         assert found == pytest.approx(wanted, abs=4e-4)

@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import check_figure, check_targets, warned
+from tmca.cli.progress import progress_bar
 
 app = App(name="real", help="Real captures: mask in register, frames behind a pixel shutter, a report of all.")
 Flag = Annotated[bool, Parameter(negative="")]
@@ -63,6 +64,7 @@ def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift
     from tmca.data import read_array
     from tmca.errors import SettingError
     from tmca.lab.real_captures import shutter_place
+    from tmca.lab.real_captures.captures import read_plane
 
     if name not in prototype.captures:
         raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
@@ -72,7 +74,7 @@ def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift
     whole = None if known is None else (int(known[0]), int(known[1]))
     keys = prototype.captures[name]
     for file in captures:
-        place = shutter_place(read_array(file, keys.capture_key), read_array(file, keys.shutter_key), known=whole)
+        place = shutter_place(read_plane(file, keys.capture_key), read_array(file, keys.shutter_key), known=whole)
         if as_json:
             print(json_module.dumps({"shutter_shift": place.shift, "first_slot": place.first_slot}))
             continue
@@ -87,11 +89,11 @@ def movie(
     *,
     out: Path,
     frames: Whole = 16,
-    decoder: str = "kriging",
+    decoder: str = "space-time-dct",
     lifetime: float | None = None,
     changing: float | None = None,
-    weight: float | None = None,
-    time: float | None = None,
+    threshold: float | None = None,
+    iterations: Whole | None = None,
     figure: Path | None = None,
     overwrite: Flag = False,
 ) -> None:
@@ -101,11 +103,12 @@ def movie(
         snapshot: whose aperture does not change from slot to slot.
         out: NetCDF file of frames to write.
         frames: a divisor of the number of slots.
-        decoder: kriging (every pixel open within one frame, nothing displaced), or space-time-tv.
+        decoder: space-time-dct (blocks of space and time that are sparse in their cosine transform; any shutter), or
+            kriging (every pixel open within one frame, nothing displaced; with a standard deviation).
         lifetime: slots over which the scene changes; without it what foretells the capture's own pixels best (kriging).
         changing: share of the scene's variance that changes during the exposure, 0 to 1; likewise (kriging).
-        weight: of the total variation, 0.005 without it (space-time-tv).
-        time: of a difference between frames relative to one between pixels, 2 without it (space-time-tv).
+        threshold: of coefficients at the end, relative irradiance; half the noise without it (space-time-dct).
+        iterations: over which the threshold falls to it, 40 without it (space-time-dct).
         figure: write a picture of some of them (PNG).
         overwrite: replace files that exist.
     """
@@ -118,8 +121,9 @@ def movie(
     check_figure(figure, overwrite, snapshot)
     check_targets([out], overwrite, snapshot)
     taken: Snapshot[Any] = Snapshot.load(snapshot)
-    numbers = _numbers_of(decoder, lifetime=lifetime, changing=changing, weight=weight, time=time)
-    found = decode_movie(taken, frames, decoder, **numbers)
+    numbers = _numbers_of(decoder, lifetime=lifetime, changing=changing, threshold=threshold, iterations=iterations)
+    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
+        found = decode_movie(taken, frames, decoder, progress=progress, **numbers)
     write_dataset(frame_dataset(found, taken), out, overwrite=overwrite)
     if figure is not None:
         values = taken.values[0, 0].numpy()

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 
-def _cosines(size: int, like: Tensor) -> Tensor:
+def cosines(size: int, like: Tensor) -> Tensor:
     """Orthonormal DCT-II matrix (size, size), one frequency per row."""
     index = torch.arange(size, dtype=torch.float64)
     matrix = torch.cos(math.pi / size * torch.outer(index, index + 0.5)) * math.sqrt(2 / size)
@@ -38,7 +38,7 @@ class NeumannSolver:
         eigenvalues = _eigenvalues(height)[:, None] + _eigenvalues(width)
         self.response = (1 / (shift + eigenvalues)).to(like)
         by_matrices = like.device.type != "cpu" if by_matrices is None else by_matrices
-        self.matrices = (_cosines(height, like), _cosines(width, like)) if by_matrices else None
+        self.matrices = (cosines(height, like), cosines(width, like)) if by_matrices else None
 
     def __call__(self, right: Tensor) -> Tensor:
         """x (…, H, W) for the right-hand side b of that shape, whose values may be overwritten."""

@@ -1,114 +1,167 @@
-"""Total variation in space and time, for scenes that change from slot to slot.
+"""Scenes that change from slot to slot, sparse in the cosine transform of blocks of space and time.
 
-``min_x ½‖A x − y‖² + weight · Σ |(∂_y x, ∂_x x, time · ∂_t x)|``, isotropic over the three directions, by the
-primal-dual method of Chambolle and Pock (2011), whose data step is that of `tmca.decoders.admm_tv`.
+Iterated denoising (Guleryuz, IEEE Transactions on Image Processing 15, 2006): coefficients of overlapping blocks below
+a threshold are set to zero, blocks averaged, the snapshot put back by the data step of `tmca.decoders.pnp_admm`, while
+the threshold falls. What was never measured is filled by what keeps few coefficients; large structures settle first.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
+from torch.nn.functional import fold, pad, unfold
 
-from tmca.decoders.iterative.data_step import DataStep, Operator, Progress, Result, check_settings
+from tmca.decoders.iterative.data_step import DataStep, Operator
+from tmca.decoders.iterative.neumann import cosines
 from tmca.errors import SettingError
 
-_CHECK_EVERY = 10
+_FRAMES, _SIDE, _STRIDE = 16, 16, 4
+_TOGETHER = 64  # blocks that the processor's cache holds
+_NEAR = (1.0, 1.5, 1.5)  # standard deviations of the first estimate's kernel: frames, rows, columns
+_FAINT = 1e-6  # share of the most light below which nothing is said of a place
+_SENSOR = (1, 2, 3)
+_PENALTY = 1e-3  # of the data step, in units of the operator's energy: the snapshot is kept nearly as it is
 
 
-def slopes(movie: Tensor, time: float) -> Tensor:
-    """(3, B, K, L, H, W) forward differences along rows, columns and slots (times ``time``), zero at the end."""
-    parts = []
-    for axis, room in ((-2, (0, 0, 0, 1)), (-1, (0, 1)), (-4, (0, 0, 0, 0, 0, 0, 0, 1))):
-        parts.append(pad(movie.diff(dim=axis), room))
-    parts[2] = parts[2] * time
-    return torch.stack(parts)
+class BlockThreshold:
+    """Hard thresholding of a movie's blocks in their cosine transform, overlapping blocks averaged.
 
+    Every block counts by the inverse number of coefficients that it keeps; its mean is always kept.
 
-def slopes_adjoint(field: Tensor, time: float) -> Tensor:
-    """Adjoint of `slopes`: (3, B, K, L, H, W) → (B, K, L, H, W)."""
-    total = torch.zeros_like(field[0])
-    for part, axis, factor in zip(field, (-2, -1, -4), (1.0, 1.0, time), strict=True):
-        inner = part.narrow(axis, 0, part.shape[axis] - 1) * factor
-        total.narrow(axis, 0, part.shape[axis] - 1).sub_(inner)
-        total.narrow(axis, 1, part.shape[axis] - 1).add_(inner)
-    return total
+    Args:
+        frames: K of the movie.
+        size: (H, W).
+        block: frames, rows and columns of a block at most.
+        stride: rows and columns from one block to the next; blocks of frames overlap by half.
+    """
 
+    def __init__(
+        self,
+        frames: int,
+        size: tuple[int, int],
+        block: tuple[int, int, int] = (_FRAMES, _SIDE, _SIDE),
+        stride: int = _STRIDE,
+    ) -> None:
+        self.size, self.stride = size, stride
+        self.sides = (min(block[1], size[0]), min(block[2], size[1]))
+        depth = min(block[0], frames)
+        step = max(1, depth // 2)
+        self.starts = sorted({*range(0, frames - depth, step), frames - depth})
+        self.depth = depth
+        self.padding = [(-(length - side)) % stride for length, side in zip(size, self.sides, strict=True)]
 
-def space_time_variation(movie: Tensor, time: float) -> float:
-    """Sum over all values of ``|(∂_y x, ∂_x x, time · ∂_t x)|``."""
-    return float(_length(slopes(movie, time)).sum(dtype=torch.float64))
+    def __call__(self, movie: Tensor, threshold: float) -> Tensor:
+        """(N, K, H, W) movies → the same, thresholded, in the unit of the movie (the transform is orthonormal)."""
+        total, weight = torch.zeros_like(movie), torch.zeros_like(movie)
+        for number, start in ((n, s) for n in range(len(movie)) for s in self.starts):
+            frames = slice(start, start + self.depth)
+            part, counted = self._segment(movie[number, frames], threshold)
+            total[number, frames] += part
+            weight[number, frames] += counted
+        return total / weight
+
+    def _segment(self, part: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
+        """Sum of the weighted blocks (K, H, W) of as many frames as a block has, and of their weights (H, W)."""
+        rows, columns = self.size
+        down, right = self.padding
+        laid = pad(part[None], (0, right, 0, down), mode="replicate")
+        blocks = unfold(laid, self.sides, stride=self.stride)[0].T.reshape(-1, self.depth, *self.sides)
+        parts = [self._thresholded(few, threshold) for few in blocks.split(_TOGETHER)]
+        kept, weights = (torch.cat(both) for both in zip(*parts, strict=True))
+        flat = kept.reshape(len(kept), -1).T[None]
+        area = weights.expand(-1, math.prod(self.sides)).T[None]
+        size = laid.shape[-2:]
+        both = (fold(one, size, self.sides, stride=self.stride)[0, :, :rows, :columns] for one in (flat, area))
+        total, weight = both
+        return total, weight
+
+    def _thresholded(self, blocks: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
+        """Blocks (n, K, h, w) times their weights, and the weights (n, 1)."""
+        time, down, right = (cosines(length, blocks) for length in (self.depth, *self.sides))
+        spectrum = torch.einsum("at,nthw->nahw", time, down @ blocks @ right.mT)
+        keep = spectrum.abs() >= threshold
+        keep[:, 0, 0, 0] = True
+        weights = 1 / keep.sum((1, 2, 3))[:, None].to(blocks)
+        spectrum = spectrum * keep * weights[..., None, None]
+        return down.mT @ torch.einsum("at,nahw->nthw", time, spectrum) @ right, weights
 
 
 @torch.no_grad()
-def space_time_tv(
+def space_time_dct(
     operator: Operator,
     snapshot: Tensor,
-    weight: float,
     *,
-    time: float = 1.0,
-    max_iterations: int = 300,
-    tolerance: float = 1e-3,
-    progress: Progress | None = None,
-    initial: Tensor | None = None,
-) -> Result:
-    """A scene per slot from one snapshot.
+    last: float,
+    first: float | None = None,
+    iterations: int = 40,
+    progress: Callable[[float], None] | None = None,
+) -> Tensor:
+    """A scene per frame from one snapshot.
 
     Args:
         operator: of scenes (B, K, L, H, W), such as `tmca.operators.SlotwiseDisperser` with ``moving=True``.
         snapshot: (B, 1, H, W').
-        weight: of the variation, > 0.
-        time: weight of a difference between slots, relative to one between pixels, ≥ 0; large for a still scene.
-        max_iterations: most iterations done.
-        tolerance: the iteration stops when scene and dual field change by less than this share of their norms.
-        progress: called at every check with the iteration and both changes.
-        initial: (B, K, L, H, W) to start from, by default the pseudo-inverse of the snapshot.
+        last: threshold at the end, > 0, scene units: about the noise of a sample.
+        first: threshold at the beginning, above the last; without it half the largest value of the first estimate.
+        iterations: over which it falls geometrically, at least 2.
+        progress: told the share that is done.
+
+    Returns:
+        (B, K, L, H, W).
 
     Raises:
-        ShapeError: a snapshot or initial scene that does not fit the operator.
-        SettingError: an impossible weight, tolerance or number of iterations.
+        ShapeError: a snapshot that does not fit the operator.
+        DataError: NaN or infinite values in it.
+        SettingError: thresholds or iterations out of range.
     """
-    check_settings(max_iterations, tolerance)
-    if not (weight > 0 and math.isfinite(weight)) or not (time >= 0 and math.isfinite(time)):
-        raise SettingError("weight, time", f"{weight:g}, {time:g}", "a finite weight > 0 and a finite time ≥ 0")
     data = DataStep(operator, snapshot)
-    movie = data.start(initial)
-    field, reached = torch.zeros_like(slopes(movie, time)), movie.clone()
-    length = 8 + 4 * time**2  # bound on the squared norm of `slopes`
-    primal = 4.0 / math.sqrt(length)  # values of order one, dual field of the order of the weight
-    dual = 1 / (length * primal)
-    history: list[tuple[int, float, float, float]] = []
-    converged = False
-    for iteration in range(1, max_iterations + 1):
-        before, last = movie, field
-        field = _cut(field + dual * slopes(reached, time), weight)
-        movie = data(movie - primal * slopes_adjoint(field, time), 1 / primal)
-        reached = 2 * movie - before
-        if iteration % _CHECK_EVERY and iteration < max_iterations:
-            continue
-        changes = _change(movie, before), _change(field, last)
-        value = data.misfit(movie) + weight * space_time_variation(movie, time)
-        history.append((iteration, value, *changes))
+    movie = local_means(operator, snapshot)
+    first = max(0.5 * float(movie.max()), 2 * last) if first is None else first
+    if not (0 < last < first and math.isfinite(first)):
+        raise SettingError("threshold", f"from {first:g} to {last:g}", "falling, finite and above 0")
+    if iterations < 2:
+        raise SettingError("iterations", str(iterations), "at least 2")
+    energy = _energy(operator, snapshot)
+    denoise = BlockThreshold(movie.shape[1], (movie.shape[3], movie.shape[4]))
+    for iteration in range(iterations):
+        threshold = first * (last / first) ** (iteration / (iterations - 1))
+        movie = _by_band(denoise, data(movie, _PENALTY * energy), threshold)
         if progress is not None:
-            progress(iteration, *changes)
-        converged = max(changes) <= tolerance
-        if converged:
-            break
-    checked, objective, primals, duals = zip(*history, strict=True)
-    return Result(movie, checked, objective, primals, duals, history[-1][0], converged)
+            progress((iteration + 1) / iterations)
+    return movie
 
 
-def _length(field: Tensor) -> Tensor:
-    """Euclidean norm over the first axis; far faster than a reduction over a short leading axis."""
-    return (field[0] * field[0]).addcmul_(field[1], field[1]).addcmul_(field[2], field[2]).sqrt_()
+def local_means(operator: Operator, snapshot: Tensor) -> Tensor:
+    """(B, K, L, H, W): the light that came from around every place and frame, over that of an even scene.
+
+    Both are backprojected and smoothed by a Gaussian; where no light came from, the mean of all is taken.
+    """
+    even = torch.ones(len(snapshot), *operator.scene_shape, dtype=snapshot.dtype, device=snapshot.device)
+    seen, tiny = operator.A(even), torch.finfo(snapshot.dtype).tiny
+    back, light = (_smoothed(operator.A_adjoint(one)) for one in (snapshot, seen))
+    level = (snapshot * seen).sum(_SENSOR) / seen.square().sum(_SENSOR).clamp_min(tiny)
+    dark = light <= _FAINT * light.max()
+    return torch.where(dark, level.reshape(-1, 1, 1, 1, 1), back / light.clamp_min(tiny))
 
 
-def _cut(field: Tensor, radius: float) -> Tensor:
-    """The field with no vector longer than the radius."""
-    return field * (radius / _length(field).clamp_min(radius))
+def _smoothed(movie: Tensor) -> Tensor:
+    from scipy.ndimage import gaussian_filter
+
+    sigma = (0.0, _NEAR[0], 0.0, *_NEAR[1:])
+    return torch.from_numpy(gaussian_filter(movie.cpu().numpy(), sigma, mode="nearest")).to(movie)
 
 
-def _change(now: Tensor, before: Tensor) -> float:
-    return float(torch.linalg.vector_norm(now - before)) / max(float(torch.linalg.vector_norm(now)), 1e-30)
+def _energy(operator: Operator, snapshot: Tensor) -> float:
+    """What ``A Aᵀ`` does to the snapshot of an even scene, on average."""
+    seen = operator.A(torch.ones(1, *operator.scene_shape, dtype=snapshot.dtype, device=snapshot.device))
+    back = operator.A(operator.A_adjoint(seen))
+    return float((back * seen).sum() / seen.square().sum().clamp_min(torch.finfo(seen.dtype).tiny))
+
+
+def _by_band(denoise: BlockThreshold, movie: Tensor, threshold: float) -> Tensor:
+    batch, frames, bands, *size = movie.shape
+    flat = movie.transpose(1, 2).reshape(batch * bands, frames, *size)
+    return denoise(flat, threshold).reshape(batch, bands, frames, *size).transpose(1, 2)

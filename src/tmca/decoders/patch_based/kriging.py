@@ -101,12 +101,14 @@ class Kriged:
     Args:
         mean: (T, P).
         variance: (T, P) of the error.
+        noise_gain: (T, P) share of the variance of a sample's noise that is in the estimate: squared weights, summed.
         residual: (P,) sample of the place less what its neighbours say of it; NaN where nothing was measured.
         foretold: (P,) variance of the residual.
     """
 
     mean: Tensor
     variance: Tensor
+    noise_gain: Tensor
     residual: Tensor
     foretold: Tensor
 
@@ -126,9 +128,9 @@ def krige(samples: Samples, places: Tensor, times: Tensor, covariance: Covarianc
     for where, near in zip(places.split(_CHUNK), samples.nearest(places, neighbours).split(_CHUNK), strict=True):
         points = samples.points[near]
         wanted = torch.cat([where[:, None].expand(-1, len(times), -1), times.expand(len(where), -1)[..., None]], -1)
-        mean, variance, residual, foretold = _conditional(points, samples.values[near], wanted, covariance)
+        *estimates, residual, foretold = _conditional(points, samples.values[near], wanted, covariance)
         own = (points[:, 0, :2] == where).all(-1)
-        parts.append((mean.T, variance.T, residual.where(own, torch.nan), foretold.where(own, torch.nan)))
+        parts.append((*(one.T for one in estimates), residual.where(own, torch.nan), foretold.where(own, torch.nan)))
     return Kriged(*(torch.cat(part, -1) for part in zip(*parts, strict=True)))
 
 
@@ -136,7 +138,7 @@ def _conditional(points: Tensor, values: Tensor, wanted: Tensor, covariance: Cov
     """Estimates at points (B, T, 3) given values (B, n) at points (B, n, 3), and the first value left out.
 
     Returns:
-        Mean and variance, (B, T); residual and its variance, (B,).
+        Mean, variance and squared weights, (B, T); residual and its variance, (B,).
     """
     gram = covariance.between(points, points)
     gram.diagonal(dim1=-2, dim2=-1).add_(covariance.noise)
@@ -150,9 +152,11 @@ def _conditional(points: Tensor, values: Tensor, wanted: Tensor, covariance: Cov
     level = data.sum(-2) / mass
     rest = data - level[..., None] * ones
     mean = level + (cross * rest).sum(-2)
-    variance = 1 - (cross * weights).sum(-2) + (1 - weights.sum(-2)) ** 2 / mass
+    short = 1 - weights.sum(-2)
+    variance = 1 - (cross * weights).sum(-2) + short**2 / mass
+    squared = (weights + ones * (short / mass)[..., None, :]).square().sum(-2)
     precision = own[:, 0, 0] - ones[:, 0, 0] ** 2 / mass[:, 0]
-    return mean, variance, rest[:, 0, 0] / precision, 1 / precision
+    return mean, variance, squared, rest[:, 0, 0] / precision, 1 / precision
 
 
 @torch.no_grad()
@@ -162,6 +166,7 @@ def foretelling_covariance(
     *,
     lifetime: float | None = None,
     changing: float | None = None,
+    least_noise: float = 0.0,
     neighbours: int = 36,
     shown: int = 500,
 ) -> Covariance:
@@ -171,6 +176,7 @@ def foretelling_covariance(
         samples: that were measured.
         span: of the times, in their unit; lifetimes that are tried are shares of it.
         lifetime, changing: of the `Covariance`, where they are given.
+        least_noise: variance of a sample's noise that is known, in units of the scene's variance.
         neighbours: as in `krige`.
         shown: samples that are left out in turn, drawn with a fixed seed.
 
@@ -182,9 +188,10 @@ def foretelling_covariance(
     points, values = samples.points[near], samples.values[near]
 
     def error(covariance: Covariance) -> float:
-        return float(_conditional(points, values, points[:, :1], covariance)[2].square().mean())
+        return float(_conditional(points, values, points[:, :1], covariance)[3].square().mean())
 
     grid = _GRID | {"lifetime": tuple(share * span for share in _GRID["lifetime"])}
+    grid["noise"] = tuple(sorted({max(least_noise, choice) for choice in _GRID["noise"]}))
     grid |= {name: (given,) for name, given in (("lifetime", lifetime), ("changing", changing)) if given is not None}
     best = Covariance(**{name: choices[len(choices) // 2] for name, choices in grid.items()})
     least, before = error(best), None

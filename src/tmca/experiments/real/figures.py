@@ -111,7 +111,8 @@ def movie_figure(movies: Mapping[str, np.ndarray], captures: Mapping[str, np.nda
     """Captures and some of the frames (F, H, W) behind each code and decoder, a row each."""
     figure, axes = grid(len(movies), shown + 1, width=1.55, aspect=1.0)
     for row, (name, frames) in zip(axes, movies.items(), strict=True):
-        image(row[0], captures[name], name, colours="gray", top=1.0)
+        image(row[0], captures[name], "capture", colours="gray", top=1.0)
         for axis, index in zip(row[1:], np.linspace(0, len(frames) - 1, shown).round().astype(int), strict=True):
-            image(axis, np.clip(frames[index], 0, 1), f"frame {index + 1}", colours="gray", top=1.0)
+            title = f"{name}: {index + 1}" if axis is row[1] else f"frame {index + 1}"
+            image(axis, np.clip(frames[index], 0, 1), title, colours="gray", top=1.0)
     return figure

@@ -16,7 +16,7 @@ from tmca.metrics import psnr
 _HOW: dict[str, dict[str, Any]] = {
     "kriging": {"method": "kriging"},
     "kriging, all changes": {"method": "kriging", "changing": 1.0, "lifetime": 48.0},
-    "space-time-tv": {"method": "space-time-tv"},
+    "space-time-dct": {"method": "space-time-dct"},
 }
 
 
@@ -33,7 +33,7 @@ def study_movie(
         seconds = time.process_time() - start
         rows.append({"decoder": method, "seconds": seconds, **_errors(snapshot, movie, frames, how)})
         found[method] = movie.frames[:, 0].numpy()
-    agreed = float(psnr(*(np.clip(found[name], 0, 1) for name in ("kriging", "space-time-tv"))))
+    agreed = float(psnr(*(np.clip(found[name], 0, 1) for name in ("kriging", "space-time-dct"))))
     return [{**row, "agreement_psnr": agreed} for row in rows], found
 
 

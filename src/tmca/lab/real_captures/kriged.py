@@ -15,6 +15,7 @@ from tmca.errors import SettingError
 from tmca.operators import SlotwiseDisperser
 
 _POOLED = 5.0  # pixels, standard deviation of the Gaussian over which errors are pooled
+_STILL = 1e-12  # variance of samples that are all alike
 _EVERYWHERE = 1e-6  # weight of the mean error, which counts where no sample is near
 
 
@@ -32,19 +33,24 @@ def kriged_frames(
         lifetime, changing: of the covariance, where they are given; else those that foretell the samples best.
 
     Returns:
-        (F, 1, H, W) estimate, (F, 1, H, W) standard deviation, which is scaled to how well samples around a place are
-        foretold, and the covariance.
+        (F, 1, H, W) estimate, (F, 1, H, W) standard deviation, whose part of the scene is scaled to how well samples
+        around a place are foretold, and whose part of noise is the sensor's, and the covariance.
 
     Raises:
         SettingError: another camera, or impossible numbers.
     """
     samples, slots = shutter_samples(snapshot, operator), snapshot.camera.slots
     frames, *size = operator.shutter.shape
-    covariance = foretelling_covariance(samples, slots, lifetime=lifetime, changing=changing)
+    noise, spread = _noise_of_samples(snapshot, operator), samples.values.var().clamp_min(_STILL)
+    covariance = foretelling_covariance(
+        samples, slots, lifetime=lifetime, changing=changing, least_noise=float(noise.mean() / spread)
+    )
     places = torch.cartesian_prod(*(torch.arange(n, dtype=torch.float64) for n in size))
     middles = (torch.arange(frames, dtype=torch.float64) + 0.5) * slots / frames - 0.5
     found = krige(samples, places, middles, covariance)
-    variance = found.variance.reshape(frames, *size) * _scale(found, size)
+    gain = found.noise_gain.reshape(frames, *size)
+    scene = found.variance.reshape(frames, *size) - covariance.noise * gain
+    variance = scene * _scale(found, size) + noise * gain
     mean = found.mean.reshape(frames, 1, *size).float()
     return mean.clamp_min(0), variance.clamp_min(0).sqrt().float()[:, None], covariance
 
@@ -70,6 +76,13 @@ def shutter_samples(snapshot: Snapshot[SpectralCamera], operator: SlotwiseDisper
     times = (shutter * slots).sum(0)[seen] / shutter.sum(0)[seen]
     points = torch.cat([seen.nonzero().double(), times[:, None]], 1)
     return Samples(points, snapshot.values[0, 0].double()[seen] / gain[seen])
+
+
+def _noise_of_samples(snapshot: Snapshot[SpectralCamera], operator: SlotwiseDisperser) -> Tensor:
+    """(H, W) variance of the sensor's noise in the scene's units; the mean where a pixel is never open."""
+    light = (operator.shutter * operator.aperture * operator.scale).double().sum(0)
+    variance = snapshot.camera.noise.variance(snapshot.values)[0, 0].double() / light.square()
+    return variance.where(light > 0, variance[light > 0].mean())
 
 
 def _scale(found: Kriged, size: Sequence[int]) -> Tensor:

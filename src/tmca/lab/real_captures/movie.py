@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
@@ -10,16 +11,16 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders.iterative.space_time import space_time_tv
+from tmca.decoders.iterative.space_time import space_time_dct
 from tmca.decoders.patch_based.kriging import Covariance
 from tmca.errors import SettingError
-from tmca.lab.real_captures.kriged import kriged_frames, sampled
+from tmca.lab.real_captures.kriged import kriged_frames
 from tmca.operators import SlotwiseDisperser
 
 if TYPE_CHECKING:
     import xarray as xr
 
-MOVIE_NUMBERS = {"kriging": ("lifetime", "changing"), "space-time-tv": ("weight", "time")}
+MOVIE_NUMBERS = {"space-time-dct": ("threshold", "iterations"), "kriging": ("lifetime", "changing")}
 """Numbers of `decode_movie` that each method takes."""
 MOVIE_METHODS = tuple(MOVIE_NUMBERS)
 
@@ -31,18 +32,16 @@ class Movie:
     Args:
         frames: (F, L, H, W) relative irradiance.
         slots: slots of the shutter that a frame stands for.
+        method: of `decode_movie`.
         std: (F, L, H, W) standard deviation of the frames, where the decoder knows it.
         covariance: of the scene, of the decoder that estimates it.
-        iterations: of the decoder.
-        converged: whether it came to an end by itself.
     """
 
     frames: Tensor
     slots: int
+    method: str
     std: Tensor | None = None
     covariance: Covariance | None = None
-    iterations: int = 0
-    converged: bool = True
 
 
 class FrameOperator(SlotwiseDisperser):
@@ -71,8 +70,12 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
     aperture does not change.
 
     Raises:
-        SettingError: frames that do not divide the slots, an aperture that changes, displacements by parts of pixels.
+        SettingError: another camera, frames that do not divide the slots, an aperture that changes, displacements by
+            parts of pixels.
     """
+    if not isinstance(camera, SpectralCamera):
+        found = getattr(camera, "application", type(camera).__name__)
+        raise SettingError("snapshot", f"one of a {found} camera", "one of a spectral camera")
     aperture, shutter = camera.codes()
     slots = len(aperture)
     if frames < 1 or slots % frames:
@@ -90,26 +93,27 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
 def decode_movie(
     snapshot: Snapshot[SpectralCamera],
     frames: int = 16,
-    method: str = "kriging",
+    method: str = "space-time-dct",
     *,
     lifetime: float | None = None,
     changing: float | None = None,
-    weight: float = 0.005,
-    time: float = 2.0,
-    max_iterations: int = 200,
+    threshold: float | None = None,
+    iterations: int = 40,
+    progress: Callable[[float], None] | None = None,
 ) -> Movie:
     """Frames of a scene behind a pixel shutter.
 
     Args:
         snapshot: of a spectral camera whose aperture stays as it is.
         frames: how many.
-        method: ``"kriging"``, the best linear estimate from the samples around every place (for shutters that open
-            a pixel within one frame, one band, nothing displaced), or ``"space-time-tv"``.
+        method: ``"space-time-dct"``, blocks of space and time that are sparse in their cosine transform, for any
+            shutter, or ``"kriging"``, the best linear estimate from the samples around every place (for shutters that
+            open a pixel within one frame, one band, nothing displaced).
         lifetime: slots over which the scene changes; without it as `foretelling_covariance` finds. Kriging.
         changing: share of the scene's variance that changes during the exposure; likewise.
-        weight: of the total variation.
-        time: of differences between frames, relative to those between pixels. Total variation.
-        max_iterations: of total variation.
+        threshold: of coefficients at the end, relative irradiance; half the noise of a sample without it.
+        iterations: over which the threshold falls to it.
+        progress: told the share that is done of the iterations.
 
     Raises:
         SettingError: an unknown method, or a camera or a number that it cannot take.
@@ -118,14 +122,19 @@ def decode_movie(
     slots = snapshot.camera.slots // frames
     if method == "kriging":
         mean, std, covariance = kriged_frames(snapshot, operator, lifetime, changing)
-        return Movie(mean, slots, std, covariance)
-    if method != "space-time-tv":
+        return Movie(mean, slots, method, std, covariance)
+    if method != "space-time-dct":
         raise SettingError("method", repr(method), f"one of {', '.join(MOVIE_METHODS)}")
-    start = kriged_frames(snapshot, operator)[0][None] if sampled(snapshot.camera, operator) else None
-    found = space_time_tv(
-        operator, snapshot.values, weight, time=time, max_iterations=max_iterations, initial=start
-    )  # fmt: skip
-    return Movie(found.estimate[0].clamp_min(0), slots, iterations=found.iterations, converged=found.converged)
+    last = _last_threshold(snapshot, operator) if threshold is None else threshold
+    found = space_time_dct(operator, snapshot.values, last=last, iterations=iterations, progress=progress)
+    return Movie(found[0].clamp_min(0), slots, method)
+
+
+def _last_threshold(snapshot: Snapshot[SpectralCamera], operator: FrameOperator) -> float:
+    """Half the noise of a sample in scene units, and no less than 0.5 % of the brightest."""
+    gain = float(operator._energy().max().sqrt())
+    noise = float(snapshot.camera.noise.variance(snapshot.values).mean().sqrt())
+    return max(0.5 * noise, 0.005 * float(snapshot.values.max()), 1e-9) / max(gain, 1e-12)
 
 
 def frame_dataset(movie: Movie, snapshot: Snapshot[SpectralCamera]) -> xr.Dataset:
@@ -146,5 +155,7 @@ def frame_dataset(movie: Movie, snapshot: Snapshot[SpectralCamera]) -> xr.Datase
             "wavelength": ("wavelength", waves, {"units": "m"}),
             "first_slot": ("frame", np.arange(len(movie.frames)) * movie.slots),
         },
-        attrs=dict(snapshot.notes) | {"slots_per_frame": movie.slots} | {f"scene_{key}": how[key] for key in how},
+        attrs=dict(snapshot.notes)
+        | {"decoder": movie.method, "slots_per_frame": movie.slots}
+        | {f"scene_{key}": how[key] for key in how},
     )

@@ -1,4 +1,4 @@
-"""What a capture cannot be: dark, saturated, or in other numbers than those of its prototype's levels."""
+"""What a capture cannot be: dark, below black, or in other numbers than those of its prototype's levels."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ _BRIGHT, _CLEAR, _FAINT = 0.99, 3.0, 0.25
 """A capture is dark if its brightest hundredth is less than the second number of standard deviations of its noise above
 the black level (noise alone comes to 2.3, something small and bright in front of black to more), and its mean less than
 the third (0 without light). Codes in front of a scene that is bright all over are taken for noise, but not for dark."""
+_BELOW = 5.0
+"""Standard deviations of the noise by which half the pixels may lie below the black level."""
 _WHITER = 4.0
 """Times the white level (or the saturation, where it is higher) that all but a hundredth of the pixels stay below.
 White is the mean behind the codes: an open pixel gets about twice as much, of a bright scene twice that. Numbers of
@@ -52,6 +54,10 @@ def check_capture(
         found = f"values around {bright:g} where it is bright"
         expected = f"{_WHITER:g} times the white level of {prototype.white:g} at most"
         raise DataError(where, found, expected, "give black, white and saturation in the capture's numbers")
+    median = float(np.median(values))
+    if median < prototype.black - _BELOW * noise:
+        found = f"a median of {median:g}, {(prototype.black - median) / noise:.0f} σ below the black level"
+        raise DataError(where, found, f"the black level of {prototype.black:g} or more", "mend black")
     if bright - prototype.black < _CLEAR * noise and values.mean() - prototype.black < _FAINT * noise:
         found = f"hardly any light above the black level of {prototype.black:g} ({bright:g} where it is bright)"
         raise DataError(where, found, f"more than its noise of {noise:.2g}", "give more light, or mend black")
