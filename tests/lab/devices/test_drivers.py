@@ -85,12 +85,21 @@ def test_drivers_that_fail_do_so_in_one_line_and_lose_no_frame(tmp_path, failure
     assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
 
 
+def test_a_driver_that_fails_on_the_name_of_a_frame_does_so_in_one_line(tmp_path):
+    lamp = Lamp(900)
+    lamp.name_frame = lambda name: {"dark": 0}[name]
+    with pytest.raises(DeviceError, match="device Lamp: found KeyError: 'slot_000'"):
+        capture(exported(tmp_path, spectral()), lamp, tmp_path / "frames")
+    assert [file.name for file in (tmp_path / "frames").glob("*.tif")] == ["dark.tif"]
+
+
 class Hanging(Lamp):
     """A driver that answers no more from a call on."""
 
     def __init__(self, call, after):
         super().__init__(900)
         self.left, self.threads = after, []
+        self.name_frame = lambda name: None
         setattr(self, call, self.counted(getattr(self, call)))
 
     def counted(self, call):
@@ -102,7 +111,9 @@ class Hanging(Lamp):
         return counted
 
 
-@pytest.mark.parametrize(("call", "after", "kept"), [("load", 0, 0), ("show", 1, 1), ("capture", 2, 2)])
+@pytest.mark.parametrize(
+    ("call", "after", "kept"), [("load", 0, 0), ("name_frame", 1, 1), ("show", 1, 1), ("capture", 2, 2)]
+)
 def test_a_driver_that_hangs_ends_the_capture_in_one_line_and_loses_no_frame(tmp_path, call, after, kept):
     export, hanging = exported(tmp_path, spectral()), Hanging(call, after)
     with pytest.raises(DeviceError, match=r"device Hanging: found no answer in 0\.2 s, .*--timeout") as found:
@@ -216,7 +227,7 @@ def test_drivers_of_other_packages_plug_in(monkeypatch):
     found = find_device("lamp", level=100)
     assert isinstance(found, Device)
     assert found.level == 100
-    with pytest.raises(SettingError, match="simulated, lamp"):
+    with pytest.raises(SettingError, match="simulated, folder, lamp"):
         find_device("laser")
 
 

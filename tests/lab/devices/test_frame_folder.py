@@ -97,5 +97,15 @@ def test_saturation_is_the_largest_number_of_the_files_unless_it_is_told(tmp_pat
     assert find_device("folder", path=str(tmp_path / "eight"), saturation="200").saturation == 200
     with pytest.raises(SettingError, match="--set saturation: found 'much'"):
         find_device("folder", path=str(tmp_path / "eight"), saturation="much")
-    with pytest.raises(DeviceError, match=r"folder.*path"):
-        find_device("folder")
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({}, "--set path: found none, expected path"),
+        ({"path": "there", "foo": "1"}, "--set foo: found a setting .*path, saturation, snapshot_units_per_dn"),
+    ],
+)
+def test_settings_that_are_missing_or_unknown_are_named(settings, words):
+    with pytest.raises(SettingError, match=words):
+        find_device("folder", **settings)

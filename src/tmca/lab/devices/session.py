@@ -103,7 +103,8 @@ def frame_of(calls: Calls, slot: int | None, whole: bool, name: str) -> NDArray[
     """
     device = calls.device
     if isinstance(device, Named):
-        device.name_frame(name)
+        named = device
+        calls.of(lambda: named.name_frame(name))
     calls.of(lambda: device.show(slot))
     found: NDArray[Any] = calls.of(lambda: np.asarray(device.capture(whole=whole)))
     whole_numbers = np.issubdtype(found.dtype, np.integer)
