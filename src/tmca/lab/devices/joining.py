@@ -13,9 +13,9 @@ from tmca.cameras import Camera, Snapshot, sharing
 from tmca.errors import DataError
 from tmca.lab.captured_notes import AVERAGED, DRIVER, GAIN, SATURATED, WHITE
 from tmca.lab.codes_date import CODES_DATE
-from tmca.lab.devices.captures import DARK, WHOLE, read_captures, read_tif, steps
+from tmca.lab.devices.captures import DARK, WHOLE, is_of, read_captures, read_tif, steps
 from tmca.lab.devices.descriptions import DeviceDescription
-from tmca.lab.devices.manifest import NAME, checksum, read_manifest
+from tmca.lab.devices.manifest import read_manifest
 from tmca.lab.devices.mirror import terms_of
 from tmca.lab.devices.reading import device_of, read_export
 from tmca.lab.devices.response import step_of
@@ -43,7 +43,7 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
             that are not the camera's.
     """
     kept, place = read_captures(folder), Path(folder)
-    if kept["export_sha256"] != checksum(Path(export) / NAME):
+    if not is_of(kept, export):
         raise DataError(folder, f"a capture of {kept['export']}", f"one of {export}", "name the export it is of")
     check_camera(export, camera)
     manifest = read_manifest(export)
