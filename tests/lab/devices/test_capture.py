@@ -210,6 +210,40 @@ def test_emulated_exposures_are_as_noisy_as_their_time_allows(tmp_path, repeats)
         assert float(left[here].square().mean()) == pytest.approx(float(wanted), rel=0.15)
 
 
+@pytest.mark.parametrize("stop", [5, 6, 7, 8])
+def test_repeats_that_were_stopped_are_counted_slot_by_slot(tmp_path, stop):
+    """Stopped after a dark frame, three slots, the second dark frame and none to three slots: what is left of the
+    scene's noise is what the decoder is told, and what frames of 1 and of 2 repeats leave."""
+    sensor, size = Sensor(read_noise=0.03, full_well=500), (60, 64)
+    camera, bench, light = noisy("random", sensor, stops_after=stop)
+    export = exported(tmp_path, camera)
+    with pytest.raises(DeviceError):
+        capture(export, bench, tmp_path / "f", gain=bench.gain, repeats=2)
+    capture(export, noisy("random", sensor)[1], tmp_path / "f", gain=bench.gain)
+    found = joined(tmp_path / "f", export, camera)
+    repeats = torch.tensor([2.0 if slot < stop - 5 else 1.0 for slot in range(3)])
+    opened = camera.codes()[1]
+    share = opened.double() / repeats[:, None, None]
+    read = 0.03**2 * (share.sum(0) + opened.sum(0) ** 2 / 4)
+    assert found.camera.noise.read**2 == pytest.approx(float(read.mean()), rel=0.1)
+    bright = torch.stack([one_slot(camera, slot, size) for slot in range(3)])
+    shot = camera.white / 500 * (bright * share).mean(0)  # a third of the light in each, read with three times the gain
+    left = (found.values - light)[0, 0]
+    assert float(left.square().mean()) == pytest.approx(float((read + shot).mean()), rel=0.1)
+    told = camera.white / 500 * light[0, 0].mean() / (found.camera.sensor.full_well / 500)
+    assert float(told) == pytest.approx(float(shot.mean()), rel=0.05)
+    assert found.notes["frames_averaged"] == pytest.approx(3 * float(opened.sum() / share.sum()))
+
+
+def one_slot(camera, slot, size):
+    """(H, W) what the sensor sees of an even scene through one aperture pattern: whole pixels of dispersion."""
+    found = torch.zeros(camera.snapshot_shape[1:])
+    for band in range(camera.bands):
+        left = int(camera.dispersion.displacement[band]) - camera.dispersion.origin
+        found[:, left : left + size[1]] += 0.7 * camera.codes()[0][slot] * float(camera.response[band])
+    return found
+
+
 def test_a_sensor_that_codes_its_shutter_is_read_once(tmp_path):
     camera, bench, light = noisy("random", Sensor(read_noise=0.01))
     export = exported(tmp_path, camera, "dli4120", "coded-exposure")
