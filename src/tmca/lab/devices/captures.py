@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -95,8 +96,10 @@ def going_on(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[st
     return {**kept, "taken_with": how}
 
 
-def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: Path) -> None:
-    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it.
+def keep(
+    frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: Path, about: Mapping[str, Any] | None = None
+) -> None:
+    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it, what is known about it included.
 
     The list is there before the first frame, so that whatever ends the process leaves a capture that goes on; what was
     left half-written is swept away.
@@ -113,8 +116,8 @@ def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: P
         write_json(kept, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:
         tifffile.imwrite(temporary, frame.astype(np.uint16), photometric="minisblack")
-    about = {"slot": step.slot, "of": step.of, "sha256": checksum(file)}
-    kept["frames"][step.name] = about | {"taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    taken = {"sha256": checksum(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    kept["frames"][step.name] = {"slot": step.slot, "of": step.of, **taken, **(about or {})}
     write_json(kept, folder / CAPTURES, overwrite=True)
 
 

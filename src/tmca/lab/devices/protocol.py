@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from inspect import signature
 from math import inf
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -69,6 +70,18 @@ class Named(Protocol):
 
     def name_frame(self, name: str) -> None:
         """The frame that is captured next, by the name of its file."""
+
+
+@runtime_checkable
+class Recorded(Protocol):
+    """A `Device` whose frames are files that were there before."""
+
+    def files_of_frames(self, names: Sequence[str]) -> Mapping[str, Path]:
+        """Name of a frame → its file, of those that are named and of further dark ones.
+
+        Raises:
+            DataError: no file for one of them, or files that are none of them.
+        """
 
 
 def device_drivers() -> dict[str, EntryPoint]:
