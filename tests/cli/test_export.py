@@ -1,6 +1,7 @@
 """`tmca export` and `tmca capture` as a user meets them."""
 
 import json
+import shutil
 
 import pytest
 import torch
@@ -11,6 +12,7 @@ from tmca.cli import main
 
 SMALL = ["coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures", "--out", "sim.nc"]
 EXPORT = ["export", "sim.nc", "--device", "dli4120", "--device", "emulated-shutter", "--no-figures"]
+DARKS = ("dark_r1", "dark_r2", "dark_r3")
 
 
 @pytest.fixture(autouse=True)
@@ -137,6 +139,66 @@ def test_frames_of_other_software_are_joined(tmp_path):
     main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "g"])
     one, other = Snapshot.load("f.nc"), Snapshot.load("g.nc")
     torch.testing.assert_close(other.values / other.values.max(), one.values / one.values.max())
+
+
+@pytest.mark.filterwarnings("default::tmca.lab.devices.frame_sources.ChangedFrames")
+def test_files_that_changed_are_read_again_and_which_is_which_is_said(tmp_path, capsys):
+    """The second capture is that of a folder that never held the first frames."""
+    main([*EXPORT, "--out", "ex"])
+    for scene in ("coffee", "chelsea"):
+        main(["capture", "ex", "--scene", scene, "--out", scene])
+    (tmp_path / "theirs").mkdir()
+    names = {"slot_000": "img_3", "slot_001": "img_12"} | {name: name for name in ("dark", *DARKS)}
+
+    def put(scene):
+        for name, other in names.items():
+            shutil.copy(tmp_path / scene / f"{name}.tif", tmp_path / "theirs" / f"{other}.tif")
+
+    put("coffee")
+    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "f"])
+    said = capsys.readouterr()
+    assert "slot_000 ← img_3.tif, slot_001 ← img_12.tif" in said.out
+    put("chelsea")
+    assert "--overwrite" in refused(capsys, "capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "f")
+    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "f", "--overwrite"])
+    assert "tmca: warning: f: taken again: slot_000, slot_001; " in capsys.readouterr().err
+    one, other = Snapshot.load("f.nc"), Snapshot.load("chelsea.nc")
+    torch.testing.assert_close(one.values / one.values.max(), other.values / other.values.max())
+    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "f", "--overwrite"])
+    assert "taken again" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [([], "--set path: found none"), (["--set", "path=ex", "--set", "foo=1"], "--set foo: found a setting")],
+)
+def test_settings_of_a_folder_are_named(capsys, settings, words):
+    main([*EXPORT, "--out", "ex"])
+    capsys.readouterr()
+    assert words in refused(capsys, "capture", "ex", "--device", "folder", *settings)
+
+
+def test_a_calibration_is_not_taken_from_a_folder(capsys):
+    main([*EXPORT, "--out", "ex"])
+    capsys.readouterr()
+    said = refused(capsys, "calibrate", "capture", "dark", "ex", "--device", "folder", "--set", "path=ex")
+    assert "--device: found folder" in said
+    assert "tmca calibrate STEP FOLDER" in said
+
+
+def test_patterns_beyond_open_are_named_with_their_file(capsys, tmp_path):
+    from scipy.io import savemat
+
+    savemat("shutter.mat", {"S": 255.0 * (torch.rand(24, 30, 2) > 0.5).double().numpy()})
+    said = refused(capsys, "simulate", "spectral", *SMALL[:-1], "b.nc", "--shutter", "shutter.mat")
+    assert "--shutter shutter.mat: S: found values from 0 to 255, expected 0 = closed to 1 = open" in said
+
+
+def test_a_motion_that_is_too_large_does_not_hinder_the_next(capsys, tmp_path):
+    main([*EXPORT, "--out", "ex"])
+    capsys.readouterr()
+    assert "motion" in refused(capsys, "capture", "ex", "--scene", "coffee", "--hardware", "motion=100", "--out", "f")
+    main(["capture", "ex", "--scene", "coffee", "--hardware", "motion=1", "--out", "f"])
 
 
 def test_the_camera_of_an_export_is_found_from_another_folder_and_said_to_be_gone(capsys, tmp_path, monkeypatch):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from math import ceil, floor
 
@@ -32,10 +32,7 @@ def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -
         SettingError: a displacement as large as the scene.
     """
     height, width = scene.shape[1:]
-    if not (abs(displacement[0]) < height and abs(displacement[1]) < width):
-        raise SettingError(
-            "motion", f"{displacement[0]:g},{displacement[1]:g}", f"less than the scene's {height}×{width}"
-        )
+    check_displacement(displacement, (height, width))
     down, across = (ceil(abs(part) / 2) + 1 for part in displacement)
     edged = torch.nn.functional.pad(scene[None], (across, across, down, down), mode="replicate")[0]
 
@@ -47,6 +44,14 @@ def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -
 
     edges = [slot / slots - 0.5 for slot in range(slots + 1)]
     return torch.stack([seen(_places(displacement, *times)) for times in pairwise(edges)])
+
+
+def check_displacement(displacement: tuple[float, float], size: Sequence[int]) -> None:
+    """Raises SettingError for a displacement (rows, columns) that is as large as a scene of (H, W) pixels."""
+    if not (abs(displacement[0]) < size[0] and abs(displacement[1]) < size[1]):
+        raise SettingError(
+            "motion", f"{displacement[0]:g},{displacement[1]:g}", f"less than the scene's {size[0]}×{size[1]}"
+        )
 
 
 def moving_scenes(scenes: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:

@@ -133,25 +133,48 @@ def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: f
     )
 
 
-def check_distinct(*series: Frames) -> None:
-    """Refuse frames of one session that are the same in every pixel: noise alone makes two exposures differ.
+class Distinct:
+    """Frames of one session, no two of which may be the same in every pixel: noise alone makes two exposures differ.
 
     Frames that are clipped to one value but for a hundredth of their pixels may: dark ones of 8 bits, saturated ones.
+    """
+
+    def __init__(self) -> None:
+        self._seen: dict[bytes, str] = {}
+
+    def add(self, name: str, values: NDArray[Any], top: float, source: Path) -> None:
+        """Add a frame.
+
+        Args:
+            name: of it.
+            values: of its pixels, of one type and shape for all frames.
+            top: from which on they are saturated.
+            source: that errors name.
+
+        Raises:
+            DataError: it is one that was added before; naming both.
+        """
+        digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).digest()
+        if digest in self._seen and _alive(values, top) > _CLIPPED:
+            found = f"frame {name} the same as {self._seen[digest]} in every pixel"
+            remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
+            raise DataError(source, found, "an exposure of its own for each", remedy)
+        self._seen.setdefault(digest, name)
+
+
+def check_distinct(*series: Frames) -> None:
+    """Refuse frames of one session that are the same in every pixel, see ``Distinct``.
 
     Raises:
         DataError: naming both.
     """
-    seen: dict[bytes, str] = {}
+    known = Distinct()
     for frames in series:
         for name, values in zip(frames.names, frames.values, strict=True):
-            other = seen.setdefault(hashlib.sha256(values.tobytes()).digest(), name)
-            if other is not name and _alive(values, frames.top) > _CLIPPED:
-                found = f"frame {name} the same as {other} in every pixel"
-                remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
-                raise DataError(frames.source, found, "an exposure of its own for each", remedy)
+            known.add(name, values, frames.top, frames.source)
 
 
-def _alive(values: NDArray[np.float32], top: float) -> float:
+def _alive(values: NDArray[Any], top: float) -> float:
     """Share of the pixels that are neither saturated nor of the commonest value."""
     found, counts = np.unique(values[values < top], return_counts=True)
     return float(counts.sum() - counts.max()) / values.size if len(found) else 0.0

@@ -178,6 +178,15 @@ def test_frames_that_calibration_cannot_use_are_refused(tmp_path, found, said):
         capture_step("dark", exported(tmp_path, camera, *BOTH), driver, tmp_path / "b", camera)
 
 
+def test_frames_that_were_taken_before_are_no_bench_of_a_calibration(tmp_path):
+    camera = spectral()
+    export = exported(tmp_path, camera, *BOTH)
+    folder = capture_step("dark", export, bench_of(camera), tmp_path / "b", camera, Asked(frames=2))
+    with pytest.raises(SettingError, match=r"--device: found FrameFolder.*tmca calibrate STEP FOLDER"):
+        capture_step("dark", export, find_device("folder", path=str(folder)), tmp_path / "c", camera, Asked(frames=2))
+    assert not (tmp_path / "c").exists()
+
+
 def test_an_export_without_an_aperture_shows_no_patterns(tmp_path):
     camera = spectral((17, 20), slots=3, aperture=torch.ones(3, 17, 20))
     export = exported(tmp_path, camera, "emulated-shutter")

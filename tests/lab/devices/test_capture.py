@@ -1,6 +1,9 @@
 """Captures on the simulated bench: frames join into the camera's own snapshot; a bench that stops is gone on with."""
 
+import json
 import shutil
+from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 import tifffile
@@ -14,6 +17,8 @@ from tmca.lab.devices import capture, check_camera, device_named, export_codes, 
 from tmca.lab.devices.export import Export
 from tmca.lab.devices.manifest import read_manifest
 from tmca.sensor import Sensor
+
+LATER = datetime(2099, 1, 1, tzinfo=UTC)
 
 
 def exported(folder, camera, *names):
@@ -106,6 +111,65 @@ def test_missing_frames_are_named_and_taken_again(taken):
     joined(folder, export, camera)
 
 
+def test_one_damaged_frame_is_taken_again_and_the_rest_stays(taken):
+    camera, export, folder = taken
+    kept = {file.name: file.read_bytes() for file in folder.glob("*.tif")}
+    (folder / "slot_001.tif").write_bytes(kept["slot_001.tif"][:-1])
+    for again in (lambda: joined(folder, export, camera), lambda: capture(export, bench_of(camera), folder)):
+        with pytest.raises(DataError, match=r"slot_001\.tif: found another content.*delete this one file"):
+            again()
+    (folder / "slot_001.tif").unlink()
+    bench = bench_of(camera)
+    capture(export, bench, folder)
+    assert bench.taken == 1
+    assert {file.name: file.read_bytes() for file in folder.glob("*.tif")} == kept
+    joined(folder, export, camera)
+
+
+def test_a_capture_goes_on_with_its_codes_however_often_they_are_exported(tmp_path, monkeypatch):
+    camera = spectral(sensor=Sensor(read_noise=0.01))
+    export = exported(tmp_path, camera)
+    with pytest.raises(DeviceError):
+        capture(export, bench_of(camera, stops_after=3), tmp_path / "f")
+    kept = (tmp_path / "f" / "slot_001.tif").read_bytes()
+    monkeypatch.setattr("tmca.lab.devices.export.datetime", type("Later", (), {"now": lambda zone: LATER}))
+    devices, source = [device_named(name) for name in ("dli4120", "emulated-shutter")], tmp_path / "taken.nc"
+    before = read_manifest(export)
+    export_codes(read_planes(source), devices, export, overwrite=True)
+    assert read_manifest(export)["written"] != before["written"]
+    joined(capture(export, bench_of(camera), tmp_path / "f"), export, camera)
+    assert (tmp_path / "f" / "slot_001.tif").read_bytes() == kept
+
+
+@pytest.mark.parametrize("change", ["codes", "order", "place", "device", "time"])
+def test_a_capture_does_not_go_on_with_what_shows_otherwise(tmp_path, change):
+    camera = spectral(shutter=torch.ones(3, 12, 18))
+    export = exported(tmp_path, camera)
+    folder = capture(export, bench_of(camera), tmp_path / "f")
+    planes, how = read_planes(tmp_path / "taken.nc"), {"overwrite": True}
+    aperture = planes.planes["aperture"].clone()
+    if change == "codes":
+        aperture[1, 5, 6] = 1 - aperture[1, 5, 6]
+    if change == "order":
+        aperture = aperture[[1, 0, 2]]
+    how |= {"place": {"offset": (3, 0)}, "time": {"exposure": 0.3}}.get(change, {})
+    first = device_named("dli4120", macro_pixel=2) if change == "device" else device_named("dli4120")
+    other = replace(planes, planes={**planes.planes, "aperture": aperture})
+    export_codes(other, [first, device_named("emulated-shutter")], export, **how)
+    with pytest.raises(OutputError, match="a capture of"):
+        capture(export, bench_of(camera), folder)
+    with pytest.raises(DataError, match="a capture of"):
+        joined(folder, export, camera)
+
+
+def test_a_capture_of_before_is_of_the_manifest_that_it_knows(taken):
+    camera, export, folder = taken
+    known = json.loads((folder / "captures.json").read_text())
+    assert known.pop("shown_sha256")
+    (folder / "captures.json").write_text(json.dumps(known))
+    joined(capture(export, bench_of(camera), folder), export, camera)
+
+
 def test_a_capture_is_of_one_export_and_one_camera(taken, tmp_path):
     camera, export, folder = taken
     with pytest.raises(DataError, match=r"aperture of \(3, 12, 16\)"):
@@ -144,6 +208,40 @@ def test_emulated_exposures_are_as_noisy_as_their_time_allows(tmp_path, repeats)
         here = (opened == count)[None, None]
         wanted = light[here].mean() * electron / repeats + 0.01**2 * (count / repeats + count**2 / 4)
         assert float(left[here].square().mean()) == pytest.approx(float(wanted), rel=0.15)
+
+
+@pytest.mark.parametrize("stop", [5, 6, 7, 8])
+def test_repeats_that_were_stopped_are_counted_slot_by_slot(tmp_path, stop):
+    """Stopped after a dark frame, three slots, the second dark frame and none to three slots: what is left of the
+    scene's noise is what the decoder is told, and what frames of 1 and of 2 repeats leave."""
+    sensor, size = Sensor(read_noise=0.03, full_well=500), (60, 64)
+    camera, bench, light = noisy("random", sensor, stops_after=stop)
+    export = exported(tmp_path, camera)
+    with pytest.raises(DeviceError):
+        capture(export, bench, tmp_path / "f", gain=bench.gain, repeats=2)
+    capture(export, noisy("random", sensor)[1], tmp_path / "f", gain=bench.gain)
+    found = joined(tmp_path / "f", export, camera)
+    repeats = torch.tensor([2.0 if slot < stop - 5 else 1.0 for slot in range(3)])
+    opened = camera.codes()[1]
+    share = opened.double() / repeats[:, None, None]
+    read = 0.03**2 * (share.sum(0) + opened.sum(0) ** 2 / 4)
+    assert found.camera.noise.read**2 == pytest.approx(float(read.mean()), rel=0.1)
+    bright = torch.stack([one_slot(camera, slot, size) for slot in range(3)])
+    shot = camera.white / 500 * (bright * share).mean(0)  # a third of the light in each, read with three times the gain
+    left = (found.values - light)[0, 0]
+    assert float(left.square().mean()) == pytest.approx(float((read + shot).mean()), rel=0.1)
+    told = camera.white / 500 * light[0, 0].mean() / (found.camera.sensor.full_well / 500)
+    assert float(told) == pytest.approx(float(shot.mean()), rel=0.05)
+    assert found.notes["frames_averaged"] == pytest.approx(3 * float(opened.sum() / share.sum()))
+
+
+def one_slot(camera, slot, size):
+    """(H, W) what the sensor sees of an even scene through one aperture pattern: whole pixels of dispersion."""
+    found = torch.zeros(camera.snapshot_shape[1:])
+    for band in range(camera.bands):
+        left = int(camera.dispersion.displacement[band]) - camera.dispersion.origin
+        found[:, left : left + size[1]] += 0.7 * camera.codes()[0][slot] * float(camera.response[band])
+    return found
 
 
 def test_a_sensor_that_codes_its_shutter_is_read_once(tmp_path):

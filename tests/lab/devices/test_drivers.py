@@ -1,5 +1,6 @@
 """Drivers of real benches: how they plug in, what they answer, what becomes of the frames when they fail."""
 
+import itertools
 import subprocess
 import sys
 import threading
@@ -7,24 +8,28 @@ import time
 
 import numpy as np
 import pytest
+import tifffile
 import torch
 
 from tests.lab.devices.test_capture import exported, scene_of
 from tests.lab.devices.test_export import spectral
+from tmca.cameras import SpectralCamera
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
 from tmca.lab.devices import Device, capture, find_device, joined
 from tmca.lab.devices import protocol as protocol_module
+from tmca.lab.devices.frame_checks import LowNumbers
 from tmca.lab.devices.simulated import SimulatedBench
 from tmca.lab.devices.time_limit import Calls, time_limit
 
 
 class Lamp:
-    """A bench that sees one level everywhere."""
+    """A bench that sees one level everywhere, and noise that never repeats."""
 
     saturation = 4095.0
+    taken = itertools.count()
 
     def __init__(self, level):
         self.level, self.on = level, False
@@ -36,7 +41,7 @@ class Lamp:
         self.on = slot is not None
 
     def capture(self, whole=False):
-        noise = np.random.default_rng(0).integers(0, 5, (12, 18))
+        noise = np.random.default_rng(next(self.taken)).integers(0, 5, (12, 18))
         return (noise + (self.level if self.on or whole else 60)).clip(0, 4095).astype(np.uint16)
 
 
@@ -46,6 +51,68 @@ def test_saturated_and_dark_captures_are_refused(tmp_path, level, words):
     with pytest.raises(DataError, match=words):
         capture(export, Lamp(level), tmp_path / "frames")
     assert [file.name for file in sorted((tmp_path / "frames").iterdir())] == ["captures.json", "dark.tif"]
+
+
+@pytest.mark.parametrize("kept", [0, 2])
+def test_a_driver_that_gives_an_old_frame_is_refused(tmp_path, kept):
+    """Also one that was kept before the capture went on."""
+    export, lamp, frames = exported(tmp_path, spectral()), Lamp(900), {}
+    if kept:
+        with pytest.raises(DeviceError):
+            capture(export, Broken(timeout), tmp_path / "frames")
+    own, old = lamp.capture, tifffile.imread(tmp_path / "frames" / "slot_000.tif") if kept else None
+
+    def stale(whole=False):
+        return frames.setdefault(lamp.on, old if kept and lamp.on else own(whole))
+
+    lamp.capture = stale
+    with pytest.raises(DataError, match=r"frame slot_001 the same as slot_000 in every pixel"):
+        capture(export, lamp, tmp_path / "frames")
+    assert {file.name for file in (tmp_path / "frames").glob("*.tif")} == {"dark.tif", "slot_000.tif"}
+
+
+def test_a_driver_that_gives_one_dark_frame_again_and_again_is_refused(tmp_path):
+    export, lamp = exported(tmp_path, spectral()), Lamp(900)
+    own, dark = lamp.capture, Lamp(60).capture()
+    lamp.capture = lambda whole=False: own(whole) if lamp.on else dark
+    with pytest.raises(DataError, match=r"frame dark_r1 the same as dark in every pixel"):
+        capture(export, lamp, tmp_path / "frames")
+
+
+def test_a_driver_that_gives_no_noise_at_all_is_refused(tmp_path):
+    export, lamp = exported(tmp_path, spectral()), Lamp(900)
+    lamp.capture = lambda whole=False: np.full((12, 18), 900 if lamp.on else 60, np.uint16)
+    with pytest.raises(DataError, match=r"slot_000: found the number 900 in every pixel"):
+        capture(export, lamp, tmp_path / "frames")
+
+
+def test_dark_frames_that_are_clipped_and_a_bench_without_noise_may_repeat(tmp_path):
+    camera, lamp = SpectralCamera(bands=3, size=(12, 16), slots=3, aperture="static", seed=2), Lamp(900)
+    own = lamp.capture
+    lamp.capture = lambda whole=False: own(whole) if lamp.on else np.zeros((12, 18), np.uint16)
+    export = exported(tmp_path, camera)
+    capture(export, lamp, tmp_path / "clipped")
+    bench = SimulatedBench(camera, scene_of(camera), whole=False)
+    folder = capture(export, bench, tmp_path / "simulated", repeats=2)
+    assert len({file.read_bytes() for file in folder.glob("slot_*.tif")}) == 1
+
+
+@pytest.mark.parametrize(("saturation", "told"), [(65535, True), (7376, True), (7360, True), (7200, False)])
+def test_numbers_far_below_saturation_are_told(tmp_path, recwarn, saturation, told):
+    """The brightest pixel is 920 of a largest number that 10 bits hold."""
+    export, lamp = exported(tmp_path, spectral()), Lamp(900)
+    own = lamp.capture
+
+    def capped(whole=False):
+        frame = own(whole)
+        frame[0, 0] = 920 if lamp.on else frame[0, 0]
+        return frame
+
+    lamp.capture, lamp.saturation = capped, float(saturation)
+    capture(export, lamp, tmp_path / "frames")
+    said = [str(one.message) for one in recwarn if one.category is LowNumbers]
+    assert bool(said) == told
+    assert not told or ("no number above 920" in said[0] and "saturation=1023" in said[0])
 
 
 class Broken(Lamp):
@@ -85,12 +152,21 @@ def test_drivers_that_fail_do_so_in_one_line_and_lose_no_frame(tmp_path, failure
     assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
 
 
+def test_a_driver_that_fails_on_the_name_of_a_frame_does_so_in_one_line(tmp_path):
+    lamp = Lamp(900)
+    lamp.name_frame = lambda name: {"dark": 0}[name]
+    with pytest.raises(DeviceError, match="device Lamp: found KeyError: 'slot_000'"):
+        capture(exported(tmp_path, spectral()), lamp, tmp_path / "frames")
+    assert [file.name for file in (tmp_path / "frames").glob("*.tif")] == ["dark.tif"]
+
+
 class Hanging(Lamp):
     """A driver that answers no more from a call on."""
 
     def __init__(self, call, after):
         super().__init__(900)
         self.left, self.threads = after, []
+        self.name_frame = lambda name: None
         setattr(self, call, self.counted(getattr(self, call)))
 
     def counted(self, call):
@@ -102,7 +178,9 @@ class Hanging(Lamp):
         return counted
 
 
-@pytest.mark.parametrize(("call", "after", "kept"), [("load", 0, 0), ("show", 1, 1), ("capture", 2, 2)])
+@pytest.mark.parametrize(
+    ("call", "after", "kept"), [("load", 0, 0), ("name_frame", 1, 1), ("show", 1, 1), ("capture", 2, 2)]
+)
 def test_a_driver_that_hangs_ends_the_capture_in_one_line_and_loses_no_frame(tmp_path, call, after, kept):
     export, hanging = exported(tmp_path, spectral()), Hanging(call, after)
     with pytest.raises(DeviceError, match=r"device Hanging: found no answer in 0\.2 s, .*--timeout") as found:
@@ -131,8 +209,9 @@ def test_the_process_ends_while_a_driver_hangs():
 
 def test_frames_do_not_depend_on_the_time_limit_and_no_thread_stays(tmp_path):
     export, lamp = exported(tmp_path, spectral()), Hanging("capture", 99)
+    lamp.taken = itertools.count()
     limited = capture(export, lamp, tmp_path / "limited")
-    within, lamp.threads = {*lamp.threads}, []
+    within, lamp.threads, lamp.taken = {*lamp.threads}, [], itertools.count()
     unlimited = capture(export, lamp, tmp_path / "unlimited", timeout=0)
     assert {*lamp.threads} == {threading.current_thread()}
     assert len(within) == 1
@@ -216,7 +295,7 @@ def test_drivers_of_other_packages_plug_in(monkeypatch):
     found = find_device("lamp", level=100)
     assert isinstance(found, Device)
     assert found.level == 100
-    with pytest.raises(SettingError, match="simulated, lamp"):
+    with pytest.raises(SettingError, match="simulated, folder, lamp"):
         find_device("laser")
 
 

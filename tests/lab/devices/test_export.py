@@ -14,6 +14,7 @@ from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDep
 from tmca.codes import write_codes
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.lab.devices import PRESETS, check_export, device_named, export_codes, read_export, read_planes
+from tmca.lab.devices.export import FastFrames
 from tmca.lab.devices.manifest import DIGEST
 from tmca.lab.devices.mirror import peak
 from tmca.lab.devices.response import grey_of, light_of
@@ -360,3 +361,13 @@ def test_responses_that_do_not_rise_are_refused(tmp_path, lines):
     (tmp_path / "lut.csv").write_text(lines)
     with pytest.raises(DataError, match=r"lut.csv"):
         light_of(np.zeros(2, np.uint8), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv")))
+
+
+@pytest.mark.parametrize(("exposure", "rate"), [(3 / 501, 501), (3 / 499, None)])
+@pytest.mark.parametrize("device", ["emulated-shutter", "coded-exposure"])
+def test_a_frame_rate_that_ordinary_cameras_lack_is_told(tmp_path, recwarn, device, exposure, rate):
+    codes = read_planes(snapshot(tmp_path, spectral()))
+    export_codes(codes, [device_named(device)], tmp_path / "out", exposure=exposure)
+    said = [str(one.message) for one in recwarn if one.category is FastFrames]
+    assert bool(said) == (rate is not None and device == "emulated-shutter")
+    assert not said or "3 frames of 2 ms, 501 a second" in said[0]

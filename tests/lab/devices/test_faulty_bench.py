@@ -105,3 +105,11 @@ def test_a_shutter_that_is_laid_on_afterwards_does_not_leak(tmp_path):
     with pytest.raises(SettingError, match=r"leakage: found 0\.1, expected none where frames"):
         captured(tmp_path, spectral(), "emulated-shutter", Hardware(leakage=0.1))
     assert not (tmp_path / "frames").exists()
+
+
+@pytest.mark.parametrize("shutter", SHUTTERS)
+def test_a_motion_beyond_the_scene_is_refused_before_anything_is_kept(tmp_path, shutter):
+    """So that the folder is free for the motion that was meant."""
+    with pytest.raises(SettingError, match=r"motion: found 100,0, expected less than the scene's 12×16"):
+        captured(tmp_path, spectral(), shutter, Hardware(motion=(100.0, 0.0)))
+    assert not (tmp_path / "frames").exists()

@@ -68,9 +68,12 @@ def capture(
         seed: of its noise and faults, 0 without.
         stops_after: frames after which it does not answer any more.
     """
+    from tmca.lab.calibrating.session import refuse_recorded
     from tmca.lab.calibrating.shots import Asked, steps_of
     from tmca.lab.devices.manifest import exposed_whole, read_manifest
 
+    if device == "folder":
+        refuse_recorded(device)
     taken = known_camera(export, like)
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, hardware.faults(), None, timeout)
     waves = _wavelengths(wavelength, taken.camera, device)

@@ -98,12 +98,15 @@ def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:
 
 def _say(target: Path, out: Path, found: Any, as_json: bool) -> None:
     from tmca.lab.captured_notes import SATURATED
+    from tmca.lab.devices.frame_sources import said_sources
 
     shape = [int(n) for n in found.values.shape[-2:]]
     if as_json:
         print(json.dumps({"snapshot": str(target), "frames": str(out), "size": shape, "notes": found.notes}, indent=1))
         return
     print(f"{target}: {shape[0]}×{shape[1]} pixels of {found.notes['device']}, frames in {out}")
+    if taken_from := said_sources(out):
+        print(f"frames were taken from: {taken_from}")
     if share := found.notes[SATURATED]:
         print(f"{share:.2%} of the pixels are saturated, and what they say is wrong; expose for less time")
     print(f"reconstruct it with: tmca reconstruct {target}")

@@ -43,9 +43,23 @@ def codes_argument(value: str, option: str = "--aperture") -> Any:
     patterns = torch.from_numpy(stored.astype("float32"))
     if stored.dtype.kind in "ui" and patterns.max() > 1:
         patterns = patterns / float(np.iinfo(stored.dtype).max)
+    _check_shares(patterns, value, option)
     if patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2]):
         patterns = patterns.movedim(2, 0).contiguous()
     return patterns
+
+
+def _check_shares(patterns: Any, file: str, option: str) -> None:
+    """Raises SettingError, naming option, file and its variable, unless patterns are shares of light."""
+    low, high = float(patterns.min()), float(patterns.max())
+    if 0 <= low <= high <= 1:
+        return
+    from tmca.data.formats.opening import open_contents
+
+    with open_contents(file) as contents:
+        name = ", ".join(stored.name for stored in contents.arrays.values() if stored.numeric and stored.size)
+    remedy = "divide them by the largest, or store whole numbers as such"
+    raise SettingError(f"{option} {file}: {name}", f"values from {low:g} to {high:g}", "0 = closed to 1 = open", remedy)
 
 
 def coloured_argument(file: Path) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -14,11 +14,12 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibrating.shots import Asked, Shot, lights_of, shots_of
 from tmca.lab.calibrating.shown import ShownCodes
 from tmca.lab.devices.captures import going_on, keep, kept_so_far
+from tmca.lab.devices.frame_checks import check_saturated
 from tmca.lab.devices.joining import check_camera
 from tmca.lab.devices.light import Lamp
-from tmca.lab.devices.protocol import Device, saturation_of
+from tmca.lab.devices.protocol import Device, Recorded, saturation_of
 from tmca.lab.devices.reading import check_export
-from tmca.lab.devices.session import calls_of, check_saturated, frame_of
+from tmca.lab.devices.session import calls_of, frame_of
 from tmca.lab.devices.time_limit import Calls
 
 Progress = Callable[[int, int, str], None]
@@ -56,12 +57,15 @@ def capture_step(
         The folder of the step.
 
     Raises:
-        SettingError: a step that this camera does not have, or several lights before a bench that sets none.
+        SettingError: a step that this camera does not have, several lights before a bench that sets none, or frames
+            that were taken before in the place of a bench.
         DeviceError: the bench does not answer; frames so far are kept.
         DataError: another camera's export, or saturated frames of a step that may have none.
         OutputError: the folder holds something else, or frames of another bench.
     """
     how = asked or Asked()
+    if isinstance(device, Recorded):
+        refuse_recorded(type(device).__name__)
     manifest = check_export(export)
     check_camera(export, camera)
     shots = shots_of(step, camera, manifest, how)
@@ -82,6 +86,13 @@ def capture_step(
             if progress:
                 progress(done + 1, len(shots), shot.name)
     return folder
+
+
+def refuse_recorded(name: str) -> NoReturn:
+    """Raises SettingError for frames of other software in the place of a bench."""
+    found = f"{name}, frames that were taken before"
+    remedy = "name other frames as docs/calibration.md says, and measure their folder: tmca calibrate STEP FOLDER"
+    raise SettingError("--device", found, "simulated or a driver, which takes the frames of a calibration", remedy)
 
 
 def told(step: str, asked: Asked) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 
 from tmca.errors import DataError, OutputError
 from tmca.lab.codes_date import CAPTURES
-from tmca.lab.devices.manifest import NAME, checksum, exposed_whole
+from tmca.lab.devices.manifest import NAME, checksum, exposed_whole, read_manifest, shown_digest
 
 DARK, WHOLE = "dark", "exposure"
+EXPORT, SHOWN = "export_sha256", "shown_sha256"
+"""Of the manifest that was captured, and of what it shows, whenever it was written."""
 _DARKS = 4
 """Least number of dark frames: their mean is taken from every other frame, and their spread is the read noise."""
 
@@ -56,17 +59,27 @@ def kept_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
 
     Raises:
         OutputError: the folder holds something else, or frames of another export.
-        DataError: what ``read_captures`` raises.
+        DataError: no export, or what ``read_captures`` raises.
     """
-    of = checksum(Path(export) / NAME)
     if not (folder / CAPTURES).exists():
         if folder.exists() and (folder.is_file() or any(not _UNDONE.fullmatch(file.name) for file in folder.iterdir())):
             raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
-        return {"export": str(export), "export_sha256": of, "taken_with": {}, "frames": {}}
+        of = {EXPORT: checksum(Path(export) / NAME), SHOWN: shown_digest(read_manifest(export))}
+        return {"export": str(export), **of, "taken_with": {}, "frames": {}}
     kept = read_captures(folder, whole=False)
-    if kept["export_sha256"] != of:
+    if not is_of(kept, export):
         raise OutputError(folder, f"a capture of {kept['export']}", "one of this export", "choose another folder")
     return kept
+
+
+def is_of(kept: dict[str, Any], export: str | Path) -> bool:
+    """Whether a capture is of this export, or of one that shows the same; lists of before know the manifest alone.
+
+    Raises:
+        DataError: no export.
+    """
+    manifest = read_manifest(export)
+    return kept[EXPORT] == checksum(Path(export) / NAME) or kept.get(SHOWN) == shown_digest(manifest)
 
 
 def going_on(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -83,8 +96,10 @@ def going_on(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[st
     return {**kept, "taken_with": how}
 
 
-def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: Path) -> None:
-    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it.
+def keep(
+    frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: Path, about: Mapping[str, Any] | None = None
+) -> None:
+    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it, what is known about it included.
 
     The list is there before the first frame, so that whatever ends the process leaves a capture that goes on; what was
     left half-written is swept away.
@@ -101,8 +116,8 @@ def keep(frame: NDArray[np.integer], step: Step, kept: dict[str, Any], folder: P
         write_json(kept, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:
         tifffile.imwrite(temporary, frame.astype(np.uint16), photometric="minisblack")
-    about = {"slot": step.slot, "of": step.of, "sha256": checksum(file)}
-    kept["frames"][step.name] = about | {"taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    taken = {"sha256": checksum(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    kept["frames"][step.name] = {"slot": step.slot, "of": step.of, **taken, **(about or {})}
     write_json(kept, folder / CAPTURES, overwrite=True)
 
 
@@ -121,7 +136,7 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
         found = json.loads(file.read_text(encoding="utf-8"))
         there = {name: a for name, a in found["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
         frames = {name: (about["sha256"], about["of"]) for name, about in there.items()}
-        found["export"], found["export_sha256"], found["taken_with"]["gain"], found["taken_with"]["saturation"]
+        found["export"], found[EXPORT], found["taken_with"]["gain"], found["taken_with"]["saturation"]
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
     for name, (known, _) in frames.items():
@@ -137,7 +152,8 @@ def _check_kept(frame: Path, known: str, frames: dict[str, tuple[str, str]]) -> 
     if there != known:
         other = [name for name, (value, _) in frames.items() if value == there]
         what = f"that of {other[0]}: frames in the wrong order" if other else "another content"
-        raise DataError(frame, what, "what was captured", "capture it again in a new folder")
+        remedy = "delete this one file and run again what captured it: it alone is taken again"
+        raise DataError(frame, what, "what was captured", remedy)
 
 
 def read_tif(file: Path) -> NDArray[np.integer]:
@@ -151,4 +167,5 @@ def read_tif(file: Path) -> NDArray[np.integer]:
     try:
         return np.asarray(tifffile.imread(file))
     except (OSError, ValueError, tifffile.TiffFileError):
-        raise DataError(file, "no TIFF", "a frame of the capture", "capture it again") from None
+        remedy = "delete this one file and run again what captured it: it alone is taken again"
+        raise DataError(file, "no TIFF", "a frame of the capture", remedy) from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -31,6 +32,12 @@ _TRIGGERS = {
     "coded-exposure": {"source": "sensor", "edge": "slot", "shows": "one mask a slot, one exposure of all"},
     "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
 }
+_FRAME_RATE = 500
+"""Frames a second of ordinary cameras at most."""
+
+
+class FastFrames(UserWarning):
+    """More frames a second than ordinary cameras take."""
 
 
 @dataclass(frozen=True)
@@ -129,10 +136,20 @@ def _written(
     timing = Timing(codes.slots, exposure)
     for device in devices:
         timing.check(device)
+        _remark_rate(device, timing)
     with written_whole(folder) as temporary:
         manifest = _manifest(codes, timing, [_plane(codes, one, shown, timing, temporary) for one in devices])
         _write_manifest(manifest, temporary)
     return Export(folder, manifest)
+
+
+def _remark_rate(device: DeviceDescription, timing: Timing) -> None:
+    """Warn where an ordinary camera would have to take frames one after the other faster than most can."""
+    rate = timing.slots / timing.exposure
+    if device.kind == "emulated-shutter" and rate > _FRAME_RATE:
+        said = f"{timing.slots} frames of {1e3 / rate:.3g} ms, {rate:.0f} a second where they follow each other"
+        remedy = "where the camera is slower, pause between the slots of a scene that stands still, or --exposure more"
+        warnings.warn(f"{device.name}: {said}; {remedy}", FastFrames, stacklevel=2)
 
 
 def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: bool) -> None:

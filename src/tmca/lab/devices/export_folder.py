@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+import secrets
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tmca.errors import OutputError
@@ -37,12 +38,12 @@ def check_free(folder: Path, overwrite: bool) -> None:
 
 @contextmanager
 def written_whole(folder: Path) -> Iterator[Path]:
-    """A folder beside this one, which takes its place when all is written.
+    """A folder beside this one, which takes its place when all is written; of a link, the place that it leads to.
 
     Raises:
         OutputError: no folder can be written there.
     """
-    place = folder.absolute()
+    place = folder.resolve() if folder.is_symlink() else folder.absolute()
     temporary = place.with_name(f".{place.name}.part")
     shutil.rmtree(temporary, ignore_errors=True)
     try:
@@ -50,19 +51,39 @@ def written_whole(folder: Path) -> Iterator[Path]:
         yield temporary
         _put(temporary, place)
     except OSError as error:
-        found = f"no folder can be written ({error.strerror})"
+        found = f"no folder can be written ({error.strerror or error})"
         raise OutputError(folder, found, "a folder", "choose another") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _put(temporary: Path, place: Path) -> None:
-    if not (place.exists() and place.samefile(Path.cwd())):
-        if place.exists():
-            shutil.rmtree(place)
+    """The new in the place of the old, which lies whole in a hidden folder beside it until the new is there."""
+    if not place.exists():
         temporary.rename(place)
         return
-    for old in place.iterdir():  # whoever stands in it goes on standing in it
-        shutil.rmtree(old) if old.is_dir() else old.unlink()
-    for part in sorted(temporary.iterdir(), key=lambda file: file.name == NAME):
-        part.rename(place / part.name)
+    aside = place.with_name(f".{place.name}.{secrets.token_hex(6)}.old")
+    moves = [(place, aside), (temporary, place)]
+    if place.samefile(Path.cwd()):  # whoever stands in it goes on standing in it
+        aside.mkdir()
+        new = sorted(temporary.iterdir(), key=lambda file: file.name == NAME)
+        moves = [(old, aside / old.name) for old in place.iterdir()] + [(part, place / part.name) for part in new]
+    try:
+        _moved(moves)
+    except BaseException:
+        with suppress(OSError):  # whatever is still in it stays
+            aside.rmdir()
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _moved(moves: Sequence[tuple[Path, Path]]) -> None:
+    """Rename all of them, or, whatever stops it, none."""
+    try:
+        for there, then in moves:
+            there.rename(then)
+    except BaseException:  # KeyboardInterrupt too
+        for there, then in reversed(moves):
+            if then.exists() and not there.exists():
+                then.rename(there)
+        raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 
@@ -12,15 +13,16 @@ from tmca.data import read_array
 from tmca.errors import DataError, SettingError
 from tmca.lab.devices.captures import DARK, steps
 from tmca.lab.devices.export import Export
+from tmca.lab.devices.frame_names import named_frames
 from tmca.lab.frames import frame_files
 
 
 class FrameFolder:
     """A folder of frames; a driver of the package, ``tmca capture EXPORT --device folder --set path=FOLDER``.
 
-    Files are the frames that ``captures.steps`` names (``dark``, ``slot_000``, ``dark_r1``, …), or, where none has such
-    a name, those beginning with ``dark`` and all others, in the order of the numbers in their names: one a slot, or one
-    exposure of all, again for every repeat.
+    Files that begin with ``dark`` are dark frames. The others say slot and repeat in their names (``slot_000``,
+    ``slot_000_r1``, ``slot0_rep1``, …; ``exposure_r1`` of whole exposures); or none does, and they are taken in the
+    order of the numbers in their names: one a slot, or one exposure of all, again for every repeat.
 
     Args:
         path: of the folder: PNG, TIFF, BMP or NPY, whole numbers; colours become channels.
@@ -28,7 +30,7 @@ class FrameFolder:
         snapshot_units_per_dn: see ``Device``.
 
     Raises:
-        DataError: no frames.
+        DataError: no frames, or two files of one name.
         SettingError: numbers that are none above 0.
     """
 
@@ -36,37 +38,37 @@ class FrameFolder:
         self, path: str, saturation: str | float | None = None, snapshot_units_per_dn: str | float | None = None
     ) -> None:
         self.path = Path(path)
-        self.files = {file.stem: file for file in frame_files(self.path)}
-        first = next(iter(self.files.values()))
-        self.saturation = _largest(first) if saturation is None else _number("saturation", saturation)
+        self.there = frame_files(self.path)
+        _check_names(self.there, self.path)
+        self.saturation = _largest(self.there[0]) if saturation is None else _number("saturation", saturation)
         if snapshot_units_per_dn is not None:
             self.snapshot_units_per_dn = _number("snapshot_units_per_dn", snapshot_units_per_dn)
-        self.name = DARK
+        self.name, self.files = DARK, {file.stem: file for file in self.there}
 
     def load(self, export: Export) -> None:
         """Find the frame of every step.
 
         Raises:
-            DataError: frames of no whole number of exposures.
+            DataError: frames of no whole number of exposures, or that do not say which they are.
         """
-        once = steps(export.manifest)
-        if not any(step.name in self.files for step in once):
-            slots = [step.name for step in once if step.of != DARK]
-            self.files = self._in_order(export, len(slots))
+        self.files, once = named_frames(self.there, export.manifest, self.path), steps(export.manifest)
         if missing := [step.name for step in once if step.name not in self.files]:
             darks = sum(step.of == DARK for step in once)
             expected = f"{len(once) - darks} frames of light and {darks} dark ones, or more of both"
             raise DataError(self.path, f"no frame {', '.join(missing[:3])}", expected, "take what is missing")
 
-    def _in_order(self, export: Export, each: int) -> dict[str, Path]:
-        dark = [file for stem, file in self.files.items() if stem.lower().startswith(DARK)]
-        light = [file for stem, file in self.files.items() if not stem.lower().startswith(DARK)]
-        if not light or len(light) % each:
-            found = f"{len(light)} frames whose names do not begin with {DARK}"
-            raise DataError(self.path, found, f"{each}, or as many again for every repeat", "see docs/devices.md")
-        wanted = steps(export.manifest, len(light) // each)
-        named = zip([step.name for step in wanted if step.of != DARK], light, strict=True)
-        return {**dict(named), **{DARK + (f"_r{n}" if n else ""): file for n, file in enumerate(dark)}}
+    def files_of_frames(self, names: Sequence[str]) -> dict[str, Path]:
+        """See ``Recorded``."""
+        if missing := [name for name in names if name not in self.files]:
+            found = f"no frame {', '.join(missing[:3])}"
+            raise DataError(self.path, found, "one for every repeat", "pass --repeat less, or take it")
+        light = [name for name in self.files if not name.startswith(DARK)]
+        used = [name for name in light if name in names]
+        if len(used) < len(light):
+            many = len(light) // (len(used) // _repeats(used))
+            expected = f"the {len(used)} that are asked for"
+            raise DataError(self.path, f"{len(light)} frames of light", expected, f"pass --repeat {many}")
+        return dict(self.files)
 
     def name_frame(self, name: str) -> None:
         """See ``Named``."""
@@ -79,12 +81,24 @@ class FrameFolder:
         """See ``Device``.
 
         Raises:
-            DataError: no such frame, or a broken one.
+            DataError: a broken file.
         """
-        if self.name not in self.files:
-            raise DataError(self.path, f"no frame {self.name}", "one for every repeat", "--repeat less, or take it")
         found = read_array(self.files[self.name])
         return found if found.ndim != 3 else np.moveaxis(found[..., :3], -1, 0)
+
+
+def _repeats(names: Sequence[str]) -> int:
+    return 1 + max(int(name.partition("_r")[2] or 0) for name in names)
+
+
+def _check_names(files: Sequence[Path], folder: Path) -> None:
+    """Raises DataError where two files have one name, so that nobody knows which is the frame."""
+    known: dict[str, Path] = {}
+    for file in files:
+        if (other := known.setdefault(file.stem, file)) is not file:
+            raise DataError(
+                folder, f"{other.name} beside {file.name}", "one file a frame", "move one of them elsewhere"
+            )
 
 
 def _largest(file: Path) -> float:

@@ -13,9 +13,9 @@ from tmca.cameras import Camera, Snapshot, sharing
 from tmca.errors import DataError
 from tmca.lab.captured_notes import AVERAGED, DRIVER, GAIN, SATURATED, WHITE
 from tmca.lab.codes_date import CODES_DATE
-from tmca.lab.devices.captures import DARK, WHOLE, read_captures, read_tif, steps
+from tmca.lab.devices.captures import DARK, WHOLE, is_of, read_captures, read_tif, steps
 from tmca.lab.devices.descriptions import DeviceDescription
-from tmca.lab.devices.manifest import NAME, checksum, read_manifest
+from tmca.lab.devices.manifest import read_manifest
 from tmca.lab.devices.mirror import terms_of
 from tmca.lab.devices.reading import device_of, read_export
 from tmca.lab.devices.response import step_of
@@ -43,7 +43,7 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
             that are not the camera's.
     """
     kept, place = read_captures(folder), Path(folder)
-    if kept["export_sha256"] != checksum(Path(export) / NAME):
+    if not is_of(kept, export):
         raise DataError(folder, f"a capture of {kept['export']}", f"one of {export}", "name the export it is of")
     check_camera(export, camera)
     manifest = read_manifest(export)
@@ -57,34 +57,45 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     opened = torch.ones(1, *camera.snapshot_shape[1:]) if names == [WHOLE] else _shutter(export, camera)
     frames = frames * opened.to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
-    repeats = sum(about["of"] == names[0] for about in kept["frames"].values())
+    taken = Counter(about["of"] for about in kept["frames"].values())
+    repeats = torch.tensor([float(taken[name]) for name in names])
+    alike = _repeats(repeats, opened)
     read = float(how["gain"]) * _read_noise(place, kept, repeats, opened, camera)
-    camera = _with_noise(camera, read, repeats)
+    camera = _with_noise(camera, read, alike)
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
     whole = names == [WHOLE]
     about |= {SATURATED: saturated, WHITE: camera.full_scale if whole else camera.white}
-    about |= {AVERAGED: repeats * (1 if whole or camera.exposure == "per-slot" else camera.slots)}
+    about |= {AVERAGED: alike * (1 if whole or camera.exposure == "per-slot" else camera.slots)}
     about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
 
 
-def _read_noise(folder: Path, kept: dict[str, Any], repeats: int, opened: torch.Tensor, camera: Camera) -> float:
+def _repeats(taken: torch.Tensor, opened: torch.Tensor) -> float:
+    """Of every slot alike, that leave as much shot noise of even light as those that were taken of each; whole numbers
+    where all are alike, else less than their mean."""
+    left = (opened / taken[:, None, None]).sum()
+    return float(taken[0]) if bool((taken == taken[0]).all()) or not left else float(opened.sum() / left)
+
+
+def _read_noise(
+    folder: Path, kept: dict[str, Any], repeats: torch.Tensor, opened: torch.Tensor, camera: Camera
+) -> float:
     """Root mean square over the pixels of what reading leaves in a joined snapshot, digital numbers.
 
-    n open frames, each the mean of R repeats, less n times the mean of D dark ones: ``σ² (n / R + n² / D)``, over K²
-    where they are averaged.
+    Frames of the open slots k, each the mean of R_k repeats, less for each the mean of D dark ones, n times in all:
+    ``σ² (Σ 1 / R_k + n² / D)``, over K² where they are averaged.
     """
     darks = torch.stack(
         [_frame(folder / f"{name}.tif", camera) for name, a in kept["frames"].items() if a["of"] == DARK]
     )
-    count = opened.to(darks).sum(0)
-    share = (count / repeats + count**2 / len(darks)).mean()
+    opened = opened.to(darks)
+    share = ((opened / repeats.to(darks)[:, None, None]).sum(0) + opened.sum(0) ** 2 / len(darks)).mean()
     over = 1 if camera.exposure == "per-slot" else len(opened)
     return float((darks.var(0).mean() * share).sqrt()) / over
 
 
-def _with_noise(camera: Camera, read: float, repeats: int) -> Camera:
+def _with_noise(camera: Camera, read: float, repeats: float) -> Camera:
     """The camera, whose sensor reads with this noise in snapshot units, and collects the light of all repeats."""
     told = sharing(camera)
     settings: dict[str, Any] = {**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0}

@@ -71,6 +71,16 @@ def sealed(manifest: dict[str, Any]) -> dict[str, Any]:
     return manifest | {DIGEST: content_digest(manifest, DIGEST)}
 
 
+def shown_digest(manifest: dict[str, Any]) -> str:
+    """SHA-256 of what an export shows: its codes in their order, on which devices, where and when, but not of when or
+    from which file it was written; pictures of the same codes may differ in their bytes."""
+    planes = [
+        {**plane, "frames": [{k: v for k, v in frame.items() if k != "sha256"} for frame in plane["frames"]]}
+        for plane in manifest["planes"]
+    ]
+    return content_digest({"slots": manifest["slots"], "exposure_s": manifest["exposure_s"], "planes": planes}, DIGEST)
+
+
 def read_manifest(folder: str | Path) -> dict[str, Any]:
     """The manifest of an export.
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
+from inspect import signature
 from math import inf
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -15,6 +17,14 @@ from tmca.errors import DeviceError, SettingError, TmcaError
 from tmca.lab.devices.export import Export
 
 GROUP = "tmca.devices"
+OWN = {
+    name: EntryPoint(name, place, GROUP)
+    for name, place in {
+        "simulated": "tmca.lab.devices.simulated:SimulatedBench",
+        "folder": "tmca.lab.devices.frame_folder:FrameFolder",
+    }.items()
+}
+"""The package's own drivers."""
 
 
 @runtime_checkable
@@ -62,44 +72,63 @@ class Named(Protocol):
         """The frame that is captured next, by the name of its file."""
 
 
-def device_drivers() -> dict[str, EntryPoint | None]:
+@runtime_checkable
+class Recorded(Protocol):
+    """A `Device` whose frames are files that were there before."""
+
+    def files_of_frames(self, names: Sequence[str]) -> Mapping[str, Path]:
+        """Name of a frame → its file, of those that are named and of further dark ones.
+
+        Raises:
+            DataError: no file for one of them, or files that are none of them.
+        """
+
+
+def device_drivers() -> dict[str, EntryPoint]:
     """Benches that can be named: the package's own, whose names nobody else's can take, and those of packages that are
     installed."""
     points = {point.name: point for point in entry_points(group=GROUP)}
-    own = ("simulated", "folder")
-    return {own[0]: None, **points, **dict.fromkeys(own)}
+    return {**OWN, **points, **OWN}
 
 
 def find_device(name: str, /, **settings: Any) -> Device:
     """A bench by its name.
 
     Args:
-        name: ``"simulated"``, ``"folder"``, or that of an entry point of the group ``tmca.devices``.
+        name: one of ``OWN``, or that of an entry point of the group ``tmca.devices``.
         settings: of its factory.
 
     Raises:
-        SettingError: an unknown name, or a factory that makes none.
+        SettingError: an unknown name, a setting that one of ``OWN`` lacks or does not have, or a factory that makes
+            none.
         DeviceError: a driver that cannot be loaded, or whose factory fails.
     """
     known = device_drivers()
     if name not in known:
         raise SettingError("--device", repr(name), f"one of {', '.join(known)}", "install the package of its driver")
-    point = known[name]
-    if name == "simulated":
-        from tmca.lab.devices.simulated import SimulatedBench
-
-        return SimulatedBench(**settings)
+    if name in OWN:
+        factory = OWN[name].load()
+        _check_settings(factory, settings)
+        own: Device = factory(**settings)
+        return own
     with answering(name):
-        found = (_frame_folder() if point is None else point.load())(**settings)
+        found = known[name].load()(**settings)
     if not isinstance(found, Device):
         raise SettingError("--device", f"{name}: {type(found).__name__}", "load, show, capture and saturation")
     return found
 
 
-def _frame_folder() -> Any:
-    from tmca.lab.devices.frame_folder import FrameFolder
-
-    return FrameFolder
+def _check_settings(factory: Any, settings: Mapping[str, Any]) -> None:
+    """Raises SettingError where a driver of the package lacks a setting, or is given one that it does not have."""
+    known = signature(factory).parameters
+    for name in settings:
+        if name not in known:
+            raise SettingError(
+                f"--set {name}", "a setting that this device does not have", f"one of {', '.join(known)}"
+            )
+    for name, parameter in known.items():
+        if parameter.default is parameter.empty and name not in settings:
+            raise SettingError(f"--set {name}", "none", f"{name}, which this device needs", f"pass --set {name}=…")
 
 
 def units_of(device: Device, white: float) -> float:

@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.cameras import Camera
-from tmca.errors import DataError, DeviceError, SettingError
-from tmca.lab.devices.captures import DARK, WHOLE, Step, going_on, keep, kept_so_far, read_tif, steps
+from tmca.errors import DeviceError, SettingError
+from tmca.lab.devices.captures import DARK, WHOLE, Step, going_on, keep, kept_so_far, steps
 from tmca.lab.devices.export import Export
+from tmca.lab.devices.frame_checks import FrameChecks
+from tmca.lab.devices.frame_sources import SOURCE, Sources, sources_of, still_current
 from tmca.lab.devices.joining import check_camera
 from tmca.lab.devices.manifest import exposed_whole
-from tmca.lab.devices.protocol import Device, Named, saturation_of, units_of
+from tmca.lab.devices.protocol import Device, Named, Recorded, saturation_of, units_of
 from tmca.lab.devices.reading import check_export
 from tmca.lab.devices.simulated import SimulatedBench
 from tmca.lab.devices.time_limit import Calls, time_limit
 
-_SATURATED, _DARK = 0.5, 3.0
-"""Share of saturated pixels, and mean above the dark frame in its standard deviations, that are refused."""
 Progress = Callable[[int, int, str], None]
 
 
@@ -57,7 +57,8 @@ def capture(
 
     Raises:
         DeviceError: the bench does not answer, not in time, or with something that is no frame; frames so far are kept.
-        DataError: an export or a kept frame that was changed, a saturated or a dark capture, another camera's codes.
+        DataError: an export or a kept frame that was changed, a saturated or a dark capture, another camera's codes, a
+            frame that repeats another value by value, files that are not the frames that are wanted.
         OutputError: the folder holds something else, or frames of another bench, gain or saturation.
         SettingError: no repeat, or a time below 0.
     """
@@ -73,15 +74,29 @@ def capture(
         about = {"gain": units, "saturation": saturation, **(bench or {})}
         kept = going_on(kept_so_far(folder, export), about, folder)
         calls.of(lambda: device.load(Export(Path(export), manifest)))
+        wanted, sources = _recorded(calls, wanted)
+        kept = still_current(kept, sources, folder) if sources else kept
+        checks = FrameChecks(folder, camera, saturation, noisy=not isinstance(device, SimulatedBench))
+        checks.known(kept["frames"])
         for done, step in enumerate(wanted):
             if step.name not in kept["frames"]:
                 frame = frame_of(calls, step.slot, step.of == WHOLE, step.name)
-                _check_size(frame, step, folder, camera)
-                _check_light(frame, step, saturation, folder)
-                keep(frame, step, kept, folder)
+                checks.check(frame, step)
+                keep(frame, step, kept, folder, {SOURCE: sources[step.name]} if sources else None)
             if progress:
                 progress(done + 1, len(wanted), step.name)
+    checks.remark()
     return folder
+
+
+def _recorded(calls: Calls, wanted: list[Step]) -> tuple[list[Step], Sources]:
+    """Frames that are wanted, and the files of those that were taken before, with further dark ones among them."""
+    device, names = calls.device, [step.name for step in wanted]
+    if not isinstance(device, Recorded):
+        return wanted, {}
+    recorded = device
+    files = calls.of(lambda: recorded.files_of_frames(names))
+    return wanted + [Step(name, None, DARK) for name in files if name not in names], sources_of(files)
 
 
 def _units(device: Device, camera: Camera | None, manifest: dict[str, Any]) -> float:
@@ -103,7 +118,8 @@ def frame_of(calls: Calls, slot: int | None, whole: bool, name: str) -> NDArray[
     """
     device = calls.device
     if isinstance(device, Named):
-        device.name_frame(name)
+        named = device
+        calls.of(lambda: named.name_frame(name))
     calls.of(lambda: device.show(slot))
     found: NDArray[Any] = calls.of(lambda: np.asarray(device.capture(whole=whole)))
     whole_numbers = np.issubdtype(found.dtype, np.integer)
@@ -113,32 +129,3 @@ def frame_of(calls: Calls, slot: int | None, whole: bool, name: str) -> NDArray[
         name = type(device).__name__
         raise DeviceError(f"device {name}", said, "(H, W) or (C, H, W) whole numbers, 0 to 65535", "mend its driver")
     return found
-
-
-def _check_size(frame: NDArray[np.integer], step: Step, folder: Path, camera: Camera | None) -> None:
-    wanted = tuple(frame.shape) if step.name == DARK else tuple(read_tif(folder / f"{DARK}.tif").shape)
-    if camera is not None:
-        shape = camera.snapshot_shape
-        wanted = shape if frame.ndim == 3 or shape[0] > 1 else shape[1:]
-    if tuple(frame.shape) != wanted:
-        found, known = ("×".join(map(str, size)) for size in (frame.shape, wanted))
-        raise DataError(folder / step.name, f"a frame of {found}", f"{known} pixels", "set the sensor's region to that")
-
-
-def _check_light(frame: NDArray[np.integer], step: Step, saturation: float, folder: Path) -> None:
-    check_saturated(frame, saturation, folder / step.name)
-    if step.of == DARK:
-        return
-    dark = read_tif(folder / f"{DARK}.tif").astype(np.float64)
-    above = float(frame.mean() - dark.mean())
-    if above <= _DARK * float(dark.std()) / np.sqrt(frame.size):
-        found = f"a frame {above:.3g} digital numbers above the dark one"
-        raise DataError(folder / step.name, found, "light", "check lamp, shutter and lens cap")
-
-
-def check_saturated(frame: NDArray[np.integer], saturation: float, where: Path) -> None:
-    """Raises DataError where more than half of a frame's pixels are saturated."""
-    share = float((frame >= saturation).mean())
-    if share > _SATURATED:
-        remedy = "open the aperture of the lens less, or expose shorter"
-        raise DataError(where, f"{share:.0%} saturated pixels", f"{_SATURATED:.0%} at most", remedy)

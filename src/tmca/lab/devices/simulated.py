@@ -12,6 +12,7 @@ from torch import Tensor
 
 from tmca.cameras import Camera, moving_scenes
 from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras.motion import check_displacement
 from tmca.errors import DeviceError, SettingError
 from tmca.lab.devices.export import Export
 from tmca.lab.devices.light import Light
@@ -81,7 +82,12 @@ class SimulatedBench:
         self.name = name
 
     def load(self, export: Export) -> None:
-        """See ``Device``; from then on it images what was exported, a mirror's own terms among it."""
+        """See ``Device``; from then on it images what was exported, a mirror's own terms among it.
+
+        Raises:
+            DeviceError: codes of another camera.
+            SettingError: faults that this scene or these devices cannot have.
+        """
         codes, self.coded = read_export(export.folder), exposed_whole(export.manifest)
         if codes.slots != self.known.slots and ("shutter" in codes.planes or codes.modes):
             raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.known.slots}")
@@ -90,6 +96,8 @@ class SimulatedBench:
             raise SettingError(
                 "leakage", f"{self.hardware.leakage:g}", expected, "export to coded-exposure, or leave it"
             )
+        for scene in self.scene[:1]:
+            check_displacement(self.hardware.movement, scene.shape[-2:])
         self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed, "dark")
         self.loaded = True
 
