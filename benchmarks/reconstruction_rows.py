@@ -54,6 +54,7 @@ _TSA_WAVES, _TSA_STEP = (453.3e-9, 648.1e-9), 2.0
 _SPECTRAL_NETWORKS = {
     "network, unrolled from lmmse": {"kind": "unrolled", "start": "lmmse"},
     "network, unrolled from dagger": {"kind": "unrolled", "start": "dagger"},
+    "network, unrolled from tikhonov": {"kind": "unrolled", "start": "tikhonov"},
     "network, U-Net from dagger": {"kind": "unet", "start": "dagger"},
 }
 _EXPORTED = "network, unrolled from dagger"

@@ -80,10 +80,11 @@ def test_it_runs_without_the_package(exported, tmp_path):
     assert done.stdout.strip() == f"(1, {BANDS}, {SIZE[0]}, {SIZE[1]}) False"
 
 
-def test_onnx_is_the_network_too(tmp_path, caplog):
+@pytest.mark.parametrize("start", ["adjoint", "tikhonov"])
+def test_onnx_is_the_network_too(tmp_path, caplog, start):
     for package in ("onnx", "onnxscript", "onnxruntime"):
         pytest.importorskip(package)
-    file = written_weights(tmp_path, start="adjoint")
+    file = written_weights(tmp_path, start=start)
     found = export_decoder(file, tmp_path / "out", ("onnx",))
     assert found[0].error < 1e-4
     assert "torchvision" not in caplog.text
