@@ -141,12 +141,14 @@ def check_distinct(*series: Frames) -> None:
     Raises:
         DataError: naming both.
     """
-    seen: dict[bytes, str] = {}
+    seen: dict[bytes, tuple[Path, str]] = {}
     for frames in series:
         for name, values in zip(frames.names, frames.values, strict=True):
-            other = seen.setdefault(hashlib.sha256(values.tobytes()).digest(), name)
-            if other is not name and _alive(values, frames.top) > _CLIPPED:
-                found = f"frame {name} the same as {other} in every pixel"
+            own = (frames.source, name)
+            other = seen.setdefault(hashlib.sha256(values.tobytes()).digest(), own)
+            if other is not own and _alive(values, frames.top) > _CLIPPED:
+                elsewhere = f" of {other[0]}" if other[0] != frames.source else ""
+                found = f"frame {name} the same as {other[1]}{elsewhere} in every pixel"
                 remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
                 raise DataError(frames.source, found, "an exposure of its own for each", remedy)
 
