@@ -19,29 +19,33 @@ _FITTED, _MOST = 4, 9.0
 """Numbers that are fitted, and times the residual, were it that of two levels alone, up to which levels that differ are
 tried: the fitted numbers do not hide more."""
 
+_TRIED = 16
+"""Levels that are tried, those of which the fit leaves most: of many levels a few that are exchanged hardly bend it."""
 
-def check_exchanged(levels: Array, misfit: Misfit, starts: Sequence[Array], cost: float, source: object) -> None:
+
+def check_exchanged(levels: Array, misfit: Misfit, starts: Sequence[Array], left: Array, source: object) -> None:
     """Refuse levels of which two are explained better, by far, in each other's place.
 
     Args:
         levels: (K, K) mean light, NaN where it was not captured; more than four.
         misfit: the residuals of such levels as a function of what is fitted, of an exposure alone or one that repeats.
         starts: from which to fit.
-        cost: half of the sum of squares that is left without an exchange.
+        left: (n,) what the fit leaves of the n levels that are known, row by row.
         source: named in errors.
 
     Raises:
         DataError: naming both pairs of slots.
     """
     known: list[Pair] = [(int(i), int(j)) for i, j in np.argwhere(np.isfinite(levels))]
-    left = float(np.sqrt(2 * cost / len(known)))
-    most = _MOST * left * float(np.sqrt(len(known) / 2)) * len(known) / (len(known) - _FITTED)
-    for one, other in combinations(known, 2):
-        if not left < abs(levels[one] - levels[other]) < most:
+    usual, enough = float(np.sqrt((left**2).mean())), float((left**2).sum()) / 2 / _FEWER
+    most = _MOST * usual * float(np.sqrt(len(known) / 2)) * len(known) / (len(known) - _FITTED)
+    worst = sorted(np.argsort(np.abs(left))[-_TRIED:])
+    for one, other in combinations([known[n] for n in worst], 2):
+        if not usual < abs(levels[one] - levels[other]) < most:
             continue
         changed = levels.copy()
         changed[one], changed[other] = levels[other], levels[one]
-        if _least(changed, misfit, starts, cost / _FEWER) < cost / _FEWER:
+        if _least(changed, misfit, starts, enough) < enough:
             names = [f"aperture_{i}_shutter_{j}" for i, j in (one, other)]
             found = f"levels that a delay explains only with {names[0]} and {names[1]} exchanged"
             raise DataError(source, found, "frames under their own names", "check which slots each capture had open")

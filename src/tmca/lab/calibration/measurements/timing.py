@@ -137,7 +137,7 @@ def measure_timing(
     if residual > _CLEAN and len(left) > len(found.x):
         plain = np.array([0.0, 1.0, 1.0, alone.x[3]])
         starts = [alone.x, again.x, plain]
-        check_exchanged(seen / top, lambda s, r: _misfit(s, aperture_leakage, r), starts, float(found.cost), source)
+        check_exchanged(seen / top, lambda s, r: _misfit(s, aperture_leakage, r), starts, left, source)
     _check_known(delay, std, slots, source)
     own_std = float(np.hypot(std[3], aperture_leakage_std))
     return Timing(delay, ratio, std[:2], light * top, residual, slots, repeats, leakage, own_std)
