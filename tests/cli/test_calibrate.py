@@ -152,6 +152,17 @@ def test_frames_of_other_steps_are_refused(capsys, bench):
     assert len(list(bench.parent.glob("*.nc"))) == 1
 
 
+def test_frames_in_reverse_order_are_no_registration(capsys, bench):
+    step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
+    frames = sorted((bench / "registration").iterdir())
+    contents = [file.read_bytes() for file in reversed(frames)]
+    for file, content in zip(frames, contents, strict=True):
+        file.write_bytes(content)
+    said = refused(capsys, "calibrate", "registration", "bench/registration", *SHOWN, *ON)
+    assert "frame pattern_2 darker than the dark pattern's on" in said
+    assert "put the frames in the order of the patterns" in said
+
+
 def warned_by(capsys, *arguments):
     """Standard error of a command that does its work."""
     capsys.readouterr()
@@ -212,6 +223,14 @@ def test_views_and_points_are_measured_too(capsys, tmp_path, monkeypatch):
     truth = json.loads((tmp_path / "light-field" / "truth.json").read_text())
     shear = step(capsys, "shear", "light-field/shear", *shown, *on)
     assert [shear["y_pixels_per_view"], shear["x_pixels_per_view"]] == pytest.approx(truth["step"], abs=0.02)
+    views = sorted((tmp_path / "light-field" / "shear").iterdir(), key=lambda file: file.stem.split("_")[1:])
+    places = {file.stem: file.read_bytes() for file in views}
+    for file in views:
+        v, u = (-int(n) for n in file.stem.split("_")[1:])
+        file.write_bytes(places[f"view_{v}_{u}"])
+    backwards = warned_by(capsys, "calibrate", "shear", "light-field/shear", *shown, *on)
+    assert "moves with the views along y and x" in backwards
+    assert backwards.count("\n") == 1
     how = ("--snapshot", "spectral-depth/snapshot.nc", "--onto", "spectral-depth")
     found = step(capsys, "psf", "spectral-depth/psf1", "--slot", "1", *how)
     assert found["rms_waves"] == pytest.approx(40e-9 * 2 / 550e-9, abs=0.02)

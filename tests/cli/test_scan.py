@@ -144,3 +144,13 @@ def test_impossible_tables_and_fringes_are_refused(capsys, tmp_path, monkeypatch
     (tmp_path / "f").mkdir()
     assert "an existing output" in refused(capsys, "scan", "fringes", "f")
     assert not (tmp_path / "t").exists()
+
+
+def test_two_frames_of_a_scan_under_each_others_names_are_refused(capsys, table):
+    early, late = (table / "scene" / f"scene_{nm}nm.png" for nm in (420, 640))
+    assert early.is_file()
+    early.rename(table / "aside")
+    late.rename(early)
+    (table / "aside").rename(late)
+    said = refused(capsys, "scan", "spectra", "table/scene", *LIGHT, "--out", "s.nc")
+    assert "scene_420nm and scene_640nm under each other's names" in said

@@ -81,6 +81,8 @@ ORDERS = {
     "steps that begin later": [*range(8), 9, 10, 11, 8, *range(12, 16)],
     "frequencies": [*range(4, 8), *range(4), *range(8, 16)],
     "all backwards": list(range(15, -1, -1)),
+    "a step of four fringes and one of the finest": [*range(5), 12, *range(6, 12), 5, 13, 14, 15],
+    "a coarse step and a fine one": [13, *range(1, 13), 0, 14, 15],
 }
 
 
@@ -197,3 +199,11 @@ def test_impossible_manifests_are_refused(tmp_path, change):
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
     with pytest.raises(DataError, match=r"fringes\.json"):
         load_plan(file)
+
+
+@pytest.mark.parametrize("share", [0.95, 1.05])
+def test_a_lamp_that_drifts_between_frequencies_is_no_wrong_order(tmp_path, frames, share):
+    drifting = frames.astype(np.float64)
+    drifting[8:12] *= share
+    np.save(tmp_path / "s.npy", np.clip(drifting, 0, 65535).astype(np.uint16))
+    assert (depth_of(tmp_path / "s.npy")["confidence"].values == 0).mean() > 0.5

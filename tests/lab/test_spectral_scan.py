@@ -261,6 +261,14 @@ FAULTS = {
 }
 
 
+def test_a_copy_of_another_folder_is_named_with_it(tmp_path):
+    scene, dark, white = folders(tmp_path, render_scan(cube(), source=np.ones(31), bits=16))
+    shutil.copy(scene / "scene_400nm.png", white / "white_400nm.png")
+    (white / "white_400nm.png").rename(white / "scene_400nm.png")
+    with pytest.raises(DataError, match=f"white: found frame scene_400nm the same as scene_400nm of {scene} in every"):
+        read_scan(scene, dark, white)
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_frames_that_no_scan_can_have_are_refused(tmp_path, fault):
     with pytest.raises(DataError, match=FAULTS[fault]):

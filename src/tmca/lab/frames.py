@@ -140,7 +140,7 @@ class Distinct:
     """
 
     def __init__(self) -> None:
-        self._seen: dict[bytes, str] = {}
+        self._seen: dict[bytes, tuple[Path, str]] = {}
 
     def add(self, name: str, values: NDArray[Any], top: float, source: Path) -> None:
         """Add a frame.
@@ -154,12 +154,13 @@ class Distinct:
         Raises:
             DataError: it is one that was added before; naming both.
         """
-        digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).digest()
-        if digest in self._seen and _alive(values, top) > _CLIPPED:
-            found = f"frame {name} the same as {self._seen[digest]} in every pixel"
+        digest, own = hashlib.sha256(np.ascontiguousarray(values).tobytes()).digest(), (source, name)
+        other = self._seen.setdefault(digest, own)
+        if other is not own and _alive(values, top) > _CLIPPED:
+            elsewhere = f" of {other[0]}" if other[0] != source else ""
+            found = f"frame {name} the same as {other[1]}{elsewhere} in every pixel"
             remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
             raise DataError(source, found, "an exposure of its own for each", remedy)
-        self._seen.setdefault(digest, name)
 
 
 def check_distinct(*series: Frames) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -61,6 +62,8 @@ def spectra(
     rho = white_of(white_reflectance, scan.nm)
     measured = measure_reflectance(scan, white_reflectance=rho, read_noise=read_noise, gain=gain)
     write_dataset(measured, out, overwrite=overwrite)
+    for line in scan.doubts:
+        print(f"tmca: {line}", file=sys.stderr)
     if figure is not None:
         save_figure(reflectance_figure(measured, out.name), figure, overwrite=overwrite)
     said_spectra(measured, out, json)

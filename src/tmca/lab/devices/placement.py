@@ -148,9 +148,11 @@ class Placement:
         shown = f"{self.code[0]}×{self.code[1]} code pixels at {self.macro_pixel:g} device pixels each"
         found = f"{shown}, of which ({row}, {column}) is not on the device"
         turned = self.angle % 90 != 0 or self.lattice == "diamond"
-        least = "--macro-pixel 2 or more where patterns are turned, " if turned and self.macro_pixel < 2 else ""
+        least = "--macro-pixel 2 or more where patterns are turned, or " if turned and self.macro_pixel < 2 else ""
         fits = [ceil(n * self.macro_pixel * each) for n, each in zip(self.code, (self._rows, 1), strict=True)]
         wanted = f"all on its {self.device[0]}×{self.device[1]} pixels"
-        moved = "no --offset, " if any(self.offset) else ""
-        where = "--offset" if moved and replace(self, offset=(0, 0)).fits() else "--macro-pixel"
-        raise SettingError(where, found, wanted, f"{moved}{least}a smaller code than {fits[0]}×{fits[1]} pixels")
+        if any(self.offset) and replace(self, offset=(0, 0)).fits():
+            raise SettingError("--offset", found, wanted, "leave --offset out, or take a smaller code")
+        moved = "leave --offset out; " if any(self.offset) else ""
+        smaller = f"a smaller code than {fits[0]}×{fits[1]} pixels of the device"
+        raise SettingError("--macro-pixel", found, wanted, f"{moved}take {least}{smaller}")

@@ -15,6 +15,7 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.frames import Frames, check_distinct, read_frames
 from tmca.lab.real_captures.noise import dark_noise
 from tmca.lab.spectral_scan.checks import check_alike, check_light
+from tmca.lab.spectral_scan.exchanged import check_exchanged
 
 _NM = re.compile(r"(\d+(?:\.\d+)?) ?nm(?![a-z])", re.IGNORECASE)
 _SAME = 0.5
@@ -27,7 +28,8 @@ class Scan:
 
     ``scene_frames``, ``white_frames`` ``(L,)`` and ``dark_frames`` ``(L,)`` or ``(1,)`` were averaged into each band;
     ``read_noise`` is what the dark ones say of a frame's: what differs from one to the next (one per wavelength: but
-    for its mean), of a single one what differs between neighbouring pixels, where fixed patterns count too.
+    for its mean), of a single one what differs between neighbouring pixels, where fixed patterns count too. ``doubts``
+    are lines on frames that may be under each other's names.
     """
 
     source: Path
@@ -39,6 +41,7 @@ class Scan:
     white_frames: NDArray[np.int_]
     dark_frames: NDArray[np.int_]
     read_noise: float
+    doubts: tuple[str, ...] = ()
 
 
 def read_scan(
@@ -64,7 +67,7 @@ def read_scan(
     Raises:
         DataError: missing frames, other wavelengths than those asked for or than the scene's, other sizes or types, a
             scene or white that is mostly saturated, a band without light or with a scene below the dark, or frames that
-            are copies of each other.
+            are copies of each other or under each other's names.
         SettingError: frames of unknown wavelength and none given.
     """
     asked = None if wavelengths is None else np.asarray(metres_to_nm(np.asarray(wavelengths)))
@@ -78,7 +81,8 @@ def read_scan(
     each = max(noise, frames.step / np.sqrt(12)) / np.sqrt([of_scene, of_white])
     check_light(frames, whites, below, nm, each)
     check_distinct(taken, bright)
-    return Scan(Path(scene), nm, frames, whites, below, of_scene, of_white, count, noise)
+    doubts = check_exchanged(frames, whites, below, nm)
+    return Scan(Path(scene), nm, frames, whites, below, of_scene, of_white, count, noise, doubts)
 
 
 def _bands(frames: Frames, asked: NDArray[np.float64] | None) -> tuple[Frames, NDArray[np.float64], NDArray[np.int_]]:

@@ -25,6 +25,11 @@ _AGREE, _TURNED = 0.5, 1.0
 """Frequencies in order agree on more than this (1 is all pixels alike), and to fewer radians."""
 
 
+_OTHER_LIGHT = 0.15
+"""Share of a step's part in the mean, of the fringes' amplitude, by which frequencies may differ in it at most pixels,
+beside twice their noise. A frame of another frequency among the steps takes 0.3 to 0.5."""
+
+
 @dataclass(frozen=True)
 class Capture:
     """``values`` ``(F, N, H, W)`` digital numbers, ``saturated`` ``(H, W)`` in any frame."""
@@ -136,8 +141,9 @@ def _frame_noise(values: NDArray[np.float32]) -> float:
 def check_order(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray[np.bool_]) -> None:
     """Refuse frames that are out of order, by the light in them.
 
-    The steps of a frequency have to make a cosine (four steps or more), and the frequencies have to tell the same
-    phase; steps that begin elsewhere turn it. A shift that all frequencies share can stay unseen.
+    The steps of a frequency have to make a cosine (four steps or more) and to add up to the light of the others. The
+    frequencies have to tell the same phase; steps that begin elsewhere turn it. A shift that all frequencies share can
+    stay unseen.
 
     Raises:
         DataError: naming the frequency.
@@ -147,11 +153,30 @@ def check_order(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray
         if np.median(misfit[lit]) > _NO_COSINE:
             found = f"frames of {count} fringes of whose variation {np.median(misfit[lit]):.0%} is no cosine"
             raise DataError(capture.source, found, f"{plan.steps} steps in order", remedy)
+    _check_sums(capture, plan, phases, lit & _clear(phases))
     for count, mean in rung_offsets(phases, plan.fringes, lit & _clear(phases)):
         if abs(mean) < _AGREE or abs(np.angle(mean)) > _TURNED:
             how = "from pixel to pixel" if abs(mean) < _AGREE else f"by {np.angle(mean):.2f} rad"
             found = f"frames of {count} fringes that disagree with the coarser ones ({how})"
             raise DataError(capture.source, found, "steps and frequencies in order", remedy)
+
+
+def _check_sums(capture: Capture, plan: FringePlan, phases: Phases, inside: NDArray[np.bool_]) -> None:
+    """Raises DataError where the steps of a frequency add up to other light, at most pixels, than those of the others:
+    a frame of another frequency is among them, and one of them among its own."""
+    if len(plan.fringes) < 2 or not inside.any():
+        return
+    amplitude, light = np.median(phases.modulation[:, inside], axis=0), phases.offset[:, inside]
+    others = [np.median(np.delete(light, f, axis=0), axis=0) for f in range(len(light))]
+    # a lamp that drifts makes all of a frequency brighter alike
+    even = [own * np.median(other) / np.median(own) for own, other in zip(light, others, strict=True)]
+    away = [float(np.median(np.abs(own - other) / amplitude)) for own, other in zip(even, others, strict=True)]
+    first, second = sorted(np.argsort(away)[-2:])
+    noise = 0.6745 * _frame_noise(capture.values) / np.sqrt(plan.steps) / float(np.median(amplitude))
+    if max(away) > _OTHER_LIGHT / plan.steps + 2 * noise:
+        counts = f"{plan.fringes[first]} and {plan.fringes[second]} fringes"
+        found = f"frames of {counts} whose steps add up to different light at most pixels"
+        raise DataError(capture.source, found, "each frame among the steps of its own frequency", _remedy(plan))
 
 
 def _remedy(plan: FringePlan) -> str:

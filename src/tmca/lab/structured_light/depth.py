@@ -131,7 +131,7 @@ def _check_range(why: Why, found: Why, capture: Capture, depth: Array, ends: tup
     told, outside = int((why == 0).sum()), int((found == REASONS.index("out of range")).sum())
     if not told:
         reasons = ", ".join(f"{int((why == i).sum())} {name}" for i, name in enumerate(REASONS) if (why == i).any())
-        remedy = "give more light, or project frequencies that are closer together"
+        remedy = "give more light, project frequencies that are closer together, or put the frames in order"
         raise DataError(capture.source, f"no pixel with a depth ({reasons})", "some", remedy)
     behind = int((~np.isfinite(depth) & (why == 0)).sum())
     if behind > _BEHIND * told:

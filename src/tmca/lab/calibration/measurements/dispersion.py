@@ -19,8 +19,12 @@ from tmca.optics import Dispersion
 Curve = Literal["cauchy", "polynomial", "measured"]
 LARGEST_RESIDUAL = 0.25
 """Sensor pixels that a smooth curve may leave, root mean square along x."""
-
-
+_POLYNOMIAL = "check the wavelengths of the captures; a disperser that is neither needs --curve polynomial"
+_BACK = 0.1
+"""Sensor pixels by which neighbouring wavelengths may seem to turn back: each may be off by 0.04, beside its noise."""
+_RED = 1.5
+"""Times by which red light may be displaced further than blue over the same range, beside ``LARGEST_RESIDUAL``: a
+grating displaces both alike, and glass blue more than twice as far."""
 _BENT = 0.1
 """Share of the way between two wavelengths by which glass may be off a straight line."""
 
@@ -129,7 +133,8 @@ def measure_dispersion(
 
     Raises:
         SettingError: wavelengths, power or order that cannot be.
-        DataError: a capture in which the pattern is not seen, or displacements that no smooth curve follows.
+        DataError: a capture in which the pattern is not seen, displacements that no smooth curve follows, or, but for
+            a polynomial, that turn back or grow towards the red, as neither glass nor gratings have them.
     """
     values, metres = np.asarray(frames, dtype=np.float64), np.asarray(wavelengths, dtype=np.float64)
     stated = np.ones(len(metres)) if power is None else np.asarray(power, dtype=np.float64)
@@ -147,22 +152,33 @@ def measure_dispersion(
     if residual[1] > LARGEST_RESIDUAL:
         what = f"displacements of which a smooth curve leaves {beyond(residual[1], 'pixels')}"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:g} at most", "check the wavelengths of the captures")
-    if not np.isfinite(residual[1]):
-        _check_direction(shifts[:, 1], said, source)
+    # that a polynomial leaves little of many captures says that it may bend; one through all of them says nothing
+    if curve != "polynomial" or not np.isfinite(residual[1]):
+        _check_direction(shifts[:, 1], std[:, 1], said, source)
+    if curve != "polynomial":
+        _check_blue(metres, shifts[:, 1], source)
     light = np.array([one.light for one in each]) / stated[by_wave]
     misfit = np.array([one.residual for one in each])
     return MeasuredDispersion(metres, shifts, std, curve, coefficients, residual, light / light.mean(), misfit)
 
 
-def _check_direction(along: Array, names: Sequence[str], source: object) -> None:
+def _check_direction(along: Array, std: Array, names: Sequence[str], source: object) -> None:
     """Raises DataError where displacements turn back: prisms and gratings displace one way, and no curve would tell."""
-    steps = np.diff(along)
-    back = np.minimum(steps * (-1 if steps.sum() < 0 else 1), 0.0)
+    steps, noise = np.diff(along), np.hypot(std[1:], std[:-1])
+    back = np.minimum(steps * (-1 if steps.sum() < 0 else 1) + 4 * noise, 0.0)
     worst = int(np.argmin(back)) if len(steps) else 0
-    if len(steps) and back[worst] < -LARGEST_RESIDUAL:
-        what = f"displacements that turn back by {beyond(-back[worst], 'pixels')} from {names[worst]} to "
-        remedy = "check the wavelengths of the captures; a disperser that turns back needs --curve polynomial"
-        raise DataError(source, what + names[worst + 1], f"{LARGEST_RESIDUAL:g} at most", remedy)
+    if len(steps) and back[worst] < -_BACK:
+        what = f"displacements that turn back by {beyond(abs(steps[worst]), 'pixels')} from {names[worst]} to "
+        raise DataError(source, what + names[worst + 1], f"{_BACK:g} at most", _POLYNOMIAL)
+
+
+def _check_blue(metres: Array, along: Array, source: object) -> None:
+    """Raises DataError where the red half of the range is displaced further than the blue one: names run backwards."""
+    low, middle, high = np.interp([metres[0], metres[[0, -1]].mean(), metres[-1]], metres, along)
+    blue, red = abs(middle - low), abs(high - middle)
+    if red > _RED * blue + LARGEST_RESIDUAL:
+        what = f"red light displaced by {red:.2f} pixels where blue is by {blue:.2f}, over as many nanometres"
+        raise DataError(source, what, "no more than blue, as by glass or gratings", _POLYNOMIAL)
 
 
 def _check_given(values: Array, metres: Array, power: Array) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.errors import DataError
 from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.measurements.dark_flat import DarkField
+from tmca.lab.calibration.measurements.dark_flat import ROUNDING, DarkField
 
 LARGEST_DEVIATION = 0.05
 _RANGE = (0.05, 0.95)
@@ -76,8 +76,8 @@ def measure_linearity(
         source: named in errors.
 
     Raises:
-        DataError: fewer than three exposures below saturation, one frame each, levels that do not grow, or a response
-            that is off a line by more than 5 %.
+        DataError: fewer than three exposures below saturation, one frame each, frames of one exposure whose levels
+            differ, levels that do not grow, or a response that is off a line by more than 5 %.
     """
     times, values = np.asarray(exposures, dtype=np.float64), np.asarray(frames, dtype=np.float64)
     if values.ndim != 4 or values.shape[1] < 2 or len(set(times.tolist())) < len(times):
@@ -88,7 +88,9 @@ def measure_linearity(
         full = np.asarray(saturated, bool)
     times, values, full = times[order], values[order], full[order]
     good = np.asarray(dark.defects == 0)
-    levels = (values.mean(axis=1) - dark.mean)[:, good].mean(axis=1)
+    each = (values - dark.mean)[..., good].mean(axis=-1)
+    levels = each.mean(axis=1)
+    _check_named(times, each, source)
     variances = values.var(axis=1, ddof=1)[:, good].mean(axis=1)
     share = np.asarray(full.any(axis=1))[:, good].mean(axis=1)
     saturation = float(levels[share > 0.5].min()) if (share > 0.5).any() else float("nan")
@@ -101,6 +103,21 @@ def measure_linearity(
         raise DataError(source, what, f"{LARGEST_DEVIATION:.0%} at most", remedy)
     transfer = _transfer(levels[used], variances[used], values.shape[1], source)
     return Linearity(times, levels, variances, slope, offset, deviations, saturation, *transfer)
+
+
+def _check_named(times: Array, each: Array, source: object) -> None:
+    """Raises DataError where levels (E, N) of one exposure differ, or those of the next one are lower."""
+    levels = each.mean(axis=1)
+    slack = np.maximum(LARGEST_DEVIATION * np.maximum(levels, _RANGE[0] * levels.max()), ROUNDING)
+    away = np.abs(each - levels[:, None]).max(axis=1)
+    if (away > slack).any():
+        worst = int((away / slack).argmax())
+        said = " and ".join(f"{level:.4g}" for level in (each[worst].min(), each[worst].max()))
+        found = f"levels of {said} in frames of one exposure, {times[worst] * 1e3:g} ms"
+        expected = f"the same to {LARGEST_DEVIATION:.0%}"
+        raise DataError(source, found, expected, "check the file names; keep the lamp steady")
+    if (np.diff(levels) < -slack[1:]).any():
+        raise DataError(source, "levels that do not grow with the exposure", "growing ones", "check the file names")
 
 
 def _used(times: Array, levels: Array, share: Array, saturation: float, source: object) -> np.ndarray:

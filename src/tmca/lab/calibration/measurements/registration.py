@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,13 +14,16 @@ from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.measurements.closed_light import closed_light
 from tmca.lab.calibration.measurements.coarse import find_coarse
 from tmca.lab.calibration.measurements.limits import beyond
+from tmca.lab.calibration.measurements.open_light import coded_shares
 from tmca.lab.calibration.measurements.pattern_image import SAMPLES, mapped, seen_patterns
 
 LARGEST_RESIDUAL = 0.2
 _LEVELS = (3.0, 1.5, 0.0)
 """Blur under which the fit begins, sensor pixels: a rotation moves corners by more than a mask pixel."""
-_LIT = 0.3
-"""Share of the light's 95th percentile below which a pixel does not count."""
+LARGEST_STD = 0.25
+"""Sensor pixels by which the mask's corners may be uncertain, as much as displacements against it may be off."""
+_SCALE = 0.06
+"""Share by which the scale may be another than was said, to the nearest hundredth: the search goes no further."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,11 @@ class Registration:
         return 1 / self.closed_light if self.closed_light else np.inf
 
     @property
+    def scale(self) -> float:
+        """Sensor pixels per mask pixel, the mean over directions."""
+        return _scale(self.matrix)
+
+    @property
     def edge_std(self) -> float:
         """Standard deviation of the place of the mask's corners, sensor pixels, the worse axis."""
         arm = np.array([(self.codes[0] - 1) / 2, (self.codes[1] - 1) / 2, 1.0])
@@ -86,6 +95,7 @@ def register(
     start: ArrayLike | None = None,
     wavelength: float | None = None,
     above_dark: bool = False,
+    names: Sequence[str] | None = None,
     source: object = "registration",
 ) -> Registration:
     """Fit the map by least squares of seen patterns, from coarse to fine.
@@ -94,41 +104,54 @@ def register(
         frames: (P, H, W) what the sensor recorded of each pattern, digital numbers, linear.
         patterns: (P, h, w) of zeros and ones; one all open and one all dark among them.
         scale: sensor pixels per mask pixel, to 6 %.
-        start: (2, 3) map to begin at; searched over shifts, flips and quarter turns without it.
+        start: (2, 3) map to begin at, whose scale counts then; searched over shifts, flips and quarter turns without.
         wavelength: of the light, metres.
         above_dark: the frames are without the sensor's dark; then light of the dark pattern is measured as leakage.
+        names: of the frames, for errors.
         source: named in errors.
 
     Raises:
-        DataError: no open or dark pattern, patterns that are not seen, or a fit that leaves more than a fifth of
-            their contrast.
+        DataError: no open or dark pattern, patterns that are not seen or not in the order of the frames, a fit that
+            leaves more than a fifth of their contrast or the place of the mask's corners uncertain, or another scale.
         SettingError: an impossible scale.
     """
     if not 0 < scale < np.inf:
         raise SettingError("--scale", f"{scale:g}", "sensor pixels per mask pixel, above 0")
-    shares, lit = normalised(frames, patterns, source)
+    scale = scale if start is None else _scale(np.asarray(start))
+    shares, lit = coded_shares(frames, patterns, scale=scale, names=names, source=source)
     shown = _coded(np.asarray(patterns, dtype=np.float64))
     found = find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)
     values: Any = None
     for level in _LEVELS:
         found, values = _fitted(shares, shown, lit, found, level)
     std, residual = _spread(values, shown.shape[1:]), float(np.sqrt(np.mean(values.fun**2)))
-    contrast = float(np.std(shares[:, lit]))
-    if residual > LARGEST_RESIDUAL * 2 * contrast:
-        what = f"a fit of the patterns that leaves {beyond(residual / (2 * contrast), '%')} of their contrast"
-        remedy = "are the frames in the order of the patterns, and the patterns those that were shown?"
-        raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
+    contrast = 2 * float(np.std(shares[:, lit]))
     size = (int(shares.shape[1]), int(shares.shape[2]))
     codes = (int(shown.shape[1]), int(shown.shape[2]))
     leakage = _leakage(frames, patterns, lit) if above_dark else (None, None)
     blur = abs(float(values.x[6]))
-    return Registration(found, std, blur, residual / (2 * contrast), codes, size, wavelength, *leakage)
+    registered = Registration(found, std, blur, residual / contrast, codes, size, wavelength, *leakage)
+    _check(registered, scale, source)
+    return registered
 
 
-def _leakage(frames: ArrayLike, patterns: ArrayLike, lit: np.ndarray) -> tuple[float, float]:
-    """Through the dark patterns, and its standard deviation."""
-    values, mean = np.asarray(frames, dtype=np.float64), np.mean(np.asarray(patterns), axis=(1, 2))
-    return closed_light(values[mean == 0].mean(axis=0), values[mean == 1].mean(axis=0), lit)
+def _check(found: Registration, scale: float, source: object) -> None:
+    """Raises DataError for a map that does not explain the frames, that they do not tell, or of another scale."""
+    remedy = "are the frames in the order of the patterns, and the patterns those that were shown?"
+    if found.residual > LARGEST_RESIDUAL:
+        what = f"a fit of the patterns that leaves {beyond(found.residual, '%')} of their contrast"
+        raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
+    if not found.edge_std <= LARGEST_STD:
+        what = f"a fit that leaves the mask's corners uncertain by {beyond(found.edge_std, 'pixels')}"
+        raise DataError(source, what, f"{LARGEST_STD:g} at most", f"give more light; {remedy}")
+    if abs(found.scale / scale - 1) > _SCALE + 0.005:
+        what = f"{found.scale:.3g} sensor pixels per mask pixel"
+        raise DataError(source, what, f"{scale:.3g}, to {_SCALE:.0%}", f"check --scale; {remedy}")
+
+
+def _scale(matrix: Array) -> float:
+    """Sensor pixels per mask pixel of a map, the mean over directions."""
+    return float(np.sqrt(abs(np.linalg.det(matrix[:, :2]))))
 
 
 def _coded(patterns: Array) -> Array:
@@ -137,30 +160,10 @@ def _coded(patterns: Array) -> Array:
     return np.asarray(patterns[(mean > 0) & (mean < 1)])
 
 
-def normalised(frames: ArrayLike, patterns: ArrayLike, source: object) -> tuple[Array, np.ndarray]:
-    """(P', H, W) share of the open frame's light in the frames of coded patterns, and the lit pixels (H, W).
-
-    Raises:
-        DataError: see ``register``.
-    """
-    values, shown = np.asarray(frames, dtype=np.float64), np.asarray(patterns, dtype=np.float64)
-    if len(values) != len(shown):
-        raise DataError(source, f"{len(values)} frames", f"{len(shown)}, one for each pattern", "capture them again")
-    mean = shown.mean(axis=(1, 2))
-    for name, kind in (("all open", mean == 1), ("all dark", mean == 0), ("coded", (mean > 0) & (mean < 1))):
-        if not kind.any():
-            raise DataError(source, f"no pattern that is {name}", "one", "show tmca calibrate patterns")
-    dark, light = values[mean == 0].mean(axis=0), values[mean == 1].mean(axis=0)
-    above = light - dark
-    lit = above > _LIT * np.percentile(above, 95)
-    noise = float(np.median(np.abs(np.diff(dark, axis=-1)))) + 1e-12
-    if np.percentile(above, 95) < 5 * noise or lit.mean() < 0.02:
-        raise DataError(source, "an open pattern that is no brighter than the dark one", "light", "give more light")
-    from scipy.ndimage import binary_erosion
-
-    lit = binary_erosion(lit, iterations=2)
-    shares = (values[(mean > 0) & (mean < 1)] - dark) / np.where(lit, above, 1.0)
-    return np.where(lit, shares, 0.0), lit
+def _leakage(frames: ArrayLike, patterns: ArrayLike, lit: np.ndarray) -> tuple[float, float]:
+    """Through the dark patterns, and its standard deviation."""
+    values, mean = np.asarray(frames, dtype=np.float64), np.mean(np.asarray(patterns), axis=(1, 2))
+    return closed_light(values[mean == 0].mean(axis=0), values[mean == 1].mean(axis=0), lit)
 
 
 def _fitted(shares: Array, shown: Array, lit: np.ndarray, start: Array, level: float) -> tuple[Array, Any]:

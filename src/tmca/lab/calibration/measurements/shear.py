@@ -16,6 +16,9 @@ from tmca.lab.calibration.measurements.registration import Registration
 
 LARGEST_RESIDUAL = 0.25
 """Sensor pixels that a linear fit may leave, root mean square."""
+_TURNED = 0.5
+"""Share of the step that may be along the other axis: half of it is an aperture turned by 27°, all of it one whose rows
+and columns were named in each other's place."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def measure_shear(
 
     Raises:
         SettingError: fewer than two views along an axis.
-        DataError: a capture in which the pattern is not seen, or shifts that are not linear.
+        DataError: a capture in which the pattern is not seen, shifts that are not linear, or along the other axis.
     """
     values, views = np.asarray(frames, dtype=np.float64), np.asarray(places, dtype=np.float64)
     if views.shape != (len(values), 2) or any(len(set(views[:, axis])) < 2 for axis in (0, 1)):
@@ -86,7 +89,17 @@ def measure_shear(
     if residual > LARGEST_RESIDUAL:
         what = f"shifts of which a linear fit leaves {beyond(residual, 'pixels')}"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:g} at most", "check which view each capture had open")
+    step, cross = -np.diag(found[1:]), -np.array([found[2, 0], found[1, 1]])
+    _check_axes(step, cross, source)
     std = np.sqrt(np.diag(np.linalg.pinv(terms.T @ terms))[1:] * (left**2).sum(axis=0) / max(1, len(views) - 3))
     light = np.array([one.light for one in each])
-    step, cross = -np.diag(found[1:]), -np.array([found[2, 0], found[1, 1]])
     return MeasuredShear(views, shifts, step, std, cross, residual, light / light.max())
+
+
+def _check_axes(step: Array, cross: Array, source: object) -> None:
+    """Raises DataError where views along one axis shift the shadow along the other one."""
+    along, across = float(np.abs(step).max()), float(np.abs(cross).max())
+    if across > max(_TURNED * along, LARGEST_RESIDUAL):
+        what = f"shifts of {beyond(across, 'pixels')} per view along the other axis, {along:.2f} along its own"
+        remedy = "name the frames view_ROW_COLUMN; turn the aperture's device upright"
+        raise DataError(source, what, f"{_TURNED:.0%} of those along its own at most", remedy)

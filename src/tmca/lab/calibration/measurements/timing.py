@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.measurements.exchanged import check_exchanged
 from tmca.lab.calibration.measurements.limits import beyond
 
 LARGEST_RESIDUAL = 0.1
@@ -22,6 +23,8 @@ LARGEST_STD = 0.05
 camera would take for that of a neighbouring slot, half of what the fit may leave."""
 _PULL = 1e-2
 """Weight, beside the levels, of the leakage and of a ratio other than 1: it decides where levels have many causes."""
+_CLEAN = 2e-3
+"""Share of a whole slot's light below which a residual hides no frames under each other's names that would matter."""
 _STARTS = 4
 _CLEARLY = 0.8
 """Below this share of the other's misfit an exposure is taken for one that repeats."""
@@ -115,8 +118,9 @@ def measure_timing(
 
     Raises:
         SettingError: not a square of two slots or more, or too few levels.
-        DataError: no light, levels that are all alike or that no delay explains, a delay that they do not tell or that
-            is beyond half of the exposure (of two slots, of a slot), or a leakage above a half.
+        DataError: no light, levels that are all alike or that no delay explains, two of them under each other's names,
+            a delay that they do not tell or that is beyond half of the exposure (of two slots, of a slot), or a leakage
+            above a half.
     """
     seen = _seen(levels, source)
     slots, top = len(seen), float(np.nanmax(seen))
@@ -130,6 +134,10 @@ def measure_timing(
     std = _spread(found, left)
     delay = (delay + slots / 2) % slots - slots / 2 if repeats else delay
     _check((delay, ratio, leakage), residual, source)
+    if residual > _CLEAN and len(left) > len(found.x):
+        plain = np.array([0.0, 1.0, 1.0, alone.x[3]])
+        starts = [alone.x, again.x, plain]
+        check_exchanged(seen / top, lambda s, r: _misfit(s, aperture_leakage, r), starts, left, source)
     _check_known(delay, std, slots, source)
     own_std = float(np.hypot(std[3], aperture_leakage_std))
     return Timing(delay, ratio, std[:2], light * top, residual, slots, repeats, leakage, own_std)

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import ArrayLike
 from torch import Tensor
 
+from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.measurements.psf import PsfStack
@@ -21,6 +22,9 @@ from tmca.optics.zernike import Mode, noll, zernike_modes
 MODES: tuple[Mode, ...] = tuple(noll(index) for index in range(4, 16))
 """Without piston, which nothing shows, and tilts, which the place of the source makes."""
 LARGEST_RESIDUAL = 0.2
+_ALONE, _BESIDE = 0.1, 4.0
+"""Share of a capture beyond its noise that the fit may leave, where that is four times what it leaves of most: two that
+were named after each other keep a half."""
 _GOOD = 0.06
 _STARTS = 6
 _START_RMS = 0.08e-6
@@ -75,7 +79,7 @@ def fit_zernike_psf(
     Raises:
         SettingError: one depth only, or tilts among the modes.
         ShapeError: a stack or heights that are not the bench's.
-        DataError: no start leads to a fit that explains the point spread functions.
+        DataError: no start leads to a fit that explains the point spread functions, or all but one or a few of them.
     """
     _check(stack, bench, modes, nominal)
     model = _Model(stack, bench, tuple(modes), nominal)
@@ -93,6 +97,7 @@ def fit_zernike_psf(
         what = f"point spread functions of which the best fit leaves {residual:.0%}"
         remedy = "check bench, depths and window, and the heights that were asked for"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
+    _check_each(best.fun.reshape(stack.values.shape), stack, source)
     count, spread = len(modes), _std(best)
     values = best.x * _MICRO
     return ZernikeFit(tuple(modes), values[:count], spread[:count], values[count:].reshape(-1, 2), residual, tried)
@@ -113,6 +118,19 @@ def _check(stack: PsfStack, bench: PhaseMaskBench, modes: Sequence[Mode], nomina
         raise ShapeError("psf", f"a window of {stack.values.shape[2:]}", f"{bench.window}, the bench's")
     if nominal is not None and np.shape(nominal) != bench.mask_size:
         raise ShapeError("heights", str(np.shape(nominal)), f"{bench.mask_size}, the bench's mask")
+
+
+def _check_each(left: Array, stack: PsfStack, source: object) -> None:
+    """Raises DataError for a capture that the fit, left (D, L, h, w), explains far worse than the others."""
+    power = (stack.values**2).sum(axis=(2, 3))
+    noise = stack.noise**2 * left[0, 0].size
+    shares = np.sqrt(np.maximum((left**2).sum(axis=(2, 3)) - noise, 0.0) / power)
+    depth, wave = np.unravel_index(int(shares.argmax()), shares.shape)
+    worst, usual = float(shares.max()), float(np.median(shares))
+    if worst > max(_ALONE, _BESIDE * usual):
+        name = f"{stack.depths[depth]:g} m, {metres_to_nm(stack.wavelengths[wave]):g} nm"
+        what = f"a point ({name}) of which the fit leaves {worst:.0%} where it leaves {usual:.0%} of most"
+        raise DataError(source, what, f"{_ALONE:.0%} at most", "check the depths and wavelengths in the names")
 
 
 class _Model:

@@ -50,13 +50,15 @@ def registration_step(
     frames = read_captures(path, saturation=saturation, sensor=sensor_size(calibration))
     values = corrected(in_order(frames, len(shown), "pattern"), calibration)
     above_dark = calibration.part("dark") is not None
-    found = register(values, shown, scale=scale, wavelength=wavelength, above_dark=above_dark, source=path)
+    found = register(
+        values, shown, scale=scale, wavelength=wavelength, above_dark=above_dark, names=frames.names, source=path
+    )
     residuals = {
         "residual_of_contrast": found.residual,
         "corner_std_pixels": found.edge_std,
         "blur_pixels": found.blur,
         "mirrored": float(np.linalg.det(found.matrix[:, :2]) < 0),
-        "scale": float(np.sqrt(abs(np.linalg.det(found.matrix[:, :2])))),
+        "scale": found.scale,
         "turn_degrees": float(np.rad2deg(np.arctan2(found.matrix[1, 0], found.matrix[0, 0]))),
         **_leakage_said(found),
     }

@@ -1,0 +1,106 @@
+"""Captures of patterns as shares of the open one's light, where the mask is lit; frames that show another pattern."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tmca.errors import DataError
+from tmca.lab.calibration.arrays import Array
+from tmca.lab.calibration.measurements.limits import beyond
+
+_LIT = 0.3
+"""Share of the light's 95th percentile below which a pixel does not count."""
+_HALF = 0.5
+"""Share of a pixel's light by which a frame has to be beyond that of the open or dark pattern, to be another's: noise
+of 20 dB is a tenth."""
+_ELSEWHERE = 0.05
+"""Share of the lit pixels that may be brighter than through the open pattern, or darker than through the dark one. Of
+frames in the order of the patterns none are; a random pattern in the place of either leaves a half."""
+_SEEN = 0.2
+"""Least share of the mask's image that has to be lit after its edge is taken off: a coded pattern of small blocks, all
+of it edges, keeps less than a tenth; a mask of 16 pixels keeps a half, and one half beside the sensor or in shadow as
+much."""
+_EDGE = 2
+"""Pixels that are taken off the edge of what is lit."""
+
+
+def coded_shares(
+    frames: ArrayLike,
+    patterns: ArrayLike,
+    *,
+    scale: float = 1.0,
+    names: Sequence[str] | None = None,
+    source: object = "registration",
+) -> tuple[Array, np.ndarray]:
+    """(P', H, W) share of the open frame's light in the frames of coded patterns, and the lit pixels (H, W).
+
+    Args:
+        frames: (P, H, W) linear digital numbers, one for each pattern, in their order.
+        patterns: (P, h, w) of zeros and ones; one all open and one all dark among them.
+        scale: sensor pixels per mask pixel.
+        names: of the frames, for errors.
+        source: named in errors.
+
+    Raises:
+        DataError: another number of frames, no open, dark or coded pattern, no light, a frame that is brighter than
+            the open pattern's or darker than the dark one's, or light on a small part of the mask only.
+    """
+    values, shown = np.asarray(frames, dtype=np.float64), np.asarray(patterns, dtype=np.float64)
+    if len(values) != len(shown):
+        raise DataError(source, f"{len(values)} frames", f"{len(shown)}, one for each pattern", "capture them again")
+    mean = shown.mean(axis=(1, 2))
+    kinds = {"all open": mean == 1, "all dark": mean == 0, "coded": (mean > 0) & (mean < 1)}
+    for name, kind in kinds.items():
+        if not kind.any():
+            raise DataError(source, f"no pattern that is {name}", "one", "show tmca calibrate patterns")
+    dark, light = values[kinds["all dark"]].mean(axis=0), values[kinds["all open"]].mean(axis=0)
+    lit = _lit(dark, light, source)
+    _check_shown(values, kinds["coded"], (dark, light), names or [str(n) for n in range(len(values))], source)
+    lit = _inside(lit, scale, shown.shape[1:], source)
+    shares = (values[kinds["coded"]] - dark) / np.where(lit, light - dark, 1.0)
+    return np.where(lit, shares, 0.0), lit
+
+
+def _lit(dark: Array, light: Array, source: object) -> np.ndarray:
+    """(H, W) pixels that the open pattern lights; DataError where it is no brighter than the dark one."""
+    above = light - dark
+    lit = np.asarray(above > _LIT * np.percentile(above, 95))
+    noise = float(np.median(np.abs(np.diff(dark, axis=-1)))) + 1e-12
+    if np.percentile(above, 95) < 5 * noise or lit.mean() < 0.02:
+        remedy = "give more light; are the frames in the order of the patterns?"
+        raise DataError(source, "an open pattern that is no brighter than the dark one", "light", remedy)
+    return lit
+
+
+def _check_shown(
+    values: Array, coded: np.ndarray, ends: tuple[Array, Array], names: Sequence[str], source: object
+) -> None:
+    """Raises DataError for a coded frame that is brighter than the open one, or darker than the dark one."""
+    swing = np.ptp(values, axis=0)
+    seen = swing > _LIT * np.percentile(swing, 95)
+    for index in map(int, np.flatnonzero(coded)):
+        above, below = values[index] - ends[1], ends[0] - values[index]
+        for how, beside in (("brighter than the open pattern's", above), ("darker than the dark pattern's", below)):
+            share = float((beside > _HALF * swing)[seen].mean())
+            if share > _ELSEWHERE:
+                found = f"frame {names[index]} {how} on {beyond(share, '%')} of the lit pixels"
+                raise DataError(
+                    source, found, f"{_ELSEWHERE:.0%} at most", "put the frames in the order of the patterns"
+                )
+
+
+def _inside(lit: np.ndarray, scale: float, codes: tuple[int, ...], source: object) -> np.ndarray:
+    """Lit pixels without their edge; DataError where they are a small part of the mask's image."""
+    from scipy.ndimage import binary_erosion
+
+    inner = np.asarray(binary_erosion(lit, iterations=_EDGE))
+    image = np.prod([min(scale * n, size) for n, size in zip(codes, lit.shape, strict=True)])
+    share = float(inner.sum() / image)
+    if share < _SEEN:
+        remedy = "light the whole mask; are the frames in the order of the patterns, and is --scale right?"
+        found = f"an open pattern that lights {share:.1%} of the mask's image evenly"
+        raise DataError(source, found, f"{_SEEN:.0%} or more", remedy)
+    return inner
