@@ -12,6 +12,7 @@ from PIL import Image
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.codes import write_codes
+from tmca.decoders.networks.shipped import find_weights
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.lab.devices import PRESETS, check_export, device_named, export_codes, read_export, read_planes
 from tmca.lab.devices.export import FastFrames
@@ -371,3 +372,12 @@ def test_a_frame_rate_that_ordinary_cameras_lack_is_told(tmp_path, recwarn, devi
     said = [str(one.message) for one in recwarn if one.category is FastFrames]
     assert bool(said) == (rate is not None and device == "emulated-shutter")
     assert not said or "3 frames of 2 ms, 501 a second" in said[0]
+
+
+def test_the_codes_that_come_with_the_package_are_exported_by_name(tmp_path):
+    planes = read_planes("default")
+    wanted = find_weights("default", 8)
+    torch.testing.assert_close(planes.planes["aperture"], wanted.aperture)
+    torch.testing.assert_close(planes.planes["shutter"], wanted.shutter)
+    with pytest.raises(DataError, match="weights, default, or a snapshot file"):
+        read_planes(tmp_path / "defaults")

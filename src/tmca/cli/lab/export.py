@@ -40,7 +40,7 @@ def export(
     checksums) and overview.png. `tmca export check OUT` reads it back.
 
     Args:
-        source: codes.nc, the folder of a run, weights, or a snapshot file.
+        source: codes.nc, the folder of a run, weights, a snapshot file, or default: the codes that come with tmca.
         device: dli4120, pluto-2.1, dmp40, coded-exposure, emulated-shutter, or a YAML file (docs/devices.md); one for
             each plane of the codes that is shown.
         out: folder.

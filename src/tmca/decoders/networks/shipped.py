@@ -23,5 +23,10 @@ def find_weights(name: str | Path, slots: int = 8) -> Weights:
         DataError: no such file, or no weights of a camera in it.
     """
     if str(name) == "default":
-        return Weights.load(FOLDER / f"{SHIPPED[slots > 1]}.safetensors")
+        return Weights.load(shipped_file(slots))
     return Weights.load(name)
+
+
+def shipped_file(slots: int) -> Path:
+    """The weights that come with the package for a camera of as many slots: one, or several."""
+    return FOLDER / f"{SHIPPED[slots > 1]}.safetensors"

@@ -15,6 +15,7 @@ from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
 from tmca.decoders.networks.depth_weights import DepthWeights
 from tmca.decoders.networks.neural import Weights
+from tmca.decoders.networks.shipped import shipped_file
 from tmca.decoders.networks.weights_file import read_weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import family_parameters
@@ -74,18 +75,19 @@ class Planes:
 
 
 def read_planes(source: str | Path) -> Planes:
-    """Codes of a file of `tmca design` or the folder that it wrote, a run or weights of `tmca train`, or a snapshot.
+    """Codes of a file of `tmca design` or the folder that it wrote, a run or weights of `tmca train`, or a snapshot;
+    ``"default"`` are those of eight slots that come with the package.
 
     Raises:
         DataError: none of these.
     """
-    path = Path(source)
+    path = shipped_file(8) if str(source) == "default" else Path(source)
     if (path / "codes.nc").is_file() and not any(path.rglob("*.safetensors")):
         path = path / "codes.nc"
     if path.is_dir() or path.suffix == ".safetensors":
         return _of_weights(path)
     if path.suffix not in (".nc", ".h5", ".zarr"):
-        raise DataError(path, f"the suffix {path.suffix!r}", "codes.nc, a run, weights, or a snapshot file")
+        raise DataError(path, f"the suffix {path.suffix!r}", "codes.nc, a run, weights, default, or a snapshot file")
     return _of_file(path)
 
 
