@@ -110,10 +110,11 @@ def test_a_smooth_scene_comes_back_better_than_by_the_least_norm(kind, decoder):
 def test_what_it_refuses():
     operator = operator_of("odd")
     snapshot = random_snapshots(operator)
-    with pytest.raises(SettingError, match="weight: found 0, expected > 0"):
+    with pytest.raises(SettingError, match="weight: found 0, expected a finite number > 0"):
         tikhonov(operator, snapshot, weight=0.0)
-    with pytest.raises(SettingError, match="weight: found nan"):
-        tikhonov(operator, snapshot, weight=float("nan"))
+    for weight in (float("nan"), float("inf")):
+        with pytest.raises(SettingError, match=f"weight: found {weight:g}"):
+            tikhonov(operator, snapshot, weight=weight)
     with pytest.raises(SettingError, match="iterations: found 0, expected at least 1"):
         tikhonov(operator, snapshot, iterations=0)
     with pytest.raises(ShapeError, match="snapshot"):

@@ -107,7 +107,8 @@ def movie(
             kriging (every pixel open within one frame, nothing displaced; with a standard deviation).
         lifetime: slots over which the scene changes; without it what foretells the capture's own pixels best (kriging).
         changing: share of the scene's variance that changes during the exposure, 0 to 1; likewise (kriging).
-        threshold: of coefficients at the end, relative irradiance; half the noise without it (space-time-dct).
+        threshold: of coefficients at the end, relative irradiance; without it half the noise, and 0.5 % of
+            the brightest at least (space-time-dct).
         iterations: over which the threshold falls to it, 40 without it (space-time-dct).
         figure: write a picture of some of them (PNG).
         overwrite: replace files that exist.

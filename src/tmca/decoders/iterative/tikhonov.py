@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import torch
@@ -32,7 +33,7 @@ def tikhonov(
     Args:
         operator: of the camera.
         snapshot: (B, 1, H, W').
-        weight: w, > 0; on training scenes 0.1 to 1 come to the same within 0.7 dB, at any noise up to 0.05
+        weight: w, finite and > 0; on training scenes 0.1 to 1 come to the same within 0.7 dB, at any noise up to 0.05
             (``benchmarks/defaults.py --study tikhonov``).
         iterations: at least 1; on training scenes 60 come within 0.2 dB of the minimum, 100 reach it.
         progress: told the share that is done.
@@ -44,8 +45,8 @@ def tikhonov(
         SettingError: a weight or a number of iterations out of range.
         ShapeError: a snapshot that is not the operator's.
     """
-    if not weight > 0:
-        raise SettingError("weight", f"{weight:g}", "> 0")
+    if not 0 < weight < math.inf:
+        raise SettingError("weight", f"{weight:g}", "a finite number > 0")
     if iterations < 1:
         raise SettingError("iterations", str(iterations), "at least 1")
     if snapshot.ndim != 4 or tuple(snapshot.shape[1:]) != tuple(operator.snapshot_shape):

@@ -111,7 +111,8 @@ def decode_movie(
             open a pixel within one frame, one band, nothing displaced).
         lifetime: slots over which the scene changes; without it as `foretelling_covariance` finds. Kriging.
         changing: share of the scene's variance that changes during the exposure; likewise.
-        threshold: of coefficients at the end, relative irradiance; half the noise of a sample without it.
+        threshold: of coefficients at the end, relative irradiance; without it half the noise of a sample, and
+            0.5 % of the brightest at least.
         iterations: over which the threshold falls to it.
         progress: told the share that is done of the iterations.
 
