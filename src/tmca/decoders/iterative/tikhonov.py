@@ -13,8 +13,6 @@ from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator
 from tmca.operators.gram import channel_energy
 
-_SPACE = (-3, -2, -1)
-
 
 def tikhonov(
     operator: TapOperator,
@@ -55,7 +53,7 @@ def tikhonov(
     stiffness = weight * energy.mean()
 
     def normal(scene: Tensor) -> Tensor:
-        return operator.A_adjoint(operator.A(scene)) + stiffness * _roughness(scene)
+        return torch.addcmul(operator.A_adjoint(operator.A(scene)), stiffness, _roughness(scene))
 
     preconditioner = 1 / (energy + 4 * stiffness).clamp_min(torch.finfo(energy.dtype).tiny)
     return _conjugate_gradients(normal, operator.A_adjoint(snapshot), preconditioner, iterations, progress)
@@ -64,7 +62,11 @@ def tikhonov(
 def _roughness(scene: Tensor) -> Tensor:
     """∇ᵀ∇ of every channel, Neumann boundary."""
     down, right = scene.diff(dim=-2), scene.diff(dim=-1)
-    return pad(down, (0, 0, 1, 0)) - pad(down, (0, 0, 0, 1)) + pad(right, (1, 0)) - pad(right, (0, 1))
+    total = pad(down, (0, 0, 1, 0))
+    total[..., :-1, :] -= down
+    total[..., 1:] += right
+    total[..., :-1] -= right
+    return total
 
 
 def _conjugate_gradients(
@@ -82,14 +84,15 @@ def _conjugate_gradients(
     for iteration in range(1, iterations + 1):
         image = normal(direction)
         step = (product > rounding * first) * product / _inner(direction, image).clamp_min(tiny)
-        estimate, residual = estimate + step * direction, residual - step * image
+        estimate, residual = torch.addcmul(estimate, step, direction), torch.addcmul(residual, -step, image)
         scaled = preconditioner * residual
         before, product = product, _inner(residual, scaled)
-        direction = scaled + product / before.clamp_min(tiny) * direction
+        direction = torch.addcmul(scaled, product / before.clamp_min(tiny), direction)
         if progress is not None:
             progress(iteration / iterations)
     return estimate
 
 
 def _inner(one: Tensor, other: Tensor) -> Tensor:
-    return (one * other).sum(_SPACE, keepdim=True)
+    found = torch.linalg.vecdot(one.flatten(1), other.flatten(1))
+    return found[:, None, None, None]
