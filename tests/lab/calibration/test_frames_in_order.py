@@ -97,25 +97,55 @@ def test_two_exposures_under_each_others_names_are_refused(pair):
         measure_linearity(TIMES, shown, dark, shown >= top)
 
 
-@pytest.mark.parametrize(("slots", "delay"), [(3, 0.2), (4, 0.157)])
-def test_two_pairs_of_slots_under_each_others_names_are_refused_or_alike(slots, delay):
+def test_frames_of_one_exposure_are_held_to_their_mean():
+    shown = np.stack([sensor_frames(1.9e6 * time, 2, seed, 20000) for seed, time in enumerate(TIMES)])
+    dark = measure_dark(sensor_frames(0.0, 16, 99))
+    offset = dark.mean.mean()
+    for apart in (0.08, 0.12):
+        away = np.array([1 - apart / 2, 1 + apart / 2])[:, None, None]
+        seen = shown.copy()
+        seen[3] = offset + (shown[3] - offset) * away
+        if apart < 0.1:
+            assert measure_linearity(TIMES, seen, dark, shown >= 20000).largest_deviation < 0.01
+            continue
+        with pytest.raises(DataError, match="one exposure, 10 ms, expected each within 5% of their mean"):
+            measure_linearity(TIMES, seen, dark, shown >= 20000)
+
+
+@pytest.mark.parametrize(("slots", "delay", "tried"), [(3, 0.2, 20), (4, 0.157, 8)])
+def test_two_pairs_of_slots_under_each_others_names_are_refused_or_alike(slots, delay, tried):
     rng = np.random.default_rng(0)
     levels = pair_light(slot_overlap(slots, delay, 0.98), 0.003, 0.011) + 1e-4 * rng.standard_normal((slots, slots))
-    pairs = list(combinations(np.ndindex(slots, slots), 2))
-    for one, other in (pairs[n] for n in rng.permutation(len(pairs))[:20]):
+    pairs, named = list(combinations(np.ndindex(slots, slots), 2)), 0
+    for one, other in (pairs[n] for n in rng.permutation(len(pairs))[:tried]):
         changed = levels.copy()
         changed[one], changed[other] = levels[other], levels[one]
         if abs(levels[one] - levels[other]) > 2e-3:
-            with pytest.raises(DataError, match="which slots each capture had open"):
+            with pytest.raises(DataError, match="which slots each capture had open") as refused:
                 measure_timing(changed, aperture_leakage=0.003)
+            if "exchanged" in (said := str(refused.value)):
+                own = [f"aperture_{i}_shutter_{j}" for i, j in (one, other)]
+                assert f"only with {own[0]} and {own[1]} exchanged" in said
+                named += 1
+            else:
+                assert "a fit leaves" in said
         else:
             assert measure_timing(changed, aperture_leakage=0.003).delay == pytest.approx(delay, abs=2e-3)
+    assert named >= 2
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_lamps_that_flicker_exchange_nothing(seed):
     flicker = 1 + 0.02 * np.random.default_rng(seed).standard_normal((4, 4))
     assert measure_timing(pair_light(slot_overlap(4, 0.157, 0.98), 0.003, 0.011) * flicker).residual > 2e-3
+
+
+def test_of_three_slots_lamps_that_flicker_exchange_nothing():
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        levels = pair_light(slot_overlap(3, delay := rng.uniform(-0.4, 0.4), 0.98), 0.003, 0.011)
+        found = measure_timing(levels * (1 + 0.03 * rng.standard_normal((3, 3))))
+        assert found.delay == pytest.approx(delay, abs=0.1)
 
 
 @pytest.mark.parametrize("curve", ["cauchy", "measured"])

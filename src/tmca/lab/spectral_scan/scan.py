@@ -15,7 +15,7 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.frames import Frames, check_distinct, read_frames
 from tmca.lab.real_captures.noise import dark_noise
 from tmca.lab.spectral_scan.checks import check_alike, check_light
-from tmca.lab.spectral_scan.exchanged import check_exchanged
+from tmca.lab.spectral_scan.exchanged import doubt_exchanged
 
 _NM = re.compile(r"(\d+(?:\.\d+)?) ?nm(?![a-z])", re.IGNORECASE)
 _SAME = 0.5
@@ -67,7 +67,7 @@ def read_scan(
     Raises:
         DataError: missing frames, other wavelengths than those asked for or than the scene's, other sizes or types, a
             scene or white that is mostly saturated, a band without light or with a scene below the dark, or frames that
-            are copies of each other or under each other's names.
+            are copies of each other.
         SettingError: frames of unknown wavelength and none given.
     """
     asked = None if wavelengths is None else np.asarray(metres_to_nm(np.asarray(wavelengths)))
@@ -81,7 +81,7 @@ def read_scan(
     each = max(noise, frames.step / np.sqrt(12)) / np.sqrt([of_scene, of_white])
     check_light(frames, whites, below, nm, each)
     check_distinct(taken, bright)
-    doubts = check_exchanged(frames, whites, below, nm)
+    doubts = doubt_exchanged(frames, whites, below, nm)
     return Scan(Path(scene), nm, frames, whites, below, of_scene, of_white, count, noise, doubts)
 
 

@@ -12,9 +12,10 @@ from tmca.lab.calibration.arrays import Array
 
 Misfit = Callable[[Array, bool], Callable[[Array], Array]]
 Pair = tuple[int, int]
-_FEWER = 25.0
-"""Times by which the fit's sum of squares falls where an exchange is what was wrong: a fifth of the residual. Of lamps
-that flicker by 1 to 3 % no exchange leaves less than half of it."""
+_FEWER, _FREE, _FEWER_OF_FEW = 25.0, 5, 200.0
+"""Times by which the fit's sum of squares falls where an exchange is what was wrong: a fifth of the residual. Where no
+more than `_FREE` levels are left over, as of three slots, they can be close to a fit by chance: of lamps that flicker
+by 3 % an exchange made it fall up to 100 times in 190 exposures."""
 _FITTED, _MOST = 4, 9.0
 """Numbers that are fitted, and times the residual, were it that of two levels alone, up to which levels that differ are
 tried: the fitted numbers do not hide more."""
@@ -37,7 +38,8 @@ def check_exchanged(levels: Array, misfit: Misfit, starts: Sequence[Array], left
         DataError: naming both pairs of slots.
     """
     known: list[Pair] = [(int(i), int(j)) for i, j in np.argwhere(np.isfinite(levels))]
-    usual, enough = float(np.sqrt((left**2).mean())), float((left**2).sum()) / 2 / _FEWER
+    fewer = _FEWER if len(known) - _FITTED > _FREE else _FEWER_OF_FEW
+    usual, enough = float(np.sqrt((left**2).mean())), float((left**2).sum()) / 2 / fewer
     most = _MOST * usual * float(np.sqrt(len(known) / 2)) * len(known) / (len(known) - _FITTED)
     worst = sorted(np.argsort(np.abs(left))[-_TRIED:])
     for one, other in combinations([known[n] for n in worst], 2):

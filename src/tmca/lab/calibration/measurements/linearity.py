@@ -76,8 +76,8 @@ def measure_linearity(
         source: named in errors.
 
     Raises:
-        DataError: fewer than three exposures below saturation, one frame each, frames of one exposure whose levels
-            differ, levels that do not grow, or a response that is off a line by more than 5 %.
+        DataError: fewer than three exposures below saturation, one frame each, a frame that is off the mean of
+            its exposure by more than 5 %, levels that do not grow, or a response that is as far off a line.
     """
     times, values = np.asarray(exposures, dtype=np.float64), np.asarray(frames, dtype=np.float64)
     if values.ndim != 4 or values.shape[1] < 2 or len(set(times.tolist())) < len(times):
@@ -106,7 +106,7 @@ def measure_linearity(
 
 
 def _check_named(times: Array, each: Array, source: object) -> None:
-    """Raises DataError where levels (E, N) of one exposure differ, or those of the next one are lower."""
+    """Raises DataError where levels (E, N) are off the mean of their exposure, or those of the next one are lower."""
     levels = each.mean(axis=1)
     slack = np.maximum(LARGEST_DEVIATION * np.maximum(levels, _RANGE[0] * levels.max()), ROUNDING)
     away = np.abs(each - levels[:, None]).max(axis=1)
@@ -114,7 +114,7 @@ def _check_named(times: Array, each: Array, source: object) -> None:
         worst = int((away / slack).argmax())
         said = " and ".join(f"{level:.4g}" for level in (each[worst].min(), each[worst].max()))
         found = f"levels of {said} in frames of one exposure, {times[worst] * 1e3:g} ms"
-        expected = f"the same to {LARGEST_DEVIATION:.0%}"
+        expected = f"each within {LARGEST_DEVIATION:.0%} of their mean"
         raise DataError(source, found, expected, "check the file names; keep the lamp steady")
     if (np.diff(levels) < -slack[1:]).any():
         raise DataError(source, "levels that do not grow with the exposure", "growing ones", "check the file names")
