@@ -17,6 +17,8 @@ from tmca.errors import DataError, SettingError
 SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".bmp")
 
 _CLIPPED = 0.01
+_FLAT = 2
+"""Digital numbers that the values of a frame may span, within which a fixed pattern may hide all noise."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,7 @@ class Distinct:
     """Frames of one session, no two of which may be the same in every pixel: noise alone makes two exposures differ.
 
     Frames that are clipped to one value but for a hundredth of their pixels may: dark ones of 8 bits, saturated ones.
+    So may whole numbers that span two digital numbers: a fixed pattern of 1 at black hides all noise.
     """
 
     def __init__(self) -> None:
@@ -156,7 +159,7 @@ class Distinct:
         """
         digest, own = hashlib.sha256(np.ascontiguousarray(values).tobytes()).digest(), (source, name)
         other = self._seen.setdefault(digest, own)
-        if other is not own and _alive(values, top) > _CLIPPED:
+        if other is not own and not _is_flat(values) and _alive(values, top) > _CLIPPED:
             elsewhere = f" of {other[0]}" if other[0] != source else ""
             found = f"frame {name} the same as {other[1]}{elsewhere} in every pixel"
             remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
@@ -173,6 +176,12 @@ def check_distinct(*series: Frames) -> None:
     for frames in series:
         for name, values in zip(frames.names, frames.values, strict=True):
             known.add(name, values, frames.top, frames.source)
+
+
+def _is_flat(values: NDArray[Any]) -> bool:
+    """Whether whole numbers span next to nothing; floats may have any unit."""
+    low, high = values.min(), values.max()
+    return bool(float(high) - float(low) <= _FLAT and (values == np.round(values)).all())
 
 
 def _alive(values: NDArray[Any], top: float) -> float:

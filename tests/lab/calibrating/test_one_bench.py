@@ -16,6 +16,7 @@ from tmca.lab.calibrating.shots import Asked, steps_of
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration
 from tmca.lab.calibration.measurements.zernike_fit import MODES
+from tmca.lab.calibration.remarks import remarks
 from tmca.lab.calibration.steps.optics import registration_step, timing_step
 from tmca.lab.devices import capture, find_device, joined
 from tmca.lab.devices.manifest import exposed_whole, read_manifest
@@ -204,6 +205,28 @@ def test_even_light_of_a_bench_does_not_stand_for_white(tmp_path):
         capture_step(step, export, bench, tmp_path / "bench", camera, Asked(2))
     with pytest.raises(DataError, match="calibrate capture white"):
         list(measured_steps(tmp_path / "bench", Calibration.empty(), Known()))
+
+
+@pytest.mark.parametrize("drawn", [True, False])
+def test_a_camera_that_is_drawn_to_spread_red_wider_is_not_asked(tmp_path, drawn):
+    camera = SpectralCamera(bands=6, size=(33, 40), slots=2, dispersion=(0, 1, 1, 2, 5, 9), sensor=Sensor(1e-3))
+    waves = camera.wavelengths
+    asked = Asked(frames=4, wavelengths=(*waves[2:], *waves[:2]))
+    found = measured(tmp_path / "b", exported(tmp_path, camera), camera, None, asked)
+    assert not remarks(found, "dispersion")
+    found.about["steps"]["dispersion"]["settings"]["red_wider"] = drawn
+    assert bool(remarks(found, "dispersion")) is not drawn
+
+
+def test_a_camera_of_one_slot_is_calibrated_behind_a_coded_exposure(tmp_path):
+    camera = SpectralCamera(bands=4, size=(33, 40), slots=1, seed=2, sensor=Sensor(1e-3))
+    found = measured(tmp_path / "b", exported(tmp_path, camera, "dli4120", SHUTTERS[0]), camera, None)
+    assert set(found.about["steps"]) == {"dark", "flat", "registration", "dispersion"}
+
+
+def test_a_folder_that_is_not_there_is_named_so(tmp_path):
+    with pytest.raises(DataError, match="gone: found no such folder"):
+        next(measured_steps(tmp_path / "gone", Calibration.empty(), Known()))
 
 
 def test_a_folder_without_frames_is_refused(tmp_path):

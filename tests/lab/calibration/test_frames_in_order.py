@@ -148,13 +148,26 @@ def test_of_three_slots_lamps_that_flicker_exchange_nothing():
         assert found.delay == pytest.approx(delay, abs=0.1)
 
 
-@pytest.mark.parametrize("curve", ["cauchy", "measured"])
-@pytest.mark.parametrize("order", [[0, 1, 2, 4, 3], [4, 3, 2, 1, 0]])
+@pytest.mark.parametrize(
+    ("curve", "order"),
+    [("cauchy", [0, 1, 2, 4, 3]), ("measured", [0, 1, 2, 4, 3]), ("cauchy", [4, 3, 2, 1, 0])],
+)
 def test_wavelengths_in_another_order_are_refused(curve, order):
     shown = displaced(1.5 * glass(NM))
     assert measure_dispersion(shown, NM * 1e-9, PATTERN, REGISTERED, curve=curve).shifts.shape == (5, 2)
     with pytest.raises(DataError, match="check the wavelengths"):
         measure_dispersion(shown[order], NM * 1e-9, PATTERN, REGISTERED, curve=curve)
+
+
+def test_without_a_curve_red_light_may_be_spread_wider():
+    """By whole pixels, which lie on no smooth curve; a reader is told."""
+    shown, waves = displaced(np.stack([0 * NM, [0, 1, 2, 6, 11]], axis=1)), NM * 1e-9
+    found = measure_dispersion(shown, waves, PATTERN, REGISTERED, curve="measured")
+    assert found.red_and_blue() == pytest.approx((9, 2), abs=0.1)
+    assert measure_dispersion(displaced(glass(NM)), waves, PATTERN, REGISTERED).red_and_blue() is None
+    with pytest.raises(DataError, match=r"as by glass or gratings.*--curve polynomial or measured"):
+        measure_dispersion(shown, waves, PATTERN, REGISTERED)
+    assert measure_dispersion(shown, waves, PATTERN, REGISTERED, red_wider=True).shifts.shape == (5, 2)
 
 
 def test_a_grating_displaces_blue_and_red_alike():

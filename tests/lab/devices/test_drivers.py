@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from tmca.lab.devices import protocol as protocol_module
 from tmca.lab.devices.frame_checks import LowNumbers
 from tmca.lab.devices.simulated import SimulatedBench
 from tmca.lab.devices.time_limit import Calls, time_limit
+from tmca.lab.frames import Distinct
 
 
 class Lamp:
@@ -95,6 +97,19 @@ def test_dark_frames_that_are_clipped_and_a_bench_without_noise_may_repeat(tmp_p
     bench = SimulatedBench(camera, scene_of(camera), whole=False)
     folder = capture(export, bench, tmp_path / "simulated", repeats=2)
     assert len({file.read_bytes() for file in folder.glob("slot_*.tif")}) == 1
+
+
+def test_dark_frames_with_a_pattern_of_one_digital_number_may_repeat():
+    """The fixed pattern of 8 bits at black 0; more is noise, which does not repeat."""
+    dark = (np.random.default_rng(0).uniform(size=(40, 50)) < 0.02).astype(np.uint8)
+    known = Distinct()
+    for name in ("dark", "dark_r1"):
+        known.add(name, dark, 255, Path("frames"))
+        known.add(f"{name} as floats", dark.astype(np.float32), 255, Path("frames"))
+    for values, top in ((3 * dark, 255), (dark / np.float32(4), 1)):
+        known.add("one", values, top, Path("frames"))
+        with pytest.raises(DataError, match="frame other the same as one"):
+            known.add("other", values, top, Path("frames"))
 
 
 @pytest.mark.parametrize(("saturation", "told"), [(65535, True), (7376, True), (7360, True), (7200, False)])

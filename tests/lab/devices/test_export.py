@@ -267,6 +267,13 @@ def test_nothing_is_replaced_unasked(tmp_path, written):
         export_codes(codes, [device_named("dli4120")], tmp_path / "mine", overwrite=True)
 
 
+@pytest.mark.parametrize("left", [".DS_Store", "aperture/Thumbs.db"])
+def test_what_a_system_left_in_an_export_does_not_stop_its_replacing(tmp_path, written, left):
+    (written / left).write_text("")
+    export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], written, overwrite=True)
+    assert not (written / left).exists()
+
+
 @pytest.mark.parametrize("kept", ["captures/dark.tif", "aperture/mine.png", "notes.txt", "captures"])
 def test_an_export_that_is_replaced_takes_nothing_else_with_it(tmp_path, written, kept):
     (written / kept).parent.mkdir(exist_ok=True)

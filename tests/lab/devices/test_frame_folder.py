@@ -14,6 +14,7 @@ from tests.lab.devices.test_export import spectral
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.devices import capture, find_device, joined
 from tmca.lab.devices.frame_checks import LowNumbers
+from tmca.lab.devices.frame_names import named_frames
 from tmca.lab.devices.frame_sources import ChangedFrames
 from tmca.sensor import Sensor
 
@@ -51,7 +52,14 @@ def once(names):
 
 @pytest.mark.parametrize(
     "names",
-    [DARKS | NUMBERED, NAMED, OTHER_DARKS | NUMBERED, DARKS | SLOT_MAJOR, DARKS | FROM_ONE, DARKS | TIMED],
+    [
+        DARKS | NUMBERED,
+        NAMED,
+        OTHER_DARKS | NUMBERED,
+        DARKS | SLOT_MAJOR,
+        DARKS | FROM_ONE,
+        DARKS | TIMED,
+    ],
     ids=["in order", "by name", "a dark one like a step", "slot by slot", "from one", "by time"],
 )
 @pytest.mark.parametrize("repeats", [1, 2])
@@ -84,6 +92,14 @@ def test_further_dark_frames_are_taken_too(tmp_path, taken):
     assert len([*(tmp_path / "f").glob("dark*.tif")]) == 4 + 6
 
 
+@pytest.mark.parametrize("name", ["scene_r2_slot_{}.tif", "slot{}_rep3.tif"])
+def test_a_repeat_that_is_the_same_in_all_names_is_none(tmp_path, taken, name):
+    _, _, own = taken
+    folder = theirs(tmp_path / "theirs", own, {name.format(k): f"slot_00{k}" for k in range(3)})
+    found = named_frames(sorted(folder.iterdir()), {"slots": 3, "planes": []}, folder)
+    assert {key: file.name for key, file in found.items()} == {f"slot_00{k}": name.format(k) for k in range(3)}
+
+
 @pytest.mark.parametrize(
     ("names", "repeats", "words"),
     [
@@ -93,8 +109,19 @@ def test_further_dark_frames_are_taken_too(tmp_path, taken):
         (DARKS | SLOT_MAJOR | {"slot00_rep0.tif": "slot_000"}, 2, "_rep0.tif and slot0+_rep0.tif of one slot"),
         (DARKS | {f"slot{k + 4}.tif": f"slot_00{k}" for k in range(3)}, 1, "slot 6, expected 3 slots"),
         (DARKS | {f"a{s}_b{r}.tif": n for s, r, n in SLOTS}, 2, "two counts, such as a0_b0 and a2_b1"),
+        (
+            DARKS | {f"slot{s}_{r}.tif": n for s, r, n in SLOTS}, 2,
+            "slot0_1.tif of one slot and repeat, expected one file a frame; rename them: names such as slot_000",
+        ),
+        (
+            DARKS | {f"slot_{s + 1}_rep{r + 1}.tif": n for s, r, n in SLOTS if (s, r) != (1, 1)}, 2,
+            "no frame of slot 2, repeat 2, counted from 1 as in slot_1_rep1.tif, expected",
+        ),
+        (DARKS | {f"slot_{k}.tif": f"slot_00{k}" for k in (1, 2)}, 1, "no frame of slot 0, counted from 0, beside"),
     ],
-    ids=["order", "names", "slots", "stray", "twice", "slots of another", "two counts"],
+    ids=[
+        "order", "names", "slots", "stray", "twice", "slots of another", "two counts", "no repeats", "missing", "first",
+    ],
 )  # fmt: skip
 def test_frames_are_never_left_out_or_guessed(tmp_path, taken, names, repeats, words):
     camera, export, own = taken
@@ -171,7 +198,7 @@ def test_twelve_bits_in_sixteen_are_told(tmp_path, taken):
         ({}, "a folder without frames"),
         ({k: v for k, v in (DARKS | NUMBERED).items() if k != "img_9.tif"}, "5 frames whose names do"),
         ({k: v for k, v in (DARKS | NUMBERED).items() if k != "Dark_9.tif"}, "no frame dark_r3"),
-        ({k: v for k, v in NAMED.items() if k != "slot_001.tif"}, "no frame slot_001"),
+        ({k: v for k, v in NAMED.items() if k != "slot_001.tif"}, "slot 1, repeat 0, counted from 0 as in slot_000"),
         (NUMBERED, "no frame dark"), (DARKS, "0 frames whose names"),
     ],
     ids=["none", "one of light", "one dark", "a name", "all dark", "all light"],

@@ -79,19 +79,21 @@ def capture(
     waves = _wavelengths(wavelength, taken.camera, device)
     wanted = Asked(frames, waves, _depths(depth, taken.camera, device), pattern, count, reflectance)
     manifest = read_manifest(export)
-    known = steps_of(taken.camera, manifest)
-    for one in _all(known, device, taken.camera) if step == "all" else (step,):
+    known, whole = steps_of(taken.camera, manifest), exposed_whole(manifest)
+    for one in _all(known, device, taken.camera, whole) if step == "all" else (step,):
         first = _APART * (1 + known.index(one)) if one in known else 0
-        bench = asked.bench(taken, first, exposed_whole(manifest))
+        bench = asked.bench(taken, first, whole)
         _captured(one, export, bench, out, taken.camera, wanted, asked)
         print(_next(one, out, wanted))
 
 
-def _all(known: tuple[str, ...], device: str, camera: Any) -> list[str]:
-    """All steps; a simulated sensor without shot noise has no electrons to count."""
+def _all(known: tuple[str, ...], device: str, camera: Any, whole: bool) -> list[str]:
+    """All steps; a simulated sensor without shot noise has no electrons to count, and one slot no timing."""
     silent = device == "simulated" and camera.sensor.full_well is None
     if silent:
         print("linearity: left out, the simulated sensor has no shot noise (tmca simulate … --full-well)")
+    if camera.slots == 1 and whole and "registration" in known:
+        print("timing: left out, one slot alone has none")
     return [one for one in known if not (silent and one == "linearity")]
 
 

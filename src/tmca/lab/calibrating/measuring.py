@@ -61,6 +61,8 @@ def measured_steps(folder: str | Path, start: Calibration, known: Known) -> Iter
     place = Path(folder)
     there = [name for name in STEPS if (place / name).is_dir()]
     slots = [k for k in range(len(list(place.glob("psf*")))) if (place / f"psf{k}").is_dir()]
+    if not place.is_dir():
+        raise DataError(folder, "no such folder", "one with the frames of steps", "check the path")
     if not there and not slots:
         remedy = "take them with tmca calibrate capture, or name one step's folder: tmca calibrate dark FOLDER"
         raise DataError(folder, "no frames of any step", f"folders {', '.join(STEPS)}", remedy)

@@ -8,11 +8,13 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from tmca.cameras import Camera
+from tmca.cameras import Camera, SpectralCamera
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibrating.shots import Asked, Shot, lights_of, shots_of
 from tmca.lab.calibrating.shown import ShownCodes
+from tmca.lab.calibration.captures import RED_WIDER
+from tmca.lab.calibration.measurements.dispersion import spreads_red_wider
 from tmca.lab.devices.captures import going_on, keep, kept_so_far
 from tmca.lab.devices.frame_checks import check_saturated
 from tmca.lab.devices.joining import check_camera
@@ -77,7 +79,7 @@ def capture_step(
     loaded = ""
     with calls_of(device, manifest, timeout) as calls:
         saturation = calls.of(lambda: saturation_of(device))
-        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **told(step, how)}
+        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **told(step, how, camera)}
         kept = going_on(kept_so_far(folder, export), about, folder)
         for done, shot in enumerate(shots):
             if shot.name not in kept["frames"]:
@@ -95,13 +97,17 @@ def refuse_recorded(name: str) -> NoReturn:
     raise SettingError("--device", found, "simulated or a driver, which takes the frames of a calibration", remedy)
 
 
-def told(step: str, asked: Asked) -> dict[str, Any]:
+def told(step: str, asked: Asked, camera: Camera) -> dict[str, Any]:
     """What measuring a step has to know of its frames."""
     if step == "white":
         return {"reflectance": asked.reflectance}
     if step == "registration" and asked.wavelengths:
         return {"wavelength_nm": round(float(metres_to_nm(asked.wavelengths[0])), 6)}
-    return {"pattern": asked.pattern} if step in ("dispersion", "shear") else {}
+    found: dict[str, Any] = {"pattern": asked.pattern} if step in ("dispersion", "shear") else {}
+    if step == "dispersion" and isinstance(camera, SpectralCamera):
+        drawn = spreads_red_wider(camera.wavelengths, camera.dispersion.displacement)
+        found |= {RED_WIDER: True} if drawn else {}
+    return found
 
 
 def _loaded(calls: Calls, shot: Shot, shown: ShownCodes, loaded: str) -> str:

@@ -77,10 +77,13 @@ class Shot:
 
 
 def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
-    """Steps of a camera behind the devices of an export, in their order."""
+    """Steps of a camera behind the devices of an export, in their order.
+
+    One slot has no timing: no other one says when it begins and ends.
+    """
     if isinstance(camera, SpectralDepthCamera):
         return ("dark", *(f"psf{slot}" for slot in range(camera.slots)))
-    timed = ("timing",) if exposed_whole(manifest) else ()
+    timed = ("timing",) if exposed_whole(manifest) and camera.slots > 1 else ()
     last = "dispersion" if isinstance(camera, SpectralCamera) else "shear"
     return ("dark", "flat", "white", "linearity", "registration", *timed, last)
 

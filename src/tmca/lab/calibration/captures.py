@@ -17,6 +17,8 @@ from tmca.lab.codes_date import CAPTURES
 from tmca.lab.frames import Frames, check_distinct, read_frames
 
 _SATURATED = 0.01
+RED_WIDER = "red_wider"
+"""Kept with the frames of a dispersion where the camera as drawn spreads red light wider than blue."""
 
 VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
 SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
@@ -44,7 +46,7 @@ def read_captures(
         DataError: no frames, another size, frames that are missing, changed or in another's place, one more than a
             hundredth of which is saturated, or one that repeats another value by value.
     """
-    kept = _kept(Path(path))
+    kept = kept_with(Path(path))
     frames = read_frames(path, kept.get("saturation") if saturation is None else saturation)
     size = frames.values.shape[1:]
     if sensor is not None and tuple(sensor) != size:
@@ -59,7 +61,7 @@ def read_captures(
     return frames
 
 
-def _kept(path: Path) -> dict[str, Any]:
+def kept_with(path: Path) -> dict[str, Any]:
     """What the bench whose frames, checked, are in a folder was taken with; nothing of other frames."""
     if not (path / CAPTURES).is_file():
         return {}

@@ -17,6 +17,8 @@ TABLE, RESPONSE, OVERVIEW = "zernike.csv", "response.csv", "overview.png"
 _PLANES = "|".join(sorted(set(PLANES.values())))
 _OWN = re.compile(rf"{NAME}|{OVERVIEW}|({_PLANES})(/(\1_\d+\.png|{TABLE}|{RESPONSE}))?")
 """Names within an export."""
+_OF_SYSTEMS = {".DS_Store", "Thumbs.db"}
+"""Files that systems put into any folder that is looked at."""
 
 
 def check_free(folder: Path, overwrite: bool) -> None:
@@ -28,7 +30,7 @@ def check_free(folder: Path, overwrite: bool) -> None:
         raise OutputError(folder, "something that is no export", "a new folder", "choose another")
     if not overwrite:
         raise OutputError(folder, "an export", "a new folder", "choose another, or pass --overwrite")
-    inside = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*"))
+    inside = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.name not in _OF_SYSTEMS)
     if strangers := [name for name in inside if not _OWN.fullmatch(name)]:
         found = f"{strangers[0]}, which is no part of the export"
         raise OutputError(

@@ -17,6 +17,7 @@ _REPEAT = re.compile(r"(?:^|[^a-z])r(?:ep(?:eat)?)?[ _-]?(\d+)", re.IGNORECASE)
 _NAMED = re.compile(rf"{_SLOT.pattern}|(?:^|[^a-z])rep(?:eat)?[ _-]?\d|^{WHOLE}(?:_r\d+)?$", re.IGNORECASE)
 """Names that say which frame they are."""
 _EXAMPLES = "names such as slot_000, slot_001, …, repeats slot_000_r1, …"
+_OF_WHOLE = f"{WHOLE}, {WHOLE}_r1, …"
 Number = tuple[int, int]
 """Slot, 0 of a whole exposure, and repeat."""
 
@@ -43,28 +44,47 @@ def named_frames(files: Sequence[Path], manifest: dict[str, Any], folder: Path) 
 
 
 def _by_number(light: Sequence[Path], slots: int | None, folder: Path) -> dict[str, Path]:
-    """Frames whose names say slot and repeat, both counted from 0 or both from 1."""
+    """Frames whose names say slot and repeat, both counted from 0 or both from 1; a repeat that is the same in all of
+    them is none."""
     numbers: dict[Number, Path] = {}
     for file in light:
         other = numbers.setdefault(_number(file, slots), file)
         if other is not file:
-            raise DataError(folder, f"{other.name} and {file.name} of one slot and repeat", "one file a frame")
-    last, first_repeat = max(slot for slot, _ in numbers), min(repeat for _, repeat in numbers)
+            found, remedy = f"{other.name} and {file.name} of one slot and repeat", f"rename them: {_examples(slots)}"
+            raise DataError(folder, found, "one file a frame", remedy)
+    last, counts = max(slot for slot, _ in numbers), {repeat for _, repeat in numbers}
     first = 1 if slots and last == slots and min(numbers)[0] == 1 else 0
     if last - first >= (slots or 1):
         raise DataError(folder, f"frames of slot {last}", f"{slots} slots of the export, from 0 or from 1")
-    start = min(first_repeat, 1)
-    repeats = range(start, max(repeat for _, repeat in numbers) + 1)
-    wanted = {(k + first, r): _name(k, r - start, slots) for r in repeats for k in range(slots or 1)}
-    if missing := [name for number, name in wanted.items() if number not in numbers]:
-        raise DataError(folder, f"no frame {', '.join(missing[:3])}", "one of every slot and repeat", "take it")
+    start = min(counts) if len(counts) == 1 else min(*counts, 1)
+    wanted = {
+        (k + first, r): _name(k, r - start, slots) for r in range(start, max(counts) + 1) for k in range(slots or 1)
+    }
+    if missing := [number for number in wanted if number not in numbers]:
+        found = _said_missing(missing, numbers, first, slots)
+        raise DataError(folder, found, "one of every slot and repeat", "take it")
     return {name: numbers[number] for number, name in wanted.items()}
+
+
+def _said_missing(missing: Sequence[Number], numbers: dict[Number, Path], first: int, slots: int | None) -> str:
+    """Frames that are not there, as the names of the others count."""
+    repeated = len({repeat for _, repeat in numbers}) > 1
+    each = [
+        ", ".join([f"slot {slot}"] * (slots is not None) + [f"repeat {repeat}"] * repeated) for slot, repeat in missing
+    ]
+    example = min(numbers)
+    counted_as = f"from {first} as in" if slots is None or example[0] == first else f"from {first}, beside"
+    return f"no frame of {'; '.join(each[:3])}, counted {counted_as} {numbers[example].name}"
+
+
+def _examples(slots: int | None) -> str:
+    return _EXAMPLES if slots is not None else f"names such as {_OF_WHOLE}"
 
 
 def _number(file: Path, slots: int | None) -> Number:
     slot, repeat = _SLOT.search(file.stem), _REPEAT.search(file.stem)
     if (slot is None) == (slots is not None):
-        expected = _EXAMPLES if slots is not None else f"{WHOLE}, {WHOLE}_r1, …: the shutter is coded in one exposure"
+        expected = _EXAMPLES if slots is not None else f"{_OF_WHOLE}: the shutter is coded in one exposure"
         raise DataError(file, f"the name {file.stem}", expected, "rename the frames, or move what is none elsewhere")
     return int(slot[1]) if slot else 0, int(repeat[1]) if repeat else 0
 

@@ -79,9 +79,9 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
     aperture, shutter = camera.codes()
     slots = len(aperture)
     if frames < 1 or slots % frames:
-        raise SettingError("frames", str(frames), f"a divisor of the {slots} slots")
+        raise SettingError("--frames", str(frames), f"a divisor of the {slots} slots")
     if bool((aperture != aperture[:1]).any()):
-        raise SettingError("aperture", "one that changes from slot to slot", "the same in all slots")
+        raise SettingError("snapshot", "an aperture that changes from slot to slot", "the same in all slots")
     if any(float(d) != round(d) for d in camera.dispersion.displacement):
         raise SettingError("dispersion", "parts of pixels", "displacements by whole pixels")
     merged = shutter.unflatten(0, (frames, slots // frames)).sum(1)

@@ -20,6 +20,7 @@ Curve = Literal["cauchy", "polynomial", "measured"]
 LARGEST_RESIDUAL = 0.25
 """Sensor pixels that a smooth curve may leave, root mean square along x."""
 _POLYNOMIAL = "check the wavelengths of the captures; a disperser that is neither needs --curve polynomial"
+_NO_GLASS = f"{_POLYNOMIAL} or measured"
 _BACK = 0.1
 """Sensor pixels by which neighbouring wavelengths may seem to turn back: each may be off by 0.04, beside its noise."""
 _RED = 1.5
@@ -94,6 +95,11 @@ class MeasuredDispersion:
         between = 0.0 if np.isclose(waves, wavelength).any() else abs(along[above] - along[above - 1])
         return off if abs(off) > LARGEST_RESIDUAL + _BENT * between else None
 
+    def red_and_blue(self) -> tuple[float, float] | None:
+        """Pixels along x by which the red and the blue half of the range are displaced, where red is spread wider."""
+        red, blue = _halves(self.wavelengths, self.shifts[:, 1])
+        return (red, blue) if _wider(red, blue) else None
+
     def _check(self, asked: Array) -> None:
         low, high = self.wavelengths[0], self.wavelengths[-1]
         slack = 0.05 * (high - low) + 1e-12
@@ -112,6 +118,7 @@ def measure_dispersion(
     power: ArrayLike | None = None,
     curve: Curve = "cauchy",
     order: int = 3,
+    red_wider: bool = False,
     names: Sequence[str] | None = None,
     source: object = "dispersion",
 ) -> MeasuredDispersion:
@@ -128,13 +135,15 @@ def measure_dispersion(
         power: (L,) of the source, any unit; equal without it.
         curve: which one.
         order: of its highest power; one less than the captures at most.
+        red_wider: whether the camera is known to spread red light wider than blue, as no glass or grating does.
         names: of the frames, for errors.
         source: named in errors.
 
     Raises:
         SettingError: wavelengths, power or order that cannot be.
-        DataError: a capture in which the pattern is not seen, displacements that no smooth curve follows, or, but for
-            a polynomial, that turn back or grow towards the red, as neither glass nor gratings have them.
+        DataError: a capture in which the pattern is not seen, displacements that no smooth curve follows, that turn
+            back (but for a polynomial), or, for Cauchy's curve, that grow towards the red, as neither glass nor
+            gratings have them.
     """
     values, metres = np.asarray(frames, dtype=np.float64), np.asarray(wavelengths, dtype=np.float64)
     stated = np.ones(len(metres)) if power is None else np.asarray(power, dtype=np.float64)
@@ -151,11 +160,12 @@ def measure_dispersion(
     coefficients, residual = _curve(metres, shifts, std, curve, order)
     if residual[1] > LARGEST_RESIDUAL:
         what = f"displacements of which a smooth curve leaves {beyond(residual[1], 'pixels')}"
-        raise DataError(source, what, f"{LARGEST_RESIDUAL:g} at most", "check the wavelengths of the captures")
+        remedy = "check the wavelengths of the captures; displacements by whole pixels need --curve measured"
+        raise DataError(source, what, f"{LARGEST_RESIDUAL:g} at most", remedy)
     # that a polynomial leaves little of many captures says that it may bend; one through all of them says nothing
     if curve != "polynomial" or not np.isfinite(residual[1]):
         _check_direction(shifts[:, 1], std[:, 1], said, source)
-    if curve != "polynomial":
+    if curve == "cauchy" and not red_wider:
         _check_blue(metres, shifts[:, 1], source)
     light = np.array([one.light for one in each]) / stated[by_wave]
     misfit = np.array([one.residual for one in each])
@@ -174,11 +184,32 @@ def _check_direction(along: Array, std: Array, names: Sequence[str], source: obj
 
 def _check_blue(metres: Array, along: Array, source: object) -> None:
     """Raises DataError where the red half of the range is displaced further than the blue one: names run backwards."""
-    low, middle, high = np.interp([metres[0], metres[[0, -1]].mean(), metres[-1]], metres, along)
-    blue, red = abs(middle - low), abs(high - middle)
-    if red > _RED * blue + LARGEST_RESIDUAL:
+    red, blue = _halves(metres, along)
+    if _wider(red, blue):
         what = f"red light displaced by {red:.2f} pixels where blue is by {blue:.2f}, over as many nanometres"
-        raise DataError(source, what, "no more than blue, as by glass or gratings", _POLYNOMIAL)
+        raise DataError(source, what, "no more than blue, as by glass or gratings", _NO_GLASS)
+
+
+def spreads_red_wider(wavelengths: ArrayLike, displacement: ArrayLike) -> bool:
+    """Whether a camera as drawn spreads the red half of its range wider than the blue one.
+
+    Args:
+        wavelengths: (L,) of its bands, metres.
+        displacement: (L,) of them along x, pixels.
+    """
+    waves, along = np.asarray(wavelengths, dtype=np.float64), np.asarray(displacement, dtype=np.float64)
+    by_wave = np.argsort(waves)
+    return _wider(*_halves(waves[by_wave], along[by_wave]))
+
+
+def _halves(metres: Array, along: Array) -> tuple[float, float]:
+    """Displacement over the red and over the blue half of the range, pixels."""
+    low, middle, high = np.interp([metres[0], metres[[0, -1]].mean(), metres[-1]], metres, along)
+    return float(abs(high - middle)), float(abs(middle - low))
+
+
+def _wider(red: float, blue: float) -> bool:
+    return red > _RED * blue + LARGEST_RESIDUAL
 
 
 def _check_given(values: Array, metres: Array, power: Array) -> None:

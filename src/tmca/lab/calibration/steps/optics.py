@@ -110,9 +110,10 @@ def dispersion_step(
     values, keys = averaged(frames.values.astype(np.float64), named(frames, captures.WAVE, "band_450nm"))
     waves = np.asarray(nm_to_metres(np.array([key[0] for key in keys])))
     stated = None if power is None else _power(power, waves)
+    red_wider = bool(captures.kept_with(Path(path)).get(captures.RED_WIDER))
     found = measure_dispersion(
         corrected(values, calibration), waves, shown_pattern(patterns, pattern, registration), registration,
-        power=stated, curve=curve, order=order, source=path,
+        power=stated, curve=curve, order=order, red_wider=red_wider, source=path,
     )  # fmt: skip
     _check_reference(found, registration, path)
     residuals = {
@@ -125,6 +126,7 @@ def dispersion_step(
     }
     sources = [path, patterns, *([] if power is None else [power])]
     settings = {"pattern": pattern, "curve": curve, "order": order, REGISTERED_AT: registration.wavelength}
+    settings[captures.RED_WIDER] = red_wider
     return calibration.with_part("dispersion", found, residuals, sources, sensor=registration.sensor, settings=settings)
 
 
