@@ -298,7 +298,7 @@ def test_a_square_grid_needs_no_name_and_others_do():
         ({"blocks": 0}, "0 blocks"),
         ({"gather": 0}, "gather 0"),
         ({"views": [5]}, "numbers that make a network"),
-        ({"start": "zero"}, "adjoint, dagger, lmmse"),
+        ({"start": "zero"}, "adjoint, dagger, tikhonov, lmmse"),
         ({"depth": 3}, "depth"),
     ],
 )
