@@ -11,7 +11,7 @@ numbers of iterations, beside ADMM-TV and the least-norm scene.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -77,38 +77,45 @@ def study_tv(cubes: Sequence[xr.DataArray]) -> None:
             )
 
 
+Estimates = Callable[[Snapshot, float], Iterator[tuple[str, torch.Tensor]]]
+"""Of a snapshot with some noise: what each setting of a study makes of it, by name."""
+
+
+def _compare(cubes: Sequence[xr.DataArray], beside: Sequence[str], tried: Estimates) -> None:
+    """Mean PSNR over scenes of decoders and of a study's settings, a line per code and noise."""
+    for code, noise in product(CODES, NOISES):
+        values: dict[str, list[float]] = {}
+        for cube in cubes:
+            taken, scene = snapshot(cube, code, noise)
+            for name in beside:
+                values.setdefault(name, []).append(float(psnr(decode(taken, name).estimate, scene)))
+            for name, estimate in tried(taken, noise):
+                values.setdefault(name, []).append(float(psnr(estimate, scene)))
+        text = "  ".join(f"{name}: {sum(v) / len(v):.2f}" for name, v in values.items())
+        print(f"{code}, σ = {noise:g}  {text}", flush=True)
+
+
 def study_subspace(cubes: Sequence[xr.DataArray]) -> None:
     """Mean PSNR over scenes for dimensions and strengths of the variation, beside joint ADMM-TV."""
-    for code in CODES:
-        for noise in NOISES:
-            values: dict[str, list[float]] = {}
-            for cube in cubes:
-                taken, scene = snapshot(cube, code, noise)
-                for name in ("admm-tv-joint", "pnp-subspace"):
-                    values.setdefault(name, []).append(float(psnr(decode(taken, name).estimate, scene)))
-                for rank, strength in product(RANKS, STRENGTHS):
-                    denoise = subspace_denoiser(tv_denoiser(strength, joint=False, max_iterations=20), rank)
-                    told = max(noise, 0.01)
-                    result = pnp_admm(taken.camera.operator(), taken.values, denoise, noise_sigma=told)
-                    values.setdefault(f"{rank}, {strength:g}", []).append(float(psnr(result.estimate, scene)))
-            text = "  ".join(f"{name}: {sum(v) / len(v):.2f}" for name, v in values.items())
-            print(f"{code}, σ = {noise:g}  {text}", flush=True)
+
+    def tried(taken: Snapshot, noise: float) -> Iterator[tuple[str, torch.Tensor]]:
+        for rank, strength in product(RANKS, STRENGTHS):
+            denoise = subspace_denoiser(tv_denoiser(strength, joint=False, max_iterations=20), rank)
+            result = pnp_admm(taken.camera.operator(), taken.values, denoise, noise_sigma=max(noise, 0.01))
+            yield f"{rank}, {strength:g}", result.estimate
+
+    _compare(cubes, ("admm-tv-joint", "pnp-subspace"), tried)
 
 
 def study_tikhonov(cubes: Sequence[xr.DataArray]) -> None:
     """Mean PSNR over scenes for weights and iterations, beside joint ADMM-TV and the least norm."""
-    for code in CODES:
-        for noise in NOISES:
-            values: dict[str, list[float]] = {}
-            for cube in cubes:
-                taken, scene = snapshot(cube, code, noise)
-                for name in ("admm-tv-joint", "dagger"):
-                    values.setdefault(name, []).append(float(psnr(decode(taken, name).estimate, scene)))
-                for weight, steps in product(STIFFNESSES, STEPS):
-                    found = tikhonov(taken.camera.operator(), taken.values, weight=weight, iterations=steps)
-                    values.setdefault(f"{weight:g}, {steps}", []).append(float(psnr(found.clamp_min(0), scene)))
-            text = "  ".join(f"{name}: {sum(v) / len(v):.2f}" for name, v in values.items())
-            print(f"{code}, σ = {noise:g}  {text}", flush=True)
+
+    def tried(taken: Snapshot, noise: float) -> Iterator[tuple[str, torch.Tensor]]:
+        for weight, steps in product(STIFFNESSES, STEPS):
+            found = tikhonov(taken.camera.operator(), taken.values, weight=weight, iterations=steps)
+            yield f"{weight:g}, {steps}", found.clamp_min(0)
+
+    _compare(cubes, ("admm-tv-joint", "dagger"), tried)
 
 
 def study_blocks(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -> None:

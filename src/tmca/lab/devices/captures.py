@@ -20,6 +20,7 @@ from tmca.lab.devices.manifest import NAME, checksum, exposed_whole, read_manife
 DARK, WHOLE = "dark", "exposure"
 EXPORT, SHOWN = "export_sha256", "shown_sha256"
 """Of the manifest that was captured, and of what it shows, whenever it was written."""
+_AGAIN = "delete this one file and run again what captured it: it alone is taken again"
 _DARKS = 4
 """Least number of dark frames: their mean is taken from every other frame, and their spread is the read noise."""
 
@@ -152,8 +153,7 @@ def _check_kept(frame: Path, known: str, frames: dict[str, tuple[str, str]]) -> 
     if there != known:
         other = [name for name, (value, _) in frames.items() if value == there]
         what = f"that of {other[0]}: frames in the wrong order" if other else "another content"
-        remedy = "delete this one file and run again what captured it: it alone is taken again"
-        raise DataError(frame, what, "what was captured", remedy)
+        raise DataError(frame, what, "what was captured", _AGAIN)
 
 
 def read_tif(file: Path) -> NDArray[np.integer]:
@@ -167,5 +167,4 @@ def read_tif(file: Path) -> NDArray[np.integer]:
     try:
         return np.asarray(tifffile.imread(file))
     except (OSError, ValueError, tifffile.TiffFileError):
-        remedy = "delete this one file and run again what captured it: it alone is taken again"
-        raise DataError(file, "no TIFF", "a frame of the capture", remedy) from None
+        raise DataError(file, "no TIFF", "a frame of the capture", _AGAIN) from None

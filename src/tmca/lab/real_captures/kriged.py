@@ -69,8 +69,7 @@ def shutter_samples(snapshot: Snapshot[SpectralCamera], operator: SlotwiseDisper
     camera = snapshot.camera
     if not sampled(camera, operator):
         raise SettingError("method", "'kriging'", "a shutter that opens every pixel within one frame, one band")
-    light = (operator.shutter * operator.aperture * operator.scale).double()
-    shutter, gain = camera.codes()[1].double(), light.sum(0)
+    shutter, gain = camera.codes()[1].double(), _gain(operator)
     seen = gain > 0
     slots = torch.arange(len(shutter), dtype=torch.float64)[:, None, None]
     times = (shutter * slots).sum(0)[seen] / shutter.sum(0)[seen]
@@ -78,9 +77,14 @@ def shutter_samples(snapshot: Snapshot[SpectralCamera], operator: SlotwiseDisper
     return Samples(points, snapshot.values[0, 0].double()[seen] / gain[seen])
 
 
+def _gain(operator: SlotwiseDisperser) -> Tensor:
+    """(H, W) what every sensor pixel gets of a scene of 1."""
+    return (operator.shutter * operator.aperture * operator.scale).double().sum(0)
+
+
 def _noise_of_samples(snapshot: Snapshot[SpectralCamera], operator: SlotwiseDisperser) -> Tensor:
     """(H, W) variance of the sensor's noise in the scene's units; the mean where a pixel is never open."""
-    light = (operator.shutter * operator.aperture * operator.scale).double().sum(0)
+    light = _gain(operator)
     variance = snapshot.camera.noise.variance(snapshot.values)[0, 0].double() / light.square()
     return variance.where(light > 0, variance[light > 0].mean())
 
