@@ -14,33 +14,35 @@ from tmca.sensor import Noise
 
 
 class FixedOperator(TapOperator):
-    """A tap operator written in plain operations that exporters know; its numbers are those of its parent."""
+    """A tap operator in a handful of operations that exporters know, however many its taps; its numbers are its parent's.
+
+    Channels are laid on the snapshot by looking columns up, those beyond a channel in a column of zeros.
+    """
 
     energy: Tensor
+    seen: Tensor
+    laid: Tensor
 
     def __init__(self, operator: TapOperator) -> None:
         super().__init__(operator.taps)
-        self.register_buffer("energy", gram_diagonal(operator.taps), persistent=False)
+        taps, columns = operator.taps, operator.taps.code.shape[2]
+        offsets = torch.tensor(taps.offsets)[:, None]
+        before = torch.arange(taps.snapshot_width) - offsets
+        padded = torch.where((before >= 0) & (before < columns), before, columns)
+        channel = torch.arange(len(taps.offsets))[:, None]
+        self.register_buffer("energy", gram_diagonal(taps), persistent=False)
+        self.register_buffer("seen", (offsets + torch.arange(columns)).flatten(), persistent=False)
+        self.register_buffer("laid", (channel * (columns + 1) + padded).flatten(), persistent=False)
 
     def A(self, scene: Tensor) -> Tensor:
         """(B, L, H, W) → (B, 1, H, W')."""
-        taps, columns = self.taps, self.code.shape[2]
-        total = scene.new_zeros(scene.shape[0], scene.shape[2], taps.snapshot_width)
-        for code, channel, offset in zip(self.code, taps.channels, taps.offsets, strict=True):
-            room = (offset, taps.snapshot_width - columns - offset)
-            total = total + nn.functional.pad(scene[:, channel] * code, room)
-        return total[:, None]
+        rows = nn.functional.pad((scene * self.code).transpose(1, 2), (0, 1)).flatten(2)
+        return rows.index_select(2, self.laid).unflatten(2, (-1, self.taps.snapshot_width)).sum(2)[:, None]
 
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
         """(B, 1, H, W') → (B, L, H, W)."""
-        columns = self.code.shape[2]
-        return torch.stack(
-            [
-                snapshot[:, 0, :, offset : offset + columns] * code
-                for code, offset in zip(self.code, self.taps.offsets, strict=True)
-            ],
-            dim=1,
-        )
+        found = snapshot[:, 0].index_select(2, self.seen)
+        return found.unflatten(2, (-1, self.code.shape[2])).transpose(1, 2) * self.code
 
     def gram_solve(self, snapshot: Tensor, shift: float | Tensor = 0.0) -> Tensor:
         """``(A Aᵀ + shift·I)⁻¹ snapshot``."""
