@@ -84,6 +84,34 @@ def test_uneven_light_does_not_move_the_mask():
     assert found.offset(truth) < 0.05
 
 
+@pytest.mark.parametrize("sensor", [(181, 220), (260, 195)])
+def test_a_mask_on_a_small_part_of_the_sensor_is_found(sensor):
+    codes = (33, 41)
+    patterns = calibration_patterns(codes)
+    truth = affine(codes, sensor, turn=0.7, scale=1.01, shift=(31.3, -40.6))
+    found = register(noisy(900 * seen_by_rays(patterns, truth, sensor, blur=0.4), 30) + 40, patterns)
+    assert found.offset(truth) < 0.05
+    with pytest.raises(DataError, match="in the order"):
+        register(noisy(900 * seen_by_rays(patterns, truth, sensor, blur=0.4), 30), patterns[[0, 1, 3, 2]], start=truth)
+    with pytest.raises(DataError, match="no brighter than the dark"):
+        register(noisy(np.ones((4, *sensor)), 30), patterns)
+
+
+@pytest.mark.parametrize("snr_db", [12, 20])
+def test_noise_alone_refuses_no_fit(snr_db):
+    codes, sensor = EVEN
+    patterns = calibration_patterns(codes)
+    truth = affine(codes, sensor, turn=0.6, scale=1.01, shift=(0.3, -0.4))
+    y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in sensor), indexing="ij")
+    frames = noisy(np.exp(-1.2 * (x**2 + y**2)) * seen_by_rays(patterns, truth, sensor, blur=0.4), snr_db)
+    found = register(frames, patterns)
+    assert found.residual > (0.2 if snr_db == 12 else 0.09)
+    assert found.offset(truth) < 4 * found.edge_std
+    for other in (patterns[[0, 1, 3, 2]], calibration_patterns(codes, seed=5)):
+        with pytest.raises(DataError, match="in the order"):
+            register(frames, other, start=truth)
+
+
 def test_the_standard_deviation_is_that_of_many_captures():
     codes, sensor = (24, 25), (26, 27)
     patterns, truth = calibration_patterns(codes), affine((24, 25), (26, 27), turn=0.3, shift=(0.2, 0.1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,9 @@ from tmca.lab.calibration.arrays import Array
 from tmca.lab.calibration.measurements.limits import beyond
 
 _LIT = 0.3
-"""Share of the light's 95th percentile below which a pixel does not count."""
+"""Share of the brightest pixels' light below which a pixel does not count."""
+_BRIGHTEST = 0.05
+"""Share of the mask's image that the brightest pixels are."""
 _HALF = 0.5
 """Share of a pixel's light by which a frame has to be beyond that of the open or dark pattern, to be another's: noise
 of 20 dB is a tenth."""
@@ -27,6 +30,20 @@ _EDGE = 2
 """Pixels that are taken off the edge of what is lit."""
 
 
+class Shares(NamedTuple):
+    """Coded frames as shares of the open one's light.
+
+    Args:
+        values: (P', H, W), 0 where no light is.
+        lit: (H, W) pixels that count.
+        noise: rms of the values there, from the scatter of the dark frame.
+    """
+
+    values: Array
+    lit: np.ndarray
+    noise: float
+
+
 def coded_shares(
     frames: ArrayLike,
     patterns: ArrayLike,
@@ -34,8 +51,8 @@ def coded_shares(
     scale: float = 1.0,
     names: Sequence[str] | None = None,
     source: object = "registration",
-) -> tuple[Array, np.ndarray]:
-    """(P', H, W) share of the open frame's light in the frames of coded patterns, and the lit pixels (H, W).
+) -> Shares:
+    """Share of the open frame's light in the frames of coded patterns, where the mask is lit.
 
     Args:
         frames: (P, H, W) linear digital numbers, one for each pattern, in their order.
@@ -57,30 +74,43 @@ def coded_shares(
         if not kind.any():
             raise DataError(source, f"no pattern that is {name}", "one", "show tmca calibrate patterns")
     dark, light = values[kinds["all dark"]].mean(axis=0), values[kinds["all open"]].mean(axis=0)
-    lit = _lit(dark, light, source)
-    _check_shown(values, kinds["coded"], (dark, light), names or [str(n) for n in range(len(values))], source)
-    lit = _inside(lit, scale, shown.shape[1:], source)
-    shares = (values[kinds["coded"]] - dark) / np.where(lit, light - dark, 1.0)
-    return np.where(lit, shares, 0.0), lit
-
-
-def _lit(dark: Array, light: Array, source: object) -> np.ndarray:
-    """(H, W) pixels that the open pattern lights; DataError where it is no brighter than the dark one."""
-    above = light - dark
-    lit = np.asarray(above > _LIT * np.percentile(above, 95))
+    image = _image(scale, shown.shape[1:], dark.shape)
     noise = float(np.median(np.abs(np.diff(dark, axis=-1)))) + 1e-12
-    if np.percentile(above, 95) < 5 * noise or lit.mean() < 0.02:
+    lit = _lit(light - dark, image, noise, source)
+    names = names or [str(n) for n in range(len(values))]
+    _check_shown(values, kinds["coded"], (dark, light), image, names, source)
+    lit = _inside(lit, image, source)
+    above = np.where(lit, light - dark, 1.0)
+    shares = np.where(lit, (values[kinds["coded"]] - dark) / above, 0.0)
+    # of Gaussian noise the median difference of neighbours is 0.954 times it; frame and ends have 2 of its variances
+    return Shares(shares, lit, float(np.sqrt(2 * np.mean(above[lit] ** -2)) * noise / 0.954))
+
+
+def _image(scale: float, codes: tuple[int, ...], sensor: tuple[int, ...]) -> float:
+    """Share of the sensor that the mask's image takes, at most."""
+    return float(np.prod([min(scale * n, size) / size for n, size in zip(codes, sensor, strict=True)]))
+
+
+def _seen(light: Array, image: float) -> np.ndarray:
+    """(H, W) pixels whose light is not far below that of the brightest of the mask's image."""
+    return np.asarray(light > _LIT * np.percentile(light, 100 * (1 - _BRIGHTEST * image)))
+
+
+def _lit(above: Array, image: float, noise: float, source: object) -> np.ndarray:
+    """(H, W) pixels that the open pattern lights; DataError where it is no brighter than the dark one."""
+    lit = _seen(above, image)
+    if np.median(above[lit]) < 5 * noise or lit.mean() < 0.02 * image:
         remedy = "give more light; are the frames in the order of the patterns?"
         raise DataError(source, "an open pattern that is no brighter than the dark one", "light", remedy)
     return lit
 
 
 def _check_shown(
-    values: Array, coded: np.ndarray, ends: tuple[Array, Array], names: Sequence[str], source: object
+    values: Array, coded: np.ndarray, ends: tuple[Array, Array], image: float, names: Sequence[str], source: object
 ) -> None:
     """Raises DataError for a coded frame that is brighter than the open one, or darker than the dark one."""
     swing = np.ptp(values, axis=0)
-    seen = swing > _LIT * np.percentile(swing, 95)
+    seen = _seen(swing, image)
     for index in map(int, np.flatnonzero(coded)):
         above, below = values[index] - ends[1], ends[0] - values[index]
         for how, beside in (("brighter than the open pattern's", above), ("darker than the dark pattern's", below)):
@@ -92,13 +122,12 @@ def _check_shown(
                 )
 
 
-def _inside(lit: np.ndarray, scale: float, codes: tuple[int, ...], source: object) -> np.ndarray:
+def _inside(lit: np.ndarray, image: float, source: object) -> np.ndarray:
     """Lit pixels without their edge; DataError where they are a small part of the mask's image."""
     from scipy.ndimage import binary_erosion
 
     inner = np.asarray(binary_erosion(lit, iterations=_EDGE))
-    image = np.prod([min(scale * n, size) for n, size in zip(codes, lit.shape, strict=True)])
-    share = float(inner.sum() / image)
+    share = float(inner.mean() / image)
     if share < _SEEN:
         remedy = "light the whole mask; are the frames in the order of the patterns, and is --scale right?"
         found = f"an open pattern that lights {share:.1%} of the mask's image evenly"

@@ -18,6 +18,9 @@ from tmca.lab.calibration.measurements.open_light import coded_shares
 from tmca.lab.calibration.measurements.pattern_image import SAMPLES, mapped, seen_patterns
 
 LARGEST_RESIDUAL = 0.2
+"""Share of the patterns' contrast that the fit may leave beside noise: of other patterns it leaves a half."""
+_LARGEST_NOISE = 0.3
+"""Share of the contrast that is put down to noise at most, that of 9 dB: a fit of other patterns is refused with it."""
 _LEVELS = (3.0, 1.5, 0.0)
 """Blur under which the fit begins, sensor pixels: a rotation moves corners by more than a mask pixel."""
 LARGEST_STD = 0.25
@@ -118,7 +121,7 @@ def register(
     if not 0 < scale < np.inf:
         raise SettingError("--scale", f"{scale:g}", "sensor pixels per mask pixel, above 0")
     scale = scale if start is None else _scale(np.asarray(start))
-    shares, lit = coded_shares(frames, patterns, scale=scale, names=names, source=source)
+    shares, lit, noise = coded_shares(frames, patterns, scale=scale, names=names, source=source)
     shown = _coded(np.asarray(patterns, dtype=np.float64))
     found = find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)
     values: Any = None
@@ -131,15 +134,16 @@ def register(
     leakage = _leakage(frames, patterns, lit) if above_dark else (None, None)
     blur = abs(float(values.x[6]))
     registered = Registration(found, std, blur, residual / contrast, codes, size, wavelength, *leakage)
-    _check(registered, scale, source)
+    _check(registered, noise / contrast, scale, source)
     return registered
 
 
-def _check(found: Registration, scale: float, source: object) -> None:
+def _check(found: Registration, noise: float, scale: float, source: object) -> None:
     """Raises DataError for a map that does not explain the frames, that they do not tell, or of another scale."""
     remedy = "are the frames in the order of the patterns, and the patterns those that were shown?"
-    if found.residual > LARGEST_RESIDUAL:
-        what = f"a fit of the patterns that leaves {beyond(found.residual, '%')} of their contrast"
+    left = float(np.sqrt(max(found.residual**2 - min(noise, _LARGEST_NOISE) ** 2, 0.0)))
+    if left > LARGEST_RESIDUAL:
+        what = f"a fit of the patterns that leaves {beyond(left, '%')} of their contrast beside noise"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
     if not found.edge_std <= LARGEST_STD:
         what = f"a fit that leaves the mask's corners uncertain by {beyond(found.edge_std, 'pixels')}"
