@@ -14,7 +14,7 @@ from tmca.sensor import Noise
 
 
 class FixedOperator(TapOperator):
-    """A tap operator in a handful of operations that exporters know, however many its taps; its numbers are its parent's.
+    """A tap operator in few operations, known to exporters, however many its taps; its numbers are its parent's.
 
     Channels are laid on the snapshot by looking columns up, those beyond a channel in a column of zeros.
     """

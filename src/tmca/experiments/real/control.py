@@ -60,12 +60,17 @@ def check_known(names: Sequence[str], folder: Path) -> None:
 
 
 def study_control(
-    folder: Path, name: str, decoders: Sequence[str], weights: Weights | None, keep: Path, told: Told
+    capture: Snapshot[SpectralCamera],
+    name: str,
+    decoders: Sequence[str],
+    weights: Weights | None,
+    keep: Path,
+    told: Told,
 ) -> list[dict[str, Any]]:
     """A row per decoder: errors against the truth, and what withheld pixels say of them.
 
     Args:
-        folder: of the captures; the first one's mask, optics and noise.
+        capture: whose mask, optics and noise the scene is seen with.
         name: of a scene, as in `known_scene`.
         decoders: of ``REAL_DECODERS``.
         weights: of the network.
@@ -73,7 +78,6 @@ def study_control(
         told: what is done next.
     """
     told(f"{name}, whose truth is known")
-    capture = first_capture(folder)
     scene = known_scene(name, capture.camera)
     taken, stem = image_behind(capture, scene), Path(name).stem
     operator, (blind, hidden) = taken.camera.operator(), withheld(taken)

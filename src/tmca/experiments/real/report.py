@@ -77,7 +77,8 @@ def write_report(
     told("geometry")
     geometry, blocks = study_geometry(folder)
     scenes = [study_scene(folder, name, decoders, trained, keep, told) for name in SCENES]
-    known = [row for name in control for row in study_control(folder, name, decoders, trained, keep, told)]
+    first = scenes[0].snapshot
+    known = [row for name in control for row in study_control(first, name, decoders, trained, keep, told)]
     rows, frames, captures = study_movies(folder, told)
     results = {
         "command": shlex.join(command), "commit": repository_commit(), "geometry": geometry,
