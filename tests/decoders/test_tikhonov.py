@@ -5,7 +5,7 @@ import torch
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import decode, decode_light_field
-from tmca.decoders.iterative.tikhonov import tikhonov
+from tmca.decoders.iterative.tikhonov import _roughness, tikhonov
 from tmca.decoders.networks.start import first_estimate
 from tmca.errors import SettingError, ShapeError
 from tmca.sensor import Noise, Sensor
@@ -45,6 +45,17 @@ def test_it_is_the_minimum(name):
     snapshots = random_snapshots(operator, 2)
     found = tikhonov(operator, snapshots, weight=WEIGHT, iterations=200)
     torch.testing.assert_close(found, dense(operator, snapshots, WEIGHT), rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 7), (6, 1), (2, 2), (5, 6)])
+def test_roughness_is_that_of_a_loop_over_neighbours(size):
+    scene = torch.randn(2, 3, *size, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    wanted = torch.zeros_like(scene)
+    for y, x in torch.cartesian_prod(*map(torch.arange, size)).reshape(-1, 2).tolist():
+        for other_y, other_x in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
+            if 0 <= other_y < size[0] and 0 <= other_x < size[1]:
+                wanted[..., y, x] += scene[..., y, x] - scene[..., other_y, other_x]
+    torch.testing.assert_close(_roughness(scene), wanted)
 
 
 def test_snapshots_of_a_batch_do_not_see_each_other():

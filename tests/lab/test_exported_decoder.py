@@ -13,8 +13,9 @@ from tmca.decoders import Weights, build_network
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.lab.decoder_description import code_marks
 from tmca.lab.exported_decoder import check_decoder, decode_exported, decoder_file, export_decoder, load_exported
+from tmca.lab.fixed_decoder import FixedOperator, LookedUpOperator
 from tmca.lab.real_captures.saturation import WITHHELD, without_pixels
-from tmca.operators import Taps
+from tmca.operators import TapOperator, Taps
 
 SIZE, BANDS = (24, 21), 4
 
@@ -40,6 +41,22 @@ def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("exported")
     file = written_weights(folder)
     return file, folder / "out", export_decoder(file, folder / "out", ("torch",))
+
+
+@pytest.mark.parametrize("kind", [FixedOperator, LookedUpOperator])
+@pytest.mark.parametrize(("offsets", "spare"), [((0, 2, 4), 0), ((4, 2, 0), 3), ((3, 0, 3, 1), 2), ((0, 11, 5), 1)])
+@pytest.mark.parametrize("size", [(1, 1), (5, 1), (1, 7), (6, 8), (7, 9)])
+def test_both_forms_of_the_operator_are_the_camera_s(kind, offsets, spare, size):
+    draw = torch.Generator().manual_seed(3)
+    bands, wide = len(offsets), max(offsets) + size[1] + spare
+    code = torch.rand(bands, *size, generator=draw, dtype=torch.float64)
+    own = TapOperator(Taps(code, tuple(range(bands)), offsets, bands, wide))
+    fixed = kind(own)
+    scene = torch.randn(2, bands, *size, generator=draw, dtype=torch.float64)
+    snapshot = torch.randn(2, 1, size[0], wide, generator=draw, dtype=torch.float64)
+    torch.testing.assert_close(fixed.A(scene), own.A(scene))
+    torch.testing.assert_close(fixed.A_adjoint(snapshot), own.A_adjoint(snapshot))
+    torch.testing.assert_close(fixed.A_dagger(snapshot), own.A_dagger(snapshot))
 
 
 def test_the_torch_file_is_the_network(exported):

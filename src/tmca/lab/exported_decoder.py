@@ -31,7 +31,7 @@ from tmca.lab.decoder_description import (
     read_description,
     write_description,
 )
-from tmca.lab.fixed_decoder import CameraDecoder
+from tmca.lab.fixed_decoder import CameraDecoder, FixedOperator, LookedUpOperator
 from tmca.lab.real_captures.saturation import WITHHELD
 from tmca.operators import TapOperator
 from tmca.sensor import Noise, Sensor
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 FORMATS = {"torch": "decoder.pt2", "onnx": "decoder.onnx"}
+_OPERATORS = {"torch": FixedOperator, "onnx": LookedUpOperator}
 _CLOSE = 1e-3
 """Largest difference, as a share of the largest value, at which a file counts as the same decoder."""
 
@@ -90,18 +91,22 @@ def export_decoder(
             check_target(folder / file, overwrite)
     weights = Weights.load(run)
     camera = weights.spectral_camera(size, sensor=_sensor(weights, noise))
-    decoder = _fixed(weights, camera, camera.noise)
+    decoders = {one: _fixed(weights, camera, camera.noise, one) for one in formats}
     make_folder(folder)
-    found = [_written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite) for one in formats]
-    write_description(_described(weights, camera, decoder, found), folder, overwrite=overwrite)
+    found = [
+        _written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite)
+        for one, decoder in decoders.items()
+    ]
+    write_description(_described(weights, camera, decoders[formats[0]], found), folder, overwrite=overwrite)
     return found
 
 
-def _fixed(weights: Weights, camera: SpectralCamera, noise: Noise) -> CameraDecoder:
+def _fixed(weights: Weights, camera: SpectralCamera, noise: Noise, format: str) -> CameraDecoder:
+    """The decoder in the form that suits a file."""
     operator = camera.operator()
     if not isinstance(operator, TapOperator):
         raise SettingError("weights", "optics that keep the slots apart", "one code for all slots")
-    return CameraDecoder(weights, operator, noise).eval()
+    return CameraDecoder(weights, operator, noise, _OPERATORS[format]).eval()
 
 
 def _described(weights: Weights, camera: SpectralCamera, decoder: CameraDecoder, found: list[Exported]) -> Description:
@@ -123,7 +128,7 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Ex
     weights = Weights.load(run)
     camera = weights.spectral_camera((about.scene[2], about.scene[3]))
     check_camera(about, camera, weights.path)
-    decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise))
+    decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
     files = {entry.format: Path(folder) / entry.file for entry in about.files}
     snapshot = _random(camera.snapshot_shape, seed)
     found = [Exported(one, file, _difference(decoder, load_exported(file), snapshot)) for one, file in files.items()]

@@ -7,6 +7,7 @@ from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.measurements.closed_light import closed_light
 from tmca.lab.calibration.measurements.displacement import displacement_of
+from tmca.lab.calibration.measurements.open_light import coded_shares
 from tmca.lab.calibration.measurements.pattern_image import inverse, mapped, moved, seen_patterns
 from tmca.lab.calibration.measurements.registration import Registration, nominal_matrix, register
 from tmca.lab.calibration.patterns import calibration_patterns
@@ -84,17 +85,28 @@ def test_uneven_light_does_not_move_the_mask():
     assert found.offset(truth) < 0.05
 
 
-@pytest.mark.parametrize("sensor", [(181, 220), (260, 195)])
-def test_a_mask_on_a_small_part_of_the_sensor_is_found(sensor):
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("sensor", "snr_db"), [((181, 220), 30), ((260, 195), 20)])
+def test_a_mask_on_a_small_part_of_the_sensor_is_found(sensor, snr_db):
     codes = (33, 41)
     patterns = calibration_patterns(codes)
     truth = affine(codes, sensor, turn=0.7, scale=1.01, shift=(31.3, -40.6))
-    found = register(noisy(900 * seen_by_rays(patterns, truth, sensor, blur=0.4), 30) + 40, patterns)
-    assert found.offset(truth) < 0.05
-    with pytest.raises(DataError, match="in the order"):
-        register(noisy(900 * seen_by_rays(patterns, truth, sensor, blur=0.4), 30), patterns[[0, 1, 3, 2]], start=truth)
+    rng = np.random.default_rng(0)
+    frames = 40 + 900 * seen_by_rays(patterns, truth, sensor, blur=0.4)
+    frames += 900 / 10 ** (snr_db / 20) * rng.standard_normal(frames.shape)
+    frames[:, rng.uniform(size=sensor) < 0.002] += 2000  # hot pixels
+    assert register(frames, patterns).offset(truth) < (0.05 if snr_db == 30 else 0.1)
+    with pytest.raises(DataError, match="beside noise"):
+        register(frames, patterns[[0, 1, 3, 2]], start=truth)
     with pytest.raises(DataError, match="no brighter than the dark"):
-        register(noisy(np.ones((4, *sensor)), 30), patterns)
+        register(noisy(np.ones((4, *sensor)), snr_db), patterns)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("level", [0, 7])
+def test_frames_of_one_value_are_refused(level):
+    with pytest.raises(DataError, match="no brighter than the dark"):
+        register(np.full((4, 40, 50), level), calibration_patterns((33, 41)))
 
 
 @pytest.mark.parametrize("snr_db", [12, 20])
@@ -108,8 +120,33 @@ def test_noise_alone_refuses_no_fit(snr_db):
     assert found.residual > (0.2 if snr_db == 12 else 0.09)
     assert found.offset(truth) < 4 * found.edge_std
     for other in (patterns[[0, 1, 3, 2]], calibration_patterns(codes, seed=5)):
-        with pytest.raises(DataError, match="in the order"):
+        with pytest.raises(DataError, match="beside noise"):
             register(frames, other, start=truth)
+
+
+@pytest.mark.parametrize("snr_db", [15, 40])
+def test_one_pattern_of_many_that_was_not_shown_is_named(snr_db):
+    codes, sensor = ODD
+    patterns = calibration_patterns(codes, 8)
+    truth = affine(codes, sensor, turn=0.5)
+    frames = noisy(seen_by_rays(patterns, truth, sensor, blur=0.3), snr_db)
+    assert register(frames, patterns).offset(truth) < 0.05
+    shown = patterns.copy()
+    shown[5] = calibration_patterns(codes, seed=7)[3]
+    with pytest.raises(DataError, match="of the contrast of frame 5 beside noise"):
+        register(frames, shown)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1])
+def test_the_noise_of_shares_is_known_from_the_frames(sigma):
+    codes, sensor = EVEN
+    patterns = calibration_patterns(codes, 6)
+    light = 1 - 0.4 * np.linspace(0, 1, sensor[1])
+    frames = light * seen_patterns(patterns, affine(codes, sensor), sensor)
+    noise = sigma * np.random.default_rng(2).standard_normal(frames.shape)
+    clean, found = coded_shares(frames, patterns), coded_shares(frames + noise, patterns)
+    lit = clean.lit & found.lit
+    assert found.noise == pytest.approx(float((found.values - clean.values)[:, lit].std()), rel=0.2, abs=1e-9)
 
 
 def test_the_standard_deviation_is_that_of_many_captures():

@@ -16,6 +16,8 @@ _LIT = 0.3
 """Share of the brightest pixels' light below which a pixel does not count."""
 _BRIGHTEST = 0.05
 """Share of the mask's image that the brightest pixels are."""
+_ABOVE_NOISE = 6.0
+"""Times the noise that a pixel has to change between frames: the range of ten frames of noise is half of it."""
 _HALF = 0.5
 """Share of a pixel's light by which a frame has to be beyond that of the open or dark pattern, to be another's: noise
 of 20 dB is a tenth."""
@@ -36,7 +38,7 @@ class Shares(NamedTuple):
     Args:
         values: (P', H, W), 0 where no light is.
         lit: (H, W) pixels that count.
-        noise: rms of the values there, from the scatter of the dark frame.
+        noise: rms of the values there, from the scatter of the frame that has least.
     """
 
     values: Array
@@ -75,10 +77,11 @@ def coded_shares(
             raise DataError(source, f"no pattern that is {name}", "one", "show tmca calibrate patterns")
     dark, light = values[kinds["all dark"]].mean(axis=0), values[kinds["all open"]].mean(axis=0)
     image = _image(scale, shown.shape[1:], dark.shape)
-    noise = float(np.median(np.abs(np.diff(dark, axis=-1)))) + 1e-12
+    noise = float(np.median(np.abs(np.diff(values, axis=-1)), axis=(1, 2)).min()) + 1e-12
     lit = _lit(light - dark, image, noise, source)
     names = names or [str(n) for n in range(len(values))]
-    _check_shown(values, kinds["coded"], (dark, light), image, names, source)
+    seen = _seen(np.ptp(values, axis=0), image, _ABOVE_NOISE * noise)
+    _check_shown(values, kinds["coded"], (dark, light), seen, names, source)
     lit = _inside(lit, image, source)
     above = np.where(lit, light - dark, 1.0)
     shares = np.where(lit, (values[kinds["coded"]] - dark) / above, 0.0)
@@ -91,30 +94,32 @@ def _image(scale: float, codes: tuple[int, ...], sensor: tuple[int, ...]) -> flo
     return float(np.prod([min(scale * n, size) / size for n, size in zip(codes, sensor, strict=True)]))
 
 
-def _seen(light: Array, image: float) -> np.ndarray:
-    """(H, W) pixels whose light is not far below that of the brightest of the mask's image."""
-    return np.asarray(light > _LIT * np.percentile(light, 100 * (1 - _BRIGHTEST * image)))
+def _seen(light: Array, image: float, floor: float) -> np.ndarray:
+    """(H, W) pixels above a floor whose light is not far below that of the brightest of the mask's image."""
+    from scipy.ndimage import median_filter
+
+    brightest = np.percentile(median_filter(light, 3), 100 * (1 - _BRIGHTEST * image))
+    return np.asarray(light > max(floor, _LIT * brightest))
 
 
 def _lit(above: Array, image: float, noise: float, source: object) -> np.ndarray:
     """(H, W) pixels that the open pattern lights; DataError where it is no brighter than the dark one."""
-    lit = _seen(above, image)
-    if np.median(above[lit]) < 5 * noise or lit.mean() < 0.02 * image:
+    lit = _seen(above, image, _ABOVE_NOISE / 2 * noise)
+    if not lit.any() or np.median(above[lit]) < 5 * noise or lit.mean() < 0.02 * image:
         remedy = "give more light; are the frames in the order of the patterns?"
         raise DataError(source, "an open pattern that is no brighter than the dark one", "light", remedy)
     return lit
 
 
 def _check_shown(
-    values: Array, coded: np.ndarray, ends: tuple[Array, Array], image: float, names: Sequence[str], source: object
+    values: Array, coded: np.ndarray, ends: tuple[Array, Array], seen: np.ndarray, names: Sequence[str], source: object
 ) -> None:
     """Raises DataError for a coded frame that is brighter than the open one, or darker than the dark one."""
-    swing = np.ptp(values, axis=0)
-    seen = _seen(swing, image)
+    swing, count = np.ptp(values, axis=0), max(1, int(seen.sum()))
     for index in map(int, np.flatnonzero(coded)):
         above, below = values[index] - ends[1], ends[0] - values[index]
         for how, beside in (("brighter than the open pattern's", above), ("darker than the dark pattern's", below)):
-            share = float((beside > _HALF * swing)[seen].mean())
+            share = float(((beside > _HALF * swing) & seen).sum() / count)
             if share > _ELSEWHERE:
                 found = f"frame {names[index]} {how} on {beyond(share, '%')} of the lit pixels"
                 raise DataError(
@@ -129,7 +134,9 @@ def _inside(lit: np.ndarray, image: float, source: object) -> np.ndarray:
     inner = np.asarray(binary_erosion(lit, iterations=_EDGE))
     share = float(inner.mean() / image)
     if share < _SEEN:
-        remedy = "light the whole mask; are the frames in the order of the patterns, and is --scale right?"
+        order = "are the frames in the order of the patterns, and is --scale right?"
         found = f"an open pattern that lights {share:.1%} of the mask's image evenly"
-        raise DataError(source, found, f"{_SEEN:.0%} or more", remedy)
+        raise DataError(
+            source, found, f"{_SEEN:.0%} or more", f"light the whole mask, nothing brighter beside it; {order}"
+        )
     return inner

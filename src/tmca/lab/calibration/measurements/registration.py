@@ -18,9 +18,10 @@ from tmca.lab.calibration.measurements.open_light import coded_shares
 from tmca.lab.calibration.measurements.pattern_image import SAMPLES, mapped, seen_patterns
 
 LARGEST_RESIDUAL = 0.2
-"""Share of the patterns' contrast that the fit may leave beside noise: of other patterns it leaves a half."""
-_LARGEST_NOISE = 0.3
-"""Share of the contrast that is put down to noise at most, that of 9 dB: a fit of other patterns is refused with it."""
+"""Share of a pattern's contrast that the fit may leave beside noise: of another pattern it leaves a half."""
+_LARGEST_NOISE = 0.4
+"""Share of a pattern's contrast that is put down to noise at most: beside it another pattern still leaves 0.3."""
+_ORDER = "are the frames in the order of the patterns, and the patterns those that were shown"
 _LEVELS = (3.0, 1.5, 0.0)
 """Blur under which the fit begins, sensor pixels: a rotation moves corners by more than a mask pixel."""
 LARGEST_STD = 0.25
@@ -115,7 +116,8 @@ def register(
 
     Raises:
         DataError: no open or dark pattern, patterns that are not seen or not in the order of the frames, a fit that
-            leaves more than a fifth of their contrast or the place of the mask's corners uncertain, or another scale.
+            leaves more than a fifth of a pattern's contrast beside noise or the place of the mask's corners uncertain,
+            or another scale.
         SettingError: an impossible scale.
     """
     if not 0 < scale < np.inf:
@@ -134,23 +136,34 @@ def register(
     leakage = _leakage(frames, patterns, lit) if above_dark else (None, None)
     blur = abs(float(values.x[6]))
     registered = Registration(found, std, blur, residual / contrast, codes, size, wavelength, *leakage)
-    _check(registered, noise / contrast, scale, source)
+    coded = map(int, np.flatnonzero(_is_coded(np.asarray(patterns))))
+    _check_each(values.fun, shares[:, lit], noise, [names[n] if names else str(n) for n in coded], source)
+    _check(registered, scale, source)
     return registered
 
 
-def _check(found: Registration, noise: float, scale: float, source: object) -> None:
-    """Raises DataError for a map that does not explain the frames, that they do not tell, or of another scale."""
-    remedy = "are the frames in the order of the patterns, and the patterns those that were shown?"
-    left = float(np.sqrt(max(found.residual**2 - min(noise, _LARGEST_NOISE) ** 2, 0.0)))
-    if left > LARGEST_RESIDUAL:
-        what = f"a fit of the patterns that leaves {beyond(left, '%')} of their contrast beside noise"
-        raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
+def _check_each(left: Array, shares: Array, noise: float, names: Sequence[str], source: object) -> None:
+    """Raises DataError where the fit leaves (P' · N) too much of a coded pattern's shares (P', N) beside noise."""
+    contrast = 2 * shares.std(axis=1)
+    power = (left.reshape(shares.shape) ** 2).mean(axis=1) - np.minimum(noise, _LARGEST_NOISE * contrast) ** 2
+    unexplained = np.sqrt(np.maximum(power, 0.0)) / contrast
+    worst = int(unexplained.argmax())
+    if unexplained[worst] > LARGEST_RESIDUAL:
+        share = beyond(float(unexplained[worst]), "%")
+        what = f"a fit that leaves {share} of the contrast of frame {names[worst]} beside noise"
+        raise DataError(
+            source, what, f"{LARGEST_RESIDUAL:.0%} at most", f"{_ORDER}, and is there light and focus enough?"
+        )
+
+
+def _check(found: Registration, scale: float, source: object) -> None:
+    """Raises DataError for a map that the frames do not tell, or of another scale."""
     if not found.edge_std <= LARGEST_STD:
         what = f"a fit that leaves the mask's corners uncertain by {beyond(found.edge_std, 'pixels')}"
-        raise DataError(source, what, f"{LARGEST_STD:g} at most", f"give more light; {remedy}")
+        raise DataError(source, what, f"{LARGEST_STD:g} at most", f"give more light; {_ORDER}?")
     if abs(found.scale / scale - 1) > _SCALE + 0.005:
         what = f"{found.scale:.3g} sensor pixels per mask pixel"
-        raise DataError(source, what, f"{scale:.3g}, to {_SCALE:.0%}", f"check --scale; {remedy}")
+        raise DataError(source, what, f"{scale:.3g}, to {_SCALE:.0%}", f"check --scale; {_ORDER}?")
 
 
 def _scale(matrix: Array) -> float:
@@ -160,8 +173,12 @@ def _scale(matrix: Array) -> float:
 
 def _coded(patterns: Array) -> Array:
     """The patterns that are neither open nor dark."""
+    return np.asarray(patterns[_is_coded(patterns)])
+
+
+def _is_coded(patterns: Array) -> np.ndarray:
     mean = patterns.mean(axis=(1, 2))
-    return np.asarray(patterns[(mean > 0) & (mean < 1)])
+    return np.asarray((mean > 0) & (mean < 1))
 
 
 def _leakage(frames: ArrayLike, patterns: ArrayLike, lit: np.ndarray) -> tuple[float, float]:
