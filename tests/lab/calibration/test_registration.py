@@ -131,6 +131,10 @@ def test_one_pattern_of_many_that_was_not_shown_is_named(snr_db):
     truth = affine(codes, sensor, turn=0.5)
     frames = noisy(seen_by_rays(patterns, truth, sensor, blur=0.3), snr_db)
     assert register(frames, patterns).offset(truth) < 0.05
+    for empty in (patterns[5] * 0, patterns[5] * 0 + 1):
+        others = seen_by_rays(np.concatenate([patterns[:5], empty[None], patterns[6:]]), truth, sensor)
+        with pytest.raises(DataError, match="frame 5"):
+            register(others if snr_db == 40 else noisy(others, snr_db), patterns)
     shown = patterns.copy()
     shown[5] = calibration_patterns(codes, seed=7)[3]
     with pytest.raises(DataError, match="of the contrast of frame 5 beside noise"):

@@ -146,7 +146,8 @@ def _check_each(left: Array, shares: Array, noise: float, names: Sequence[str], 
     """Raises DataError where the fit leaves (P' · N) too much of a coded pattern's shares (P', N) beside noise."""
     contrast = 2 * shares.std(axis=1)
     power = (left.reshape(shares.shape) ** 2).mean(axis=1) - np.minimum(noise, _LARGEST_NOISE * contrast) ** 2
-    unexplained = np.sqrt(np.maximum(power, 0.0)) / contrast
+    nothing = np.ones_like(contrast)  # a frame without contrast explains no pattern
+    unexplained = np.divide(np.sqrt(np.maximum(power, 0.0)), contrast, out=nothing, where=contrast > 0)
     worst = int(unexplained.argmax())
     if unexplained[worst] > LARGEST_RESIDUAL:
         share = beyond(float(unexplained[worst]), "%")
