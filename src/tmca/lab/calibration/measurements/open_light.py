@@ -39,11 +39,13 @@ class Shares(NamedTuple):
         values: (P', H, W), 0 where no light is.
         lit: (H, W) pixels that count.
         noise: rms of the values there, from the scatter of the frame that has least.
+        names: (P') of the frames.
     """
 
     values: Array
     lit: np.ndarray
     noise: float
+    names: list[str]
 
 
 def coded_shares(
@@ -80,13 +82,15 @@ def coded_shares(
     noise = float(np.median(np.abs(np.diff(values, axis=-1)), axis=(1, 2)).min()) + 1e-12
     lit = _lit(light - dark, image, noise, source)
     names = names or [str(n) for n in range(len(values))]
-    seen = _seen(np.ptp(values, axis=0), image, _ABOVE_NOISE * noise)
-    _check_shown(values, kinds["coded"], (dark, light), seen, names, source)
+    coded = [names[int(n)] for n in np.flatnonzero(kinds["coded"])]
+    swing = np.ptp(values, axis=0)
+    seen = _seen(swing, image, _ABOVE_NOISE * noise)
+    _check_shown(values[kinds["coded"]], (dark, light), swing, seen, coded, source)
     lit = _inside(lit, image, source)
     above = np.where(lit, light - dark, 1.0)
     shares = np.where(lit, (values[kinds["coded"]] - dark) / above, 0.0)
     # of Gaussian noise the median difference of neighbours is 0.954 times it; frame and ends have 2 of its variances
-    return Shares(shares, lit, float(np.sqrt(2 * np.mean(above[lit] ** -2)) * noise / 0.954))
+    return Shares(shares, lit, float(np.sqrt(2 * np.mean(above[lit] ** -2)) * noise / 0.954), coded)
 
 
 def _image(scale: float, codes: tuple[int, ...], sensor: tuple[int, ...]) -> float:
@@ -112,16 +116,16 @@ def _lit(above: Array, image: float, noise: float, source: object) -> np.ndarray
 
 
 def _check_shown(
-    values: Array, coded: np.ndarray, ends: tuple[Array, Array], seen: np.ndarray, names: Sequence[str], source: object
+    coded: Array, ends: tuple[Array, Array], swing: Array, seen: np.ndarray, names: Sequence[str], source: object
 ) -> None:
     """Raises DataError for a coded frame that is brighter than the open one, or darker than the dark one."""
-    swing, count = np.ptp(values, axis=0), max(1, int(seen.sum()))
-    for index in map(int, np.flatnonzero(coded)):
-        above, below = values[index] - ends[1], ends[0] - values[index]
+    count = max(1, int(seen.sum()))
+    for name, frame in zip(names, coded, strict=True):
+        above, below = frame - ends[1], ends[0] - frame
         for how, beside in (("brighter than the open pattern's", above), ("darker than the dark pattern's", below)):
             share = float(((beside > _HALF * swing) & seen).sum() / count)
             if share > _ELSEWHERE:
-                found = f"frame {names[index]} {how} on {beyond(share, '%')} of the lit pixels"
+                found = f"frame {name} {how} on {beyond(share, '%')} of the lit pixels"
                 raise DataError(
                     source, found, f"{_ELSEWHERE:.0%} at most", "put the frames in the order of the patterns"
                 )

@@ -123,7 +123,7 @@ def register(
     if not 0 < scale < np.inf:
         raise SettingError("--scale", f"{scale:g}", "sensor pixels per mask pixel, above 0")
     scale = scale if start is None else _scale(np.asarray(start))
-    shares, lit, noise = coded_shares(frames, patterns, scale=scale, names=names, source=source)
+    shares, lit, noise, coded = coded_shares(frames, patterns, scale=scale, names=names, source=source)
     shown = _coded(np.asarray(patterns, dtype=np.float64))
     found = find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)
     values: Any = None
@@ -136,8 +136,7 @@ def register(
     leakage = _leakage(frames, patterns, lit) if above_dark else (None, None)
     blur = abs(float(values.x[6]))
     registered = Registration(found, std, blur, residual / contrast, codes, size, wavelength, *leakage)
-    coded = map(int, np.flatnonzero(_is_coded(np.asarray(patterns))))
-    _check_each(values.fun, shares[:, lit], noise, [names[n] if names else str(n) for n in coded], source)
+    _check_each(values.fun, shares[:, lit], noise, coded, source)
     _check(registered, scale, source)
     return registered
 
@@ -174,12 +173,8 @@ def _scale(matrix: Array) -> float:
 
 def _coded(patterns: Array) -> Array:
     """The patterns that are neither open nor dark."""
-    return np.asarray(patterns[_is_coded(patterns)])
-
-
-def _is_coded(patterns: Array) -> np.ndarray:
     mean = patterns.mean(axis=(1, 2))
-    return np.asarray((mean > 0) & (mean < 1))
+    return np.asarray(patterns[(mean > 0) & (mean < 1)])
 
 
 def _leakage(frames: ArrayLike, patterns: ArrayLike, lit: np.ndarray) -> tuple[float, float]:
