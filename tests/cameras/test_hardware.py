@@ -85,7 +85,7 @@ def test_the_camera_itself_stays_as_it_is(build, fault):
 def test_a_fault_that_a_camera_cannot_have_is_refused_and_leaves_it_as_it_is(build, fault):
     camera = build()
     before = taken(camera)
-    with pytest.raises(SettingError, match=f"{fault}: found 0.2, expected none in a {camera.application} camera"):
+    with pytest.raises(SettingError, match=f"{fault}: found 0.2, expected none in a {camera.kind} camera"):
         imperfect(camera, Hardware.of({fault: 0.2}))
     assert torch.equal(taken(camera), before)
 
@@ -259,8 +259,8 @@ def test_codes_learn_through_faults():
     camera = spectral(learnable=True, period=3)
     found = imperfect(camera, Hardware(contrast_ratio=10, switching=0.2, misregistration=0.3))
     found(torch.rand(1, *camera.scene_shape)).square().mean().backward()
-    assert float(camera.multiplexed.aperture.latent.grad.abs().sum()) > 0
-    assert float(camera.multiplexed.shutter.latent.grad.abs().sum()) > 0
+    assert float(camera.codes.aperture.latent.grad.abs().sum()) > 0
+    assert float(camera.codes.shutter.latent.grad.abs().sum()) > 0
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def test_fixed_codes_that_are_changed_change_the_operator():
     camera = LightFieldCamera(3, (8, 9), 2)
     before = camera.operator()
     assert camera.operator() is before
-    camera.multiplexed.shutter.latent.neg_()
+    camera.codes.shutter.latent.neg_()
     assert camera.operator() is not before
 
 

@@ -42,7 +42,7 @@ def test_the_camera_comes_back_whole(taken, tmp_path):
     assert back.camera.noise == snapshot.camera.noise
     assert back.camera.full_scale == snapshot.camera.full_scale
     assert back.camera.sensor.settings() == snapshot.camera.sensor.settings()
-    assert back.camera.multiplexed.aperture.period == snapshot.camera.multiplexed.aperture.period
+    assert back.camera.codes.aperture.period == snapshot.camera.codes.aperture.period
     assert back.notes == {"scene": "random"}
 
 

@@ -83,7 +83,7 @@ def test_codes_and_response_learn_when_they_are_parameters():
     camera = SpectralCamera(bands=3, size=(6, 7), slots=2, learnable=True, response=kappa)
     camera(torch.rand(1, 3, 6, 7)).square().sum().backward()
     moved = [name for name, p in camera.named_parameters() if p.grad is not None and p.grad.abs().sum() > 0]
-    assert sorted(moved) == ["multiplexed.aperture.latent", "multiplexed.shutter.latent", "response"]
+    assert sorted(moved) == ["codes.aperture.latent", "codes.shutter.latent", "response"]
     assert not list(SpectralCamera(bands=3, size=(6, 7)).parameters())
 
 

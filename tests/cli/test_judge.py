@@ -21,7 +21,7 @@ def camera():
 
 @pytest.fixture
 def codes(tmp_path, camera):
-    planes = [plane.tile() for plane in (camera.multiplexed.aperture, camera.multiplexed.shutter)]
+    planes = [plane.tile() for plane in (camera.codes.aperture, camera.codes.shutter)]
     return write_codes(tmp_path / "codes.nc", *planes, (8, 8))
 
 

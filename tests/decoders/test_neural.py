@@ -147,7 +147,7 @@ def test_bands_are_the_same_to_a_nanometre():
 
 def weights_of(own, kind="unrolled", **network):
     torch.manual_seed(1)
-    codes = own.multiplexed
+    codes = own.codes
     kept = {
         "size": own.size, "period": 4, "exposure": own.exposure, "disperser": own.disperser,
         "dispersion": list(own.dispersion.displacement),

@@ -41,7 +41,7 @@ def test_a_tile_repeats_itself_for_ever(period):
     small = designed(period=period)
     wide = SpectralCamera(
         bands=BANDS, size=(12, 30), slots=2, period=period,
-        aperture=small.multiplexed.aperture.tile().detach(), shutter=small.multiplexed.shutter.tile().detach(),
+        aperture=small.codes.aperture.tile().detach(), shutter=small.codes.shutter.tile().detach(),
     )  # fmt: skip
     code, cut = small.operator().taps.code, wide.operator().taps.code
     for top, left in ((0, 0), (2, 3), (5, 11)):
@@ -59,7 +59,7 @@ def test_the_tile_error_is_the_mean_over_its_phases():
     small, error = designed(period=(3, 5)), tile_error()
     code = small.operator().taps.code.detach()
     every = torch.stack([error(code, (y, x)) for y in range(3) for x in range(5)]).mean()
-    frame = small.multiplexed
+    frame = small.codes
     wide = SpectralCamera(bands=BANDS, size=(12, 30), slots=2, period=(3, 5),
                           aperture=frame.aperture.tile().detach(), shutter=frame.shutter.tile().detach())  # fmt: skip
     cut, model = wide.operator().taps.code.double(), error.error.model

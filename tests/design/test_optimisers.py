@@ -45,7 +45,7 @@ def test_flips_lower_the_error_and_keep_the_structure(kind):
 def test_flips_end_where_no_single_flip_helps():
     camera, error = designed("static", 1, (1, 6)), tile_error()
     value = flip_greedily(camera, error, most=20 * 80)
-    latent = camera.multiplexed.aperture.latent
+    latent = camera.codes.aperture.latent
     for place in range(6):
         with torch.no_grad():
             latent[0, 0, place] *= -1
@@ -103,7 +103,7 @@ def test_codes_that_are_started_from_bound_the_answer_and_keep_their_kind():
     assert free.mse <= min(static.mse, one_hot.mse) + 1e-12
     for kind, one in (("static", static), ("one-hot", one_hot)):
         again = designable(kind, one.slots, (4, 6), start=one.camera, bands=BANDS)
-        assert [p.learnable for p in (again.multiplexed.aperture, again.multiplexed.shutter)] == [
+        assert [p.learnable for p in (again.codes.aperture, again.codes.shutter)] == [
             True,
             kind != "static",
         ]

@@ -102,7 +102,7 @@ def test_codes_learn_end_to_end_from_the_designed_ones(found, folder):
     assert settings["codes"]["start"] == plain["codes"]["start"]
     assert (tuned.shutter == 1).all()
     camera = coded_camera({"code": "CLFP E2E", "noise": "noise-free"}, (30, 36), tuned)
-    assert (camera.multiplexed.aperture.tile() == tuned.aperture).all()
+    assert (camera.codes.aperture.tile() == tuned.aperture).all()
     assert fixed.aperture.shape == tuned.aperture.shape
 
 

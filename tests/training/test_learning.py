@@ -25,7 +25,7 @@ def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):
     psnr = [float(row[rows[0].index("psnr")]) for row in rows[1:]]
     assert max(psnr[-2:]) > psnr[0] + 0.3
     trained = Weights.load(found.weights)
-    before = starting_camera(tiny.settings(), [450e-9, 550e-9, 650e-9]).multiplexed
+    before = starting_camera(tiny.settings(), [450e-9, 550e-9, 650e-9]).codes
     for name in ("aperture", "shutter"):
         now, then = getattr(trained, name), getattr(before, name).tile()
         assert set(now.unique().tolist()) <= {0.0, 1.0}

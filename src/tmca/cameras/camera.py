@@ -26,7 +26,7 @@ class Camera(nn.Module):
         SettingError: an impossible size, number of slots or exposure.
     """
 
-    application: ClassVar[str]
+    kind: ClassVar[str]
     channel: ClassVar[str]
 
     def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: Sensor | None) -> None:

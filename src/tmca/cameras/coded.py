@@ -17,8 +17,8 @@ from tmca.sensor import Sensor
 class CodedCamera(Camera):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
-    Subclasses hold ``response``, the weight of every channel of the scene, and ``multiplexed``, the codes, and define
-    ``code_cube``, ``scene_shape``, ``snapshot_shape`` and ``_collapsed``, the operator of the present codes.
+    Subclasses hold ``response``, the weight of every channel of the scene, and ``codes`` (aperture, shutter), and
+    define ``code_cube``, ``scene_shape``, ``snapshot_shape`` and ``_collapsed``.
 
     Args:
         size: (H, W) of the scene, pixels.
@@ -28,7 +28,7 @@ class CodedCamera(Camera):
     """
 
     response: Tensor
-    multiplexed: MultiplexedCodes
+    codes: MultiplexedCodes
 
     def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: Sensor | None) -> None:
         super().__init__(size, slots, exposure, sensor)
@@ -49,10 +49,6 @@ class CodedCamera(Camera):
         """What each channel is, in a few words."""
         raise TypeError(f"{type(self).__name__} defines no channel_names")
 
-    def codes(self) -> tuple[Tensor, Tensor]:
-        """(aperture T (K, Ha, Wa), shutter S (K, Hs, Ws)), zeros and ones."""
-        return self.multiplexed()
-
     def code_cube(self) -> Tensor:
         """The time-multiplexed code T̂ of every channel."""
         raise TypeError(f"{type(self).__name__} defines no code_cube")
@@ -70,7 +66,7 @@ class CodedCamera(Camera):
 
     def operator(self) -> LinearOperator:
         """The linear part with the present codes, on scenes (B, channels, H, W)."""
-        if self.multiplexed.learnable or self.response.requires_grad:
+        if self.codes.learnable or self.response.requires_grad:
             return self._collapsed()
         versions = (self.exposure, *self._geometry(), *((t.data_ptr(), t._version) for t in self._tensors()))
         if self._fixed is None or self._fixed[0] != versions:
@@ -98,7 +94,7 @@ class CodedCamera(Camera):
         Raises:
             SettingError: a camera that images moving scenes as a whole only.
         """
-        raise SettingError("motion", "some", f"none behind a part of a {self.application} camera")
+        raise SettingError("motion", "some", f"none behind a part of a {self.kind} camera")
 
     def _geometry(self) -> tuple[object, ...]:
         """What else the operator depends on."""
@@ -106,7 +102,7 @@ class CodedCamera(Camera):
 
     def _tensors(self) -> list[Tensor]:
         own = (*self.buffers(recurse=False), *self.parameters(recurse=False))
-        return [*self.multiplexed.state_dict(keep_vars=True).values(), *own]
+        return [*self.codes.state_dict(keep_vars=True).values(), *own]
 
     def _collapsed(self) -> TapOperator:
         raise TypeError(f"{type(self).__name__} defines no _collapsed")

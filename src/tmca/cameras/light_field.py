@@ -49,7 +49,7 @@ class LightFieldCamera(CodedCamera):
         SettingError, ShapeError: an impossible value or codes that do not fit, naming both sizes.
     """
 
-    application = "light-field"
+    kind = "light-field"
     channel = "view"
 
     def __init__(
@@ -76,7 +76,7 @@ class LightFieldCamera(CodedCamera):
         grid = view_grid(views)
         self.shear = ViewShear(grid, shear_step(shear), mask_scale)
         self.register_buffer("response", _weights(vignetting, grid).flatten())
-        self.multiplexed = MultiplexedCodes(
+        self.codes = MultiplexedCodes(
             slots, self.mask_size, self.size, aperture=aperture, shutter=shutter, transmittance=transmittance,
             duty=duty, period=period, seed=seed, learnable=learnable, spread=spread,
         )  # fmt: skip

@@ -59,7 +59,7 @@ class SpectralCamera(CodedCamera):
         SettingError, ShapeError: an impossible value or codes that do not fit, naming both sizes.
     """
 
-    application = "spectral"
+    kind = "spectral"
     channel = "band"
     coloured: Tensor | None
 
@@ -102,7 +102,7 @@ class SpectralCamera(CodedCamera):
         self.register_buffer("coloured", coloured)
         wide = (self.size[0], self.size[1] + self.dispersion.spread)
         planes = (self.size, wide) if disperser == "single" else (wide, self.size)
-        self.multiplexed = MultiplexedCodes(
+        self.codes = MultiplexedCodes(
             slots, *planes, aperture=aperture, shutter=shutter, transmittance=transmittance, duty=duty,
             period=period, seed=seed, learnable=learnable, spread=spread,
         )  # fmt: skip

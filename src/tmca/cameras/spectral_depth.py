@@ -68,7 +68,7 @@ class SpectralDepthCamera(Camera):
         SettingError, ShapeError: an impossible value, or parts that do not fit.
     """
 
-    application = "spectral-depth"
+    kind = "spectral-depth"
     channel = "band"
     response: Tensor
 

@@ -63,15 +63,15 @@ def reconstruct(
     from tmca.lab.calibration.apply import load_snapshot
 
     taken = load_snapshot(snapshot, calibration)
-    usual = "likelihood" if taken.camera.application == "spectral-depth" else "lmmse"
+    usual = "likelihood" if taken.camera.kind == "spectral-depth" else "lmmse"
     decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual)
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     how: dict[str, Any] = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty}
     if window is not None and usual != "likelihood":
         raise SettingError("--window", str(window), "none: spectral-depth snapshots alone have one", "leave it out")
-    if taken.camera.application == "light-field":
+    if taken.camera.kind == "light-field":
         way = _light_field(taken, reading, how | {"dictionary": dictionary})
-    elif taken.camera.application == "spectral-depth":
+    elif taken.camera.kind == "spectral-depth":
         spectral_depth.refuse_reading(reading, dictionary=dictionary, tv_weight=tv_weight)
         way = spectral_depth.way_back(taken, {"prior": prior, "weights": weights, "window": window})
     elif dictionary is not None:

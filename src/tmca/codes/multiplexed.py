@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from torch import Tensor, nn
 
 from tmca.codes.plane import CodePlane
@@ -29,6 +31,10 @@ class MultiplexedCodes(nn.Module):
     Raises:
         SettingError: another ``learnable``, or what ``CodePlane`` refuses.
     """
+
+    if TYPE_CHECKING:
+
+        def __call__(self) -> tuple[Tensor, Tensor]: ...
 
     def __init__(
         self,

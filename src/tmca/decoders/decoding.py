@@ -145,7 +145,7 @@ def by_prior(
             type(None): "none",
         }
         wanted, how = ("a Gaussian-mixture prior", " --mixture") if method == "mixture" else ("a Gaussian prior", "")
-        command = "learn-views" if snapshot.camera.application == "light-field" else "learn"
+        command = "learn-views" if snapshot.camera.kind == "light-field" else "learn"
         remedy = f"learn one with `tmca prior {command} …{how}`"
         raise SettingError("prior", kinds.get(type(prior), "something else"), f"{wanted} for {method}", remedy)
     found = decoder(snapshot.values, operator.taps, noise.read, noise.shot, uncertainty=uncertainty, progress=progress)

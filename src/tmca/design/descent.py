@@ -71,7 +71,7 @@ def descend(
     optimiser = torch.optim.Adam(latents, lr=how.rate)
     shifts = torch.randint(1 << 16, (how.steps, 2), generator=torch.Generator().manual_seed(how.seed)).tolist()
     for step in range(how.steps):
-        camera.multiplexed.anneal(how.slope[0] * (how.slope[1] / how.slope[0]) ** (step / how.steps))
+        camera.codes.anneal(how.slope[0] * (how.slope[1] / how.slope[0]) ** (step / how.steps))
         _step(camera, error, optimiser, latents, shifts[step], how)
         if (step + 1) % max(1, how.steps // how.checks) == 0 or step == how.steps - 1:
             best.meet(camera, error, latents)
@@ -86,7 +86,7 @@ def learned(camera: CodedCamera) -> list[nn.Parameter]:
     Raises:
         SettingError: there are none.
     """
-    found = [p for p in camera.multiplexed.parameters() if p.requires_grad]
+    found = [p for p in camera.codes.parameters() if p.requires_grad]
     if not found:
         raise SettingError("camera", "fixed codes", "learnable=True, 'aperture' or 'shutter'")
     return found
@@ -100,9 +100,9 @@ def _step(
     shift: Sequence[int],
     how: Descent,
 ) -> None:
-    camera.multiplexed.relax(how.relaxed)
+    camera.codes.relax(how.relaxed)
     value = error(camera.taps().code, (shift[0], shift[1]))
-    camera.multiplexed.relax(False)
+    camera.codes.relax(False)
     optimiser.zero_grad()
     value.log().backward()
     optimiser.step()

@@ -146,7 +146,7 @@ class TileState:
 
 def _flips(camera: CodedCamera) -> list[Flip]:
     learned(camera)  # refuses a camera without any
-    planes = [p for p in (camera.multiplexed.aperture, camera.multiplexed.shutter) if p.learnable]
+    planes = [p for p in (camera.codes.aperture, camera.codes.shutter) if p.learnable]
     return [Flip(plane, (k, y, x)) for plane in planes for k, y, x in product(*map(range, plane.latent.shape))]
 
 

@@ -73,5 +73,5 @@ def _show(camera: CodedCamera, start: CodedCamera, seed: int) -> None:
     if slots % start.slots:
         raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
     for name in ("aperture", "shutter"):
-        codes = getattr(start.multiplexed, name).tile().detach().repeat_interleave(slots // start.slots, 0)
-        getattr(camera.multiplexed, name).show(codes, spread=_SPREAD, seed=seed)
+        codes = getattr(start.codes, name).tile().detach().repeat_interleave(slots // start.slots, 0)
+        getattr(camera.codes, name).show(codes, spread=_SPREAD, seed=seed)

@@ -24,7 +24,7 @@ def hold_throughput(camera: CodedCamera, target: float) -> None:
 
     Planes whose family fixes their own share (one-hot, complementary) are left as they are.
     """
-    codes = camera.multiplexed
+    codes = camera.codes
     planes = [plane for plane in (codes.aperture, codes.shutter) if _free(plane)]
     if not planes:
         return

@@ -227,7 +227,7 @@ def _estimate(taken: Snapshot[Any]) -> np.ndarray:
     from tmca.experiments.light_field.imaging import reconstruct_light_field
     from tmca.experiments.spectral.imaging import reconstruct_snapshot
 
-    if taken.camera.application == "spectral":
+    if taken.camera.kind == "spectral":
         return np.asarray(reconstruct_snapshot(taken).cube.values, dtype=np.float64)
     return np.asarray(reconstruct_light_field(taken).light_field.values, dtype=np.float64)
 

@@ -73,7 +73,7 @@ def _needed(like: Path, mixture: bool, spread: int | None) -> tuple[tuple[float,
             raise SettingError(name, "given beside --like", "one of them", "leave it out")
     camera = Snapshot.load(like).camera
     if not isinstance(camera, SpectralDepthCamera):
-        raise SettingError("--like", f"a {camera.application} snapshot", "one of the spectral-depth camera")
+        raise SettingError("--like", f"a {camera.kind} snapshot", "one of the spectral-depth camera")
     return camera.wavelengths, needed_block(usual_window(camera), camera.bench.window)
 
 

@@ -29,7 +29,7 @@ _LOSSES = {
 def training_pictures(folder: Path) -> list[Path]:
     """Write ``curve.png`` and ``codes.png`` into a run's folder, in the place of earlier ones."""
     file = folder / "weights.safetensors"
-    depth = read_weights(file)[1].get("application") == SpectralDepthCamera.application
+    depth = read_weights(file)[1].get("application") == SpectralDepthCamera.kind
     weights = DepthWeights.load(file) if depth else Weights.load(file)
     loss = _LOSSES.get(weights.card.get("training", {}).get("optimiser", {}).get("loss", ""), "mean loss")
     drawings = {

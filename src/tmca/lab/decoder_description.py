@@ -125,7 +125,7 @@ def check_camera(about: Description, camera: Any, where: object, *, withheld: bo
         withheld: pixels of the snapshot are, which closes their shutter.
     """
     if not isinstance(camera, SpectralCamera):
-        raise DataError(where, f"a {camera.application} camera", "the spectral camera of the decoder")
+        raise DataError(where, f"a {camera.kind} camera", "the spectral camera of the decoder")
     check_shapes(about, camera, where)
     with torch.no_grad():
         operator = camera.operator()

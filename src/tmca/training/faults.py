@@ -43,11 +43,11 @@ class DrawnFaults:
 
     def check(self, camera: Camera) -> None:
         """Raises SettingError for faults that a training of this camera cannot have."""
-        refused = (*PARTS[camera.application], *UNTRAINED[camera.application])
+        refused = (*PARTS[camera.kind], *UNTRAINED[camera.kind])
         for name in self.ranges:
             if name in refused:
                 known = ", ".join(other for other in LIMITS if other not in refused)
-                raise SettingError(f"faults.{name}", "some", f"none in a {camera.application} run, which has {known}")
+                raise SettingError(f"faults.{name}", "some", f"none in a {camera.kind} run, which has {known}")
             imperfect(camera, Hardware.of({name: max(self.ranges[name], key=abs)}))
 
     def bench(self, camera: SomeCamera, sensor: Sensor, seed: tuple[int, ...]) -> tuple[SomeCamera, Sensor]:

@@ -66,7 +66,7 @@ class ImagingSystem(nn.Module):
         self.loss, self.codes, self.seed = LOSSES[loss], codes or CodeSettings(), seed
         self.faults = faults or DrawnFaults()
         self.faults.check(camera)
-        self.through_start = through_start and camera.multiplexed.learnable
+        self.through_start = through_start and camera.codes.learnable
         if self.through_start and network.start == "mixture":
             raise SettingError(
                 "codes.through_start",
@@ -74,7 +74,7 @@ class ImagingSystem(nn.Module):
                 "false, or start lmmse",
                 "codes learn with start lmmse",
             )
-        self.frozen = not camera.multiplexed.learnable
+        self.frozen = not camera.codes.learnable
         self._checked: dict[tuple[int, int], Tensor] = {}
 
     def forward(
@@ -122,7 +122,7 @@ class ImagingSystem(nn.Module):
 
     def anneal(self, slope: float) -> None:
         """Set the slope of the codes' surrogate derivative."""
-        self.camera.multiplexed.anneal(slope)
+        self.camera.codes.anneal(slope)
 
     def hold(self) -> None:
         """Bring the throughput back to a hard target."""
@@ -131,7 +131,7 @@ class ImagingSystem(nn.Module):
 
     def figures(self) -> dict[str, float]:
         """Light throughput, share of open aperture and shutter pixels."""
-        codes = self.camera.multiplexed
+        codes = self.camera.codes
         with torch.no_grad():
             return {
                 "throughput": self.camera.throughput(),

@@ -132,7 +132,7 @@ def weights_of(
     with_prior: bool,
 ) -> Weights:
     """The present state as a decoder with its codes."""
-    camera, codes = system.camera, system.camera.multiplexed
+    camera, codes = system.camera, system.camera.codes
     with torch.no_grad():
         planes = [(plane.tile() if plane.period else plane()).clone() for plane in (codes.aperture, codes.shutter)]
     wavelengths, optics = application.stored(camera)

@@ -59,7 +59,7 @@ def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> Spectr
 
     def shutter_size() -> tuple[int, int]:
         camera = SpectralCamera(bands=wavelengths, **settings.camera.model_dump(exclude={"learn"}))
-        return camera.multiplexed.shutter.size
+        return camera.codes.shutter.size
 
     return SpectralCamera(bands=wavelengths, **starting_settings(settings, shutter_size))
 

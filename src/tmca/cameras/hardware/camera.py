@@ -39,7 +39,7 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0, outside: Ou
     Raises:
         SettingError: a fault that this camera cannot have (a coloured aperture has those of ``COLOURED`` alone).
     """
-    hardware.check(camera.application)
+    hardware.check(camera.kind)
     if not set(hardware.faults()) - {"motion"}:  # of the scene, not of the camera
         return camera
     found: Any = sharing(camera)
@@ -107,7 +107,7 @@ def _light_field(camera: LightFieldCamera, hardware: Hardware, seed: int, outsid
 def _coded(camera: CodedCamera, hardware: Hardware, seed: int, size: Any, **how: Any) -> None:
     camera._fixed = None
     faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
-    camera.multiplexed = ImperfectCodes(camera.multiplexed, faults, hardware, size, **how)  # type: ignore[assignment]
+    camera.codes = ImperfectCodes(camera.codes, faults, hardware, size, **how)  # type: ignore[assignment]
 
 
 def _spectral_depth(camera: SpectralDepthCamera, hardware: Hardware, seed: int) -> None:

@@ -38,7 +38,7 @@ class Snapshot(Generic[Kind]):
         """
         from tmca.data import write_dataset
 
-        layout = _LAYOUTS[self.camera.application]
+        layout = _LAYOUTS[self.camera.kind]
         return write_dataset(layout.to_dataset(self.values, self.camera, self.notes), path, overwrite=overwrite)
 
     @classmethod

@@ -24,7 +24,7 @@ Kind = TypeVar("Kind", bound=Camera)
 
 def tile_attribute(camera: CodedCamera) -> dict[str, str]:
     """The tile of the codes."""
-    return {"period": json.dumps(camera.multiplexed.aperture.period)}
+    return {"period": json.dumps(camera.codes.aperture.period)}
 
 
 def code_planes(camera: CodedCamera, aperture_on: Sequence[str], shutter_on: Sequence[str]) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def common_attributes(camera: Camera) -> dict[str, Any]:
     from tmca import __version__
 
     return {
-        "camera": camera.application,
+        "camera": camera.kind,
         "exposure": camera.exposure,
         "full_scale": camera.full_scale,
         "sensor": json.dumps(camera.sensor.settings()),

@@ -126,7 +126,7 @@ def _scene(name: str, taken: Any) -> list[Any]:
     import numpy as np
     import torch
 
-    application = taken.camera.application
+    application = taken.camera.kind
     if application == "light-field":
         from tmca.experiments.light_field.imaging import as_batch
         from tmca.experiments.light_field.truth import true_light_field

@@ -86,7 +86,7 @@ class DepthWeights:
         """
         about = {
             "kind": self.network.kind, "settings": self.network.settings, "camera": _settings(self.camera),
-            "prior": self.prior, "card": self.card, "application": SpectralDepthCamera.application,
+            "prior": self.prior, "card": self.card, "application": SpectralDepthCamera.kind,
         }  # fmt: skip
         return write_weights(path, self.network, _tensors(self.camera), about, overwrite=overwrite)
 
@@ -98,7 +98,7 @@ class DepthWeights:
             DataError: no such file, weights of another camera, or tensors that do not fit the network.
         """
         path, about, tensors = read_weights(path)
-        if about.get("application") != SpectralDepthCamera.application:
+        if about.get("application") != SpectralDepthCamera.kind:
             found = f"weights of a {about.get('application', 'spectral')} camera"
             raise DataError(path, found, "those of a spectral-depth camera", "name other weights")
         parts = (*_CODES, *(name for name in _OF_FAMILY if name in tensors))

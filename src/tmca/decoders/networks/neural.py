@@ -141,7 +141,7 @@ class Weights:
         """
         path, about, tensors = read_weights(path)
         application = about.get("application", "spectral")
-        if application not in (SpectralCamera.application, LightFieldCamera.application):
+        if application not in (SpectralCamera.kind, LightFieldCamera.kind):
             found = f"weights of a {application} camera"
             raise DataError(path, found, "those of a spectral or light-field camera", "name other weights")
         network = build_network(about["kind"], **about["settings"])

@@ -108,7 +108,7 @@ def _trained(task: Task, cell: Settings, camera: CodedCamera) -> Path:
     from tmca.experiments.spectral.rows import FROZEN, RATE, scenes_of
     from tmca.training import settings_from, train_spectral
 
-    folder, codes = make_folder(Path(cell["folder"])), camera.multiplexed
+    folder, codes = make_folder(Path(cell["folder"])), camera.codes
     file, bands = folder / "codes.nc", cell["bands"]
     write_codes(file, codes.aperture.tile(), codes.shutter.tile(), task.period, overwrite=True)
     static = {"shutter": "open"} if camera.slots == 1 else {}

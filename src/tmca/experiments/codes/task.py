@@ -73,7 +73,7 @@ class Task:
         more = {"descents": _STATIC * self.effort.descents} if kind == "static" else {}
         best = self.search(kind, slots, starts, **more)
         notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
-        codes = best.camera.multiplexed
+        codes = best.camera.codes
         write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
         return best
 
@@ -137,7 +137,7 @@ def _built(arguments: dict[str, Any], **settings: Any) -> CodedCamera:
 
 def on_frame(camera: CodedCamera, arguments: dict[str, Any], size: tuple[int, int], sensor: Sensor) -> Any:
     """A camera of one period at the size of a scene, with fixed codes; ``camera_arguments`` say which one."""
-    codes = camera.multiplexed
+    codes = camera.codes
     own: dict[str, Any] = {"slots": camera.slots, "period": camera.size, "sensor": sensor}
     own |= {"aperture": codes.aperture.tile().detach(), "shutter": codes.shutter.tile().detach()}
     return _built(arguments, size=size, **own)

@@ -120,7 +120,7 @@ def design_codes(
     sections = _sections(advice, found)  # before anything is written
     _write_codes(advice.best.design.camera, out, found, overwrite)
     write_json(found, out / "design.json", overwrite=overwrite)
-    title = f"Codes for a {advice.best.design.camera.application} camera"
+    title = f"Codes for a {advice.best.design.camera.kind} camera"
     write_report(out / "design.html", title, sections, overwrite=overwrite)
     return advice, found
 
@@ -134,7 +134,7 @@ def _described(
         "command": " ".join(command), "commit": repository_commit(), "advice": advice.sentence(),
         "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
-        "camera": best.design.camera.application, "channels": examples.model.block[0],
+        "camera": best.design.camera.kind, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
         "block": list(examples.model.block), "scenes": list(examples.scenes),
         "best": {**best.row(), "held_out": best.held_out, "gains": best.gains,
@@ -152,7 +152,7 @@ def _write_codes(camera: CodedCamera, out: Path, found: Mapping[str, Any], overw
 
     from tmca.data import atomic_path
 
-    codes = camera.multiplexed
+    codes = camera.codes
     aperture, shutter = codes.aperture.tile().detach(), codes.shutter.tile().detach()
     for name, tile in (("aperture", aperture), ("shutter", shutter)):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:

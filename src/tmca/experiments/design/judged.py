@@ -51,7 +51,7 @@ def judge_codes(
     known = coded_camera(file, bands, camera or {})
     found = measures(known)
     told: dict[str, Any] = {
-        "file": str(file), "camera": known.application, "slots": known.slots, "channels": known.channels,
+        "file": str(file), "camera": known.kind, "slots": known.slots, "channels": known.channels,
         "throughput": found.throughput, "contrast": found.contrast, "likeness": found.likeness,
         "coherence": found.coherence, "levels": {f"{level:g}": share for level, share in found.levels.items()},
         "correlation": found.band_correlation.tolist(), "singular_values": found.singular_values.tolist(),
@@ -83,7 +83,7 @@ def coded_camera(file: str | Path, bands: int, settings: dict[str, Any]) -> Code
     if isinstance(taken, CodedCamera):
         return taken
     wanted = "codes or a snapshot of a spectral or light-field camera"
-    raise DataError(path, f"a {taken.application} snapshot", wanted, "use `tmca design spectral-depth`")
+    raise DataError(path, f"a {taken.kind} snapshot", wanted, "use `tmca design spectral-depth`")
 
 
 def _expected(camera: CodedCamera, prior: str | Path, sheet: SensorSheet | None) -> float:

@@ -26,9 +26,9 @@ def training_of(path: str | Path) -> tuple[dict[str, Any], Callable[[str], xr.Da
         DataError: a snapshot of another camera.
     """
     camera = Snapshot.load(path).camera
-    if camera.application != "spectral":
-        raise DataError(path, f"a snapshot of a {camera.application} camera", "a spectral one")
-    aperture = camera.multiplexed.aperture
+    if camera.kind != "spectral":
+        raise DataError(path, f"a snapshot of a {camera.kind} camera", "a spectral one")
+    aperture = camera.codes.aperture
     changes = {
         "camera.size": list(camera.size), "camera.slots": camera.slots, "camera.exposure": camera.exposure,
         "camera.dispersion": list(camera.dispersion.displacement), "camera.disperser": camera.disperser,

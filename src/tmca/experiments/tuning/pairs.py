@@ -51,17 +51,17 @@ def read_pair(files: PairFiles, weights: Weights | DepthWeights, calibration: Ca
         remedy = "name the calibration of its camera (--calibration)"
         raise DataError(files.capture, "a capture in digital numbers", "relative irradiance", remedy)
     _check_light(files.capture, taken)
-    truth = _TRUTHS[taken.camera.application](files.truth, taken)
+    truth = _TRUTHS[taken.camera.kind](files.truth, taken)
     _check_level(files.truth, truth, taken)
     return Pair(taken.values, truth, taken.camera.sensor), taken.camera
 
 
 def check_camera(where: Path, camera: Any, weights: Weights | DepthWeights) -> None:
     """Raises DataError unless a capture's camera, before calibration, is the one that a network was trained for."""
-    known = weights.application if isinstance(weights, Weights) else SpectralDepthCamera.application
+    known = weights.application if isinstance(weights, Weights) else SpectralDepthCamera.kind
     remedy = "take captures with the codes of the run (tmca export, tmca simulate --weights RUN)"
-    if camera.application != known:
-        raise DataError(where, f"a capture of a {camera.application} camera", f"one of a {known} camera", remedy)
+    if camera.kind != known:
+        raise DataError(where, f"a capture of a {camera.kind} camera", f"one of a {known} camera", remedy)
     if isinstance(weights, DepthWeights):
         if not same_bands(weights.camera.wavelengths, camera.wavelengths):
             raise DataError(where, "bands at other wavelengths than the run's", "the same, to a nanometre")

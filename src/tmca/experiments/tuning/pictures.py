@@ -50,7 +50,7 @@ def before_after(prepared: Prepared, folder: Path) -> Figure:
         name: decoded(NeuralDecoder(one, prior_of_cubes), pair, camera).numpy()  # type: ignore[arg-type]
         for name, one in {"before": was.network, "fine-tuned": own.network}.items()
     }
-    if camera.application == "spectral":
+    if camera.kind == "spectral":
         cubes = {name: found[0] for name, found in estimates.items()}
         return reconstruction_figure(cubes, list(camera.wavelengths), pair.truth[0])
     views = {name: _views(found, camera.views) for name, found in {"truth": pair.truth, **estimates}.items()}

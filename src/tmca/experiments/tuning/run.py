@@ -87,7 +87,7 @@ def trained_weights(name: str | Path) -> Weights | DepthWeights:
     """
     if str(name) == "default":
         return find_weights(name)
-    depth = read_weights(name)[1].get("application") == SpectralDepthCamera.application
+    depth = read_weights(name)[1].get("application") == SpectralDepthCamera.kind
     return DepthWeights.load(name) if depth else Weights.load(name)
 
 

@@ -45,11 +45,11 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
     if own.get("name") and said.get("camera_name") and own["name"] != said["camera_name"]:
         _refuse(calibration, f"a calibration of camera {own['name']}", f"one of {said['camera_name']}")
     for part in calibration.parts:
-        if part.rstrip("0123456789") in _OTHERS[camera.application]:
-            _refuse(calibration, f"a calibration with {part}", f"one of a {camera.application} camera")
+        if part.rstrip("0123456789") in _OTHERS[camera.kind]:
+            _refuse(calibration, f"a calibration with {part}", f"one of a {camera.kind} camera")
     sizes = {"sensor": tuple(camera.snapshot_shape[-2:])}
     if not isinstance(camera, SpectralDepthCamera):
-        sizes["codes"] = tuple(camera.multiplexed.aperture.size)  # type: ignore[union-attr, arg-type]
+        sizes["codes"] = tuple(camera.codes.aperture.size)  # type: ignore[union-attr, arg-type]
     for what, size in sizes.items():
         if own.get(what) and tuple(own[what]) != size:
             found, known = ("×".join(map(str, n)) for n in (own[what], size))

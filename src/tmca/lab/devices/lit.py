@@ -37,7 +37,7 @@ def lit_scene(camera: Any, light: Light) -> tuple[Tensor, ...]:
 
 def _point(camera: Any, light: Light) -> tuple[Tensor, Tensor]:
     """A point in the middle, in the plane of a depth; its image reaches the same peak in every frame."""
-    _check(isinstance(camera, SpectralDepthCamera), f"a point before a {camera.application} camera", "a white scene")
+    _check(isinstance(camera, SpectralDepthCamera), f"a point before a {camera.kind} camera", "a white scene")
     _check(float(camera.filters.filters.min()) == 1, "a point behind colour filters", "clear ones (--filters clear)")
     planes = [float(one) for one in camera.planes.metres]
     nearest = min(planes, key=lambda one: abs(one - (light.depth or 0.0)))
@@ -57,7 +57,7 @@ def _shares(camera: Any, light: Light) -> NDArray[np.floating[Any]]:
     if isinstance(camera, LightFieldCamera):
         _check(light.wavelength is None, "one wavelength", "none of a light-field camera, which sees white")
         return _of_views(camera, light.view)
-    _check(False, f"a {camera.application} camera", "a spectral or light-field one")
+    _check(False, f"a {camera.kind} camera", "a spectral or light-field one")
     raise AssertionError
 
 

@@ -67,4 +67,4 @@ def _drawn(camera: Any, calibration: Calibration) -> Any:
         return moved(np.eye(2, 3), (0.0, shift))
     if isinstance(camera, LightFieldCamera):
         return nominal_matrix(camera.mask_size, camera.size, 1 / camera.shear.scale)
-    raise SettingError("--calibration", f"a {camera.application} camera", "one with a coded aperture")
+    raise SettingError("--calibration", f"a {camera.kind} camera", "one with a coded aperture")

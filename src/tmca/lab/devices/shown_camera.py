@@ -35,7 +35,7 @@ def showing(camera: Any, codes: Planes) -> Any:
             if plane.shape[1:] != own[name].shape[1:]:
                 wanted = f"the camera's {tuple(own[name].shape)}"
                 raise DeviceError("simulated bench", f"{name} of {tuple(plane.shape)}", wanted, "export them for it")
-        found.multiplexed, found._fixed = _Shown(shown["aperture"], shown["shutter"]), None
+        found.codes, found._fixed = _Shown(shown["aperture"], shown["shutter"]), None
     elif codes.modes:
         size, modes = camera.spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
         found.spread, found._kept = sharing(camera.spread), None
@@ -57,7 +57,7 @@ def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[i
     Returns:
         Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
     """
-    codes = camera.multiplexed if isinstance(camera, CodedCamera) else camera.shutter
+    codes = camera.codes if isinstance(camera, CodedCamera) else camera.shutter
     faults = codes.faults if isinstance(codes, ImperfectCodes | ImperfectPlane) else None
     if settled or faults is None or not faults.timed:
         return [slot], torch.ones(1, camera.size[0])
@@ -83,7 +83,7 @@ def of_one_slot(camera: Any, seen: Sequence[int], shares: Tensor, share: int) ->
     found.slots, found.exposure = len(seen), "equal"
     opened = shares[:, :, None] * len(seen)  # a mean over these patterns is then their sum
     if isinstance(camera, CodedCamera):
-        found.multiplexed, found._fixed = _Seen(camera.multiplexed, seen, opened), None
+        found.codes, found._fixed = _Seen(camera.codes, seen, opened), None
         return found
     found.shutter, found._kept = _Opened(camera.shutter, opened), None
     found.spread = sharing(camera.spread)

@@ -93,7 +93,7 @@ def read_planes(source: str | Path) -> Planes:
 
 def _of_weights(path: Path) -> Planes:
     about = read_weights(path)[1]
-    if about.get("application") == SpectralDepthCamera.application:
+    if about.get("application") == SpectralDepthCamera.kind:
         return planes_of(DepthWeights.load(path).camera, str(path))
     weights = Weights.load(path)
     planes = {"aperture": weights.aperture, "shutter": weights.shutter}
@@ -134,9 +134,9 @@ def planes_of(camera: Camera, source: str) -> Planes:
     if isinstance(camera, SpectralDepthCamera):
         heights, shutter = camera.codes()
         modes, settings = family_parameters(camera.spread.heights), {"material": camera.bench.material}
-        return Planes(source, camera.application, {"heights": heights, "shutter": shutter}, (), modes, settings)
+        return Planes(source, camera.kind, {"heights": heights, "shutter": shutter}, (), modes, settings)
     if getattr(camera, "coloured", None) is not None:
         raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
     aperture, shutter = camera.codes()  # type: ignore[operator]
     planes = {"aperture": aperture, "shutter": shutter}
-    return Planes(source, camera.application, planes, (), None, {"size": camera.size, "exposure": camera.exposure})
+    return Planes(source, camera.kind, planes, (), None, {"size": camera.size, "exposure": camera.exposure})

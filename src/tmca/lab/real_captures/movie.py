@@ -74,7 +74,7 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
             parts of pixels.
     """
     if not isinstance(camera, SpectralCamera):
-        found = getattr(camera, "application", type(camera).__name__)
+        found = getattr(camera, "kind", type(camera).__name__)
         raise SettingError("snapshot", f"one of a {found} camera", "one of a spectral camera")
     aperture, shutter = camera.codes()
     slots = len(aperture)

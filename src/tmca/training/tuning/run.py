@@ -149,7 +149,7 @@ def _behind(weights: Weights | DepthWeights, camera: CodedCamera | SpectralDepth
     assert isinstance(camera, CodedCamera)
     with torch.no_grad():
         aperture, shutter = (plane.detach().cpu().clone() for plane in camera.codes())
-    wavelengths, optics = _APPLICATIONS[camera.application].stored(camera)
+    wavelengths, optics = _APPLICATIONS[camera.kind].stored(camera)
     if isinstance(camera, LightFieldCamera):
         optics |= {"vignetting": camera.vignetting.detach().cpu().tolist()}
     kept = {"size": camera.size, "period": None, "exposure": camera.exposure, **optics}

@@ -53,6 +53,6 @@ def captured(camera: Any, truth: BenchTruth, scene: xr.DataArray, name: str, see
     elif isinstance(camera, LightFieldCamera):
         shares = light_field_light(camera, truth, values)
     else:
-        raise SettingError("scenes", f"some for a {camera.application} bench", "none", "leave them out")
+        raise SettingError("scenes", f"some for a {camera.kind} bench", "none", "leave them out")
     rng = np.random.default_rng((seed, crc32(name.encode())))
     return raw_snapshot(camera, truth, shares[None], rng, name)

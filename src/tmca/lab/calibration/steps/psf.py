@@ -31,7 +31,7 @@ def phase_mask_camera(snapshot: str | Path, slot: int) -> SpectralDepthCamera:
     camera = Snapshot.load(snapshot).camera
     if not isinstance(camera, SpectralDepthCamera):
         remedy = "name a snapshot of the camera that the points are of"
-        raise DataError(snapshot, f"a {camera.application} camera", "a spectral-depth one, with phase masks", remedy)
+        raise DataError(snapshot, f"a {camera.kind} camera", "a spectral-depth one, with phase masks", remedy)
     if not 0 <= slot < camera.slots:
         raise SettingError("--slot", f"{slot}", f"slots 0 to {camera.slots - 1} of a spectral-depth camera")
     return camera
