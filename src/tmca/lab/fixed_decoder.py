@@ -9,7 +9,6 @@ from tmca.decoders.networks.neural import Weights
 from tmca.decoders.networks.start import NEED_PRIOR, first_estimate
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
-from tmca.operators.gram import gram_diagonal, gram_neighbour
 from tmca.sensor import Noise
 
 
@@ -23,7 +22,7 @@ class FixedOperator(TapOperator):
 
     def __init__(self, operator: TapOperator) -> None:
         super().__init__(operator.taps)
-        self.register_buffer("energy", gram_diagonal(operator.taps), persistent=False)
+        self.register_buffer("energy", operator.taps.gram_diagonal(), persistent=False)
 
     def A(self, scene: Tensor) -> Tensor:
         """(B, L, H, W) → (B, 1, H, W')."""
@@ -38,7 +37,7 @@ class FixedOperator(TapOperator):
         seen = [snapshot[:, 0, :, offset : offset + code.shape[1]] * code for code, offset in codes]
         return torch.stack(seen, dim=1)
 
-    def gram_solve(self, snapshot: Tensor, shift: float | Tensor = 0.0) -> Tensor:
+    def gram_solve(self, snapshot: Tensor, shift: float | Tensor = 0.0, **iteration: object) -> Tensor:
         """``(A Aᵀ + shift·I)⁻¹ snapshot``."""
         diagonal: Tensor = self.energy + shift
         return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(diagonal.dtype).tiny), 0.0)
@@ -103,7 +102,7 @@ class CameraDecoder(nn.Module):
                 "train it with --set decoder='{kind: unrolled, start: tikhonov}'",
             )  # fmt: skip
         taps = operator.taps
-        if gram_neighbour(taps) is not None or taps.channels != tuple(range(taps.scene_channels)):
+        if taps.gram_neighbour() is not None or taps.channels != tuple(range(taps.scene_channels)):
             raise SettingError("dispersion", "parts of pixels", "whole pixels for an exported decoder")
         self.network, self.operator, self.noise = weights.network, kind(operator), noise
 

@@ -6,10 +6,9 @@ import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError
+from tmca.operators.exposure import exposure_weight
 from tmca.operators.sheared_code import sheared_code
-from tmca.operators.spectral import exposure_weight
-from tmca.operators.tap_operator import TapOperator
-from tmca.operators.taps import Taps
+from tmca.operators.taps import TapOperator, Taps
 from tmca.optics import ViewShear, view_coordinates
 
 
@@ -53,9 +52,9 @@ def mask_code(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Tensor:
     size = (shutter.shape[1], shutter.shape[2])
     wanted = (len(shutter), *shear.mask_size(size))
     if tuple(aperture.shape) != wanted:
-        there = f"shape {tuple(aperture.shape)}"
+        found = f"shape {tuple(aperture.shape)}"
         raise ShapeError(
-            "aperture", there, f"{wanted}: the sensor's {tuple(shutter.shape)} and the views' shear around it"
+            "aperture", found, f"{wanted}: the sensor's {tuple(shutter.shape)} and the views' shear around it"
         )
     if shear.whole:
         return sheared_code(shutter, aperture, _shifts(shear, size)).unflatten(0, shear.views)

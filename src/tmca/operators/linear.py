@@ -1,8 +1,10 @@
-"""What every camera's linear part offers: ``A``, ``A_adjoint``, ``A_dagger`` (deepinv's names and meaning)."""
+"""What every camera's linear part offers: ``A``, ``A_adjoint``, ``A_dagger``, ``prox_l2`` (deepinv's names and meaning)."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -12,47 +14,37 @@ from tmca.errors import SettingError, ShapeError
 _TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
 
 
-class Imaging(Protocol):
-    """Anything with ``A`` and ``A_adjoint``."""
-
-    def A(self, x: Tensor, /) -> Tensor: ...
-
-    def A_adjoint(self, y: Tensor, /) -> Tensor: ...
-
-
-def conjugate_gradient_gram(
-    operator: Imaging,
-    y: Tensor,
-    shift: float,
+def conjugate_gradients(
+    matrix: Callable[[Tensor], Tensor],
+    right: Tensor,
     *,
     tolerance: float = 1e-6,
     steps: int = 200,
     start: Tensor | None = None,
 ) -> Tensor:
-    """``(A Aᵀ + shift·I)⁻¹ y`` for a batch of snapshots by conjugate gradients.
+    """Solve ``matrix(x) = right`` for a batch, each entry with steps of its own (Hestenes and Stiefel 1952).
 
     Args:
-        operator: with ``A`` and ``A_adjoint``.
-        y: (B, …).
-        shift: ≥ 0; with 0, y must lie in the range of A.
-        tolerance: residual, as a share of the norm of y, at which each snapshot of the batch is solved.
+        matrix: symmetric, positive semidefinite; applied to tensors like ``right``.
+        right: (B, …); where the matrix is singular it must lie in its range.
+        tolerance: residual, as a share of the norm of ``right``, at which every entry is solved.
         steps: most steps taken.
         start: a solution that is near, such as that of the iteration before; zero if None.
     """
-    dims = tuple(range(1, y.ndim))
+    dims = tuple(range(1, right.ndim))
 
     def dot(a: Tensor, b: Tensor) -> Tensor:
         return (a * b).sum(dim=dims, keepdim=True)
 
-    tiny = torch.finfo(y.dtype).tiny
-    solution = torch.zeros_like(y) if start is None else start
-    residual = y if start is None else y - operator.A(operator.A_adjoint(start)) - shift * start
+    tiny = torch.finfo(right.dtype).tiny
+    solution = torch.zeros_like(right) if start is None else start
+    residual = right if start is None else right - matrix(start)
     direction, energy = residual, dot(residual, residual)
-    goal = tolerance**2 * dot(y, y)
+    goal = tolerance**2 * dot(right, right)
     for _ in range(steps):
         if bool((energy <= goal).all()):
             break
-        image = operator.A(operator.A_adjoint(direction)) + shift * direction
+        image = matrix(direction)
         step = energy / dot(direction, image).clamp_min(tiny)
         solution, residual = solution + step * direction, residual - step * image
         energy, previous = dot(residual, residual), energy
@@ -60,43 +52,81 @@ def conjugate_gradient_gram(
     return solution
 
 
-class LinearOperator(nn.Module):
+def conjugate_gradient_gram(operator: Any, y: Tensor, shift: float, **iteration: Any) -> Tensor:
+    """``(A Aᵀ + shift·I)⁻¹ y`` of anything with ``A`` and ``A_adjoint``."""
+    return conjugate_gradients(lambda x: operator.A(operator.A_adjoint(x)) + shift * x, y, **iteration)
+
+
+class LinearOperator(nn.Module, ABC):
     """A linear map from scenes (B, *scene_shape) to snapshots (B, *snapshot_shape).
 
-    Subclasses set ``scene_shape`` and ``snapshot_shape`` and define ``A`` and ``A_adjoint``.
+    Subclasses set ``scene_shape`` and ``snapshot_shape`` and define ``A`` and ``A_adjoint``; where ``A Aᵀ`` has a closed
+    inverse they define ``gram_solve`` too.
     """
 
     scene_shape: tuple[int, ...]
     snapshot_shape: tuple[int, ...]
 
+    @abstractmethod
     def A(self, scene: Tensor) -> Tensor:
         """Scene (B, *scene_shape) → snapshot (B, *snapshot_shape)."""
-        raise TypeError(f"{type(self).__name__} defines no A")
 
+    @abstractmethod
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
         """Snapshot → scene, the transpose of ``A``."""
-        raise TypeError(f"{type(self).__name__} defines no A_adjoint")
 
     def forward(self, scene: Tensor) -> Tensor:
         """The same as ``A``."""
         return self.A(scene)
 
+    def gram_solve(
+        self,
+        snapshot: Tensor,
+        shift: float | Tensor,
+        *,
+        tolerance: float | None = None,
+        steps: int = 200,
+        start: Tensor | None = None,
+    ) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``, by conjugate gradients unless closed.
+
+        Args:
+            snapshot: (B, *snapshot_shape).
+            shift: ≥ 0, or a map of the snapshot's size; with 0 the snapshot must lie in the range of A.
+            tolerance, steps, start: of the iteration, see ``conjugate_gradients``; closed solutions need none of them.
+        """
+        return conjugate_gradients(
+            lambda y: self.A(self.A_adjoint(y)) + shift * y,
+            snapshot,
+            tolerance=_TOLERANCE[snapshot.dtype] if tolerance is None else tolerance,
+            steps=steps,
+            start=start,
+        )
+
     def A_dagger(self, snapshot: Tensor) -> Tensor:
-        """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``; by iteration, unless closed."""
+        """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``."""
         self._check(snapshot, self.snapshot_shape, "snapshot")
-        solved = conjugate_gradient_gram(self, snapshot, 0.0, tolerance=_TOLERANCE[snapshot.dtype], steps=1000)
-        return self.A_adjoint(solved)
+        return self.A_adjoint(self.gram_solve(snapshot, 0.0, steps=1000))
+
+    def prox_l2(self, point: Tensor, snapshot: Tensor, rho: float | Tensor) -> Tensor:
+        """``argmin_x ½‖A x − snapshot‖² + ρ/2 ‖x − point‖²``, solved in the space of the snapshot.
+
+        By the Woodbury identity it is ``point + Aᵀ (A Aᵀ + ρ I)⁻¹ (snapshot − A point)``.
+
+        Args:
+            point: (B, *scene_shape).
+            snapshot: (B, *snapshot_shape).
+            rho: ρ > 0.
+        """
+        return point + self.A_adjoint(self.gram_solve(snapshot - self.A(point), rho))
 
     def _check(self, tensor: Tensor, shape: tuple[int, ...], name: str) -> None:
         if not isinstance(tensor, Tensor) or not tensor.is_floating_point():
-            found = str(getattr(tensor, "dtype", type(tensor).__name__))
+            kind = str(getattr(tensor, "dtype", type(tensor).__name__))
             raise SettingError(
-                name, found, "a floating-point torch tensor", "convert it with torch.as_tensor(…).float()"
+                name, kind, "a floating-point torch tensor", "convert it with torch.as_tensor(…).float()"
             )
         if tensor.ndim != len(shape) + 1 or tuple(tensor.shape[1:]) != tuple(shape):
-            raise ShapeError(
-                name,
-                f"shape {tuple(tensor.shape)}",
-                f"(batch, {', '.join(map(str, shape))})",
-                "give the camera this size and number of bands, or crop the input",
-            )
+            expected = f"(batch, {', '.join(map(str, shape))})"
+            remedy = "give the camera this size and number of bands, or crop the input"
+            raise ShapeError(name, f"shape {tuple(tensor.shape)}", expected, remedy)

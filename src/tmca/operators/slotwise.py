@@ -11,8 +11,8 @@ from torch import Tensor
 from torch.nn.functional import conv2d
 
 from tmca.errors import ShapeError
+from tmca.operators.exposure import exposure_weight
 from tmca.operators.linear import LinearOperator
-from tmca.operators.spectral import exposure_weight
 from tmca.operators.tap_kernels import Layout, backproject, project
 from tmca.optics import Dispersion
 

@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import ShapeError
+from tmca.operators.exposure import exposure_weight
 from tmca.operators.sheared_code import sheared_code
-from tmca.operators.tap_operator import TapOperator
-from tmca.operators.taps import Taps, sum_by_channel
+from tmca.operators.taps import TapOperator, Taps, sum_by_channel
 from tmca.optics import Dispersion
-
-EXPOSURES = ("equal", "per-slot")
-
-
-def exposure_weight(exposure: str, slots: int) -> float:
-    """Weight of one slot: 1/K where the slots share one exposure time, 1 where each slot has a time of its own.
-
-    Raises:
-        SettingError: another name than ``"equal"`` or ``"per-slot"``.
-    """
-    if exposure not in EXPOSURES:
-        raise SettingError("exposure", repr(exposure), "'equal' (mean over slots) or 'per-slot' (sum)")
-    return 1 / slots if exposure == "equal" else 1.0
 
 
 def single_disperser(
@@ -50,17 +36,8 @@ def single_disperser(
     _check_planes(aperture, shutter, "aperture", "shutter", dispersion)
     channels, offsets, weights = _columns(dispersion)
     code = sheared_code(aperture, shutter, [(0, offset) for offset in offsets])
-    return _operator(
-        code,
-        channels,
-        offsets,
-        weights,
-        response,
-        exposure,
-        aperture.shape[0],
-        dispersion.bands,
-        shutter.shape[2],
-    )
+    scale = exposure_weight(exposure, len(shutter)) * code.new_tensor(weights)
+    return _operator(code, channels, offsets, scale, response, shutter.shape[2])
 
 
 def dual_disperser(
@@ -87,20 +64,9 @@ def dual_disperser(
     mirrored = Dispersion(tuple(-d for d in dispersion.displacement))
     channels, offsets, weights = _columns(mirrored)
     taps = sheared_code(shutter, aperture, [(0, offset) for offset in offsets])
-    taps = taps * torch.tensor(weights).to(shutter)[:, None, None]
-    code = sum_by_channel(taps, channels, dispersion.bands)
-    bands = tuple(range(dispersion.bands))
-    return _operator(
-        code,
-        bands,
-        (0,) * len(bands),
-        (1.0,) * len(bands),
-        response,
-        exposure,
-        shutter.shape[0],
-        len(bands),
-        shutter.shape[2],
-    )
+    code = sum_by_channel(taps * taps.new_tensor(weights)[:, None, None], channels, dispersion.bands)
+    scale = code.new_full((len(code),), exposure_weight(exposure, len(shutter)))
+    return _operator(code, tuple(range(len(code))), (0,) * len(code), scale, response, shutter.shape[2])
 
 
 def coloured_code(code: Tensor, dispersion: Dispersion, response: Tensor | None = None) -> TapOperator:
@@ -118,8 +84,8 @@ def coloured_code(code: Tensor, dispersion: Dispersion, response: Tensor | None 
         raise ShapeError("coloured code", f"shape {tuple(code.shape)}", f"({dispersion.bands}, H, W)")
     channels, offsets, weights = _columns(dispersion)
     picked = code[list(channels)]
-    width = code.shape[2] + dispersion.spread
-    return _operator(picked, channels, offsets, weights, response, "per-slot", 1, dispersion.bands, width)
+    scale = picked.new_tensor(weights)
+    return _operator(picked, channels, offsets, scale, response, code.shape[2] + dispersion.spread)
 
 
 def _columns(dispersion: Dispersion) -> tuple[tuple[int, ...], tuple[int, ...], tuple[float, ...]]:
@@ -131,19 +97,17 @@ def _operator(
     code: Tensor,
     channels: tuple[int, ...],
     offsets: tuple[int, ...],
-    weights: tuple[float, ...],
+    scale: Tensor,
     response: Tensor | None,
-    exposure: str,
-    slots: int,
-    bands: int,
     width: int,
 ) -> TapOperator:
-    scale = torch.tensor(weights, dtype=code.dtype, device=code.device) * exposure_weight(exposure, slots)
+    """The operator of taps (t, H, W), each scaled, on snapshots of ``width`` columns; the code is a cube of its own."""
+    bands = len(set(channels))
     if response is not None:
         if response.shape != (bands,):
             raise ShapeError("response", f"shape {tuple(response.shape)}", f"({bands},), one value per band")
         scale = scale * response.to(scale)[list(channels)]
-    # every caller hands over a cube of its own: scaled in place, a pass over fresh memory is saved
+    # scaled in place, a pass over fresh memory is saved
     scaled = code * scale[:, None, None] if scale.requires_grad else code.mul_(scale[:, None, None])
     return TapOperator(Taps(scaled, channels, offsets, bands, width))
 

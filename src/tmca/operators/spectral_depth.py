@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError
+from tmca.operators.exposure import exposure_weight
 from tmca.operators.linear import LinearOperator
 
 Size = tuple[int, int]
@@ -166,14 +167,14 @@ def coded_exposure(irradiance: Tensor, colour: Tensor, shutter: Tensor, exposure
     ):
         if tuple(given) != wanted:
             raise ShapeError(name, str(tuple(given)), str(wanted))
-    kept = torch.einsum("bklhw,khw->blhw", irradiance, shutter) / (slots if exposure == "equal" else 1)
-    return torch.einsum("blhw,clhw->bchw", kept, colour)
+    recorded = torch.einsum("bklhw,khw->blhw", irradiance, shutter) * exposure_weight(exposure, slots)
+    return torch.einsum("blhw,clhw->bchw", recorded, colour)
 
 
 def coded_exposure_adjoint(snapshot: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
     """The adjoint of ``coded_exposure`` in the irradiance: (B, K, L, H, W) of (B, C, H, W)."""
-    spread = torch.einsum("bchw,clhw->blhw", snapshot, colour) / (len(shutter) if exposure == "equal" else 1)
-    return spread[:, None] * shutter[:, None]
+    light = torch.einsum("bchw,clhw->blhw", snapshot, colour) * exposure_weight(exposure, len(shutter))
+    return light[:, None] * shutter[:, None]
 
 
 def equivalent_psf(
@@ -198,7 +199,7 @@ def equivalent_psf(
     top, left = pixel[0] - h // 2 + h, pixel[1] - w // 2 + w
     own_shutter = torch.nn.functional.pad(shutter, pad)[:, top : top + h, left : left + w]
     own_colour = torch.nn.functional.pad(colour, pad)[..., top : top + h, left : left + w]
-    mixed = torch.einsum("klhw,khw->lhw", psf[:, depth], own_shutter) / (len(shutter) if exposure == "equal" else 1)
+    mixed = torch.einsum("klhw,khw->lhw", psf[:, depth], own_shutter) * exposure_weight(exposure, len(shutter))
     return own_colour * mixed
 
 

@@ -1,18 +1,23 @@
-"""Taps: the common form of every collapsed coded camera.
+"""Taps: the common form of every collapsed coded camera, and its operator.
 
 A tap takes one channel of the scene (a band, a view), weighs it pixel by pixel and lays it on the snapshot some
 columns further on. CASSI has a tap per band (two where the dispersion is fractional), the dual disperser and the
-light-field camera one tap per channel with no offset.
+light-field camera one tap per channel with no offset. ``A Aᵀ`` is then diagonal, or tridiagonal along x.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError
+from tmca.operators.linear import LinearOperator
+from tmca.operators.tap_kernels import backproject, project
+
+_SHIFT, _REFINEMENTS = 1e-9, 4
 
 
 @dataclass(frozen=True)
@@ -36,17 +41,12 @@ class Taps:
     def __post_init__(self) -> None:
         taps, _, width = self.code.shape
         if not taps == len(self.channels) == len(self.offsets):
-            raise ShapeError(
-                "taps",
-                f"{taps} codes, {len(self.channels)} channels, {len(self.offsets)} offsets",
-                "one of each per tap",
-            )
-        if min(self.offsets) < 0 or max(self.offsets) + width > self.snapshot_width:
-            raise ShapeError(
-                "taps",
-                f"offsets {min(self.offsets)}…{max(self.offsets)}, width {width}, snapshot of {self.snapshot_width}",
-                "every tap inside the snapshot",
-            )
+            counts = f"{taps} codes, {len(self.channels)} channels, {len(self.offsets)} offsets"
+            raise ShapeError("taps", counts, "one of each per tap")
+        first, last = min(self.offsets), max(self.offsets)
+        if first < 0 or last + width > self.snapshot_width:
+            layout = f"offsets {first}…{last}, width {width}, snapshot of {self.snapshot_width}"
+            raise ShapeError("taps", layout, "every tap inside the snapshot")
 
     @property
     def scene_shape(self) -> tuple[int, int, int]:
@@ -70,14 +70,133 @@ class Taps:
         """
         rows, columns = self.code.shape[1:]
         if min(top, left) < 0 or top + height > rows or left + width > columns or min(height, width) < 1:
-            raise ShapeError(
-                "window", f"{height}×{width} pixels at row {top}, column {left}", f"a part of {rows}×{columns}"
-            )
-        part = self.code[:, top : top + height, left : left + width]
-        return replace(self, code=part, snapshot_width=width + self.snapshot_width - columns)
+            part = f"{height}×{width} pixels at row {top}, column {left}"
+            raise ShapeError("window", part, f"a part of {rows}×{columns}")
+        code = self.code[:, top : top + height, left : left + width]
+        return replace(self, code=code, snapshot_width=width + self.snapshot_width - columns)
+
+    def gram_diagonal(self) -> Tensor:
+        """(H, W') diagonal of ``A Aᵀ``: summed squares of the codes that meet in each sensor pixel."""
+        diagonal = self.code.new_zeros(self.code.shape[1], self.snapshot_width)
+        columns = self.code.shape[2]
+        for code, offset in zip(self.code, self.offsets, strict=True):
+            diagonal[:, offset : offset + columns].addcmul_(code, code)
+        return diagonal
+
+    def gram_neighbour(self) -> Tensor | None:
+        """(H, W'-1) coupling of each sensor pixel with its right neighbour in ``A Aᵀ``, None if there is none."""
+        columns = self.code.shape[2]
+        pairs = [
+            (a, b)
+            for a, b in product(range(len(self.offsets)), repeat=2)
+            if self.channels[a] == self.channels[b] and self.offsets[b] == self.offsets[a] + 1
+        ]
+        if not pairs:
+            return None
+        coupling = self.code.new_zeros(self.code.shape[1], self.snapshot_width - 1)
+        for a, b in pairs:
+            offset = self.offsets[a]
+            coupling[:, offset : offset + columns].addcmul_(self.code[a], self.code[b])
+        return coupling
+
+    def channel_energy(self) -> Tensor:
+        """(L, H, W) diagonal of ``Aᵀ A``: squared codes of the taps that read each entry of the scene, summed."""
+        return sum_by_channel(self.code.square(), self.channels, self.scene_channels)
 
 
 def sum_by_channel(code: Tensor, channels: tuple[int, ...], scene_channels: int) -> Tensor:
     """(t, H, W) codes of taps → (L, H, W), summed over the taps that read the same channel."""
     total = code.new_zeros(scene_channels, *code.shape[1:])
     return total.index_add(0, torch.tensor(channels, device=code.device), code)
+
+
+class TapOperator(LinearOperator):
+    """``y[m, n + o_t] = Σ_t code[t, m, n] · x[c_t, m, n]``, with adjoint and closed pseudo-inverse.
+
+    Args:
+        taps: code, channels and offsets.
+    """
+
+    code: Tensor
+
+    def __init__(self, taps: Taps) -> None:
+        super().__init__()
+        self.register_buffer("code", taps.code)
+        self.scene_shape, self.snapshot_shape = taps.scene_shape, taps.snapshot_shape
+        self._layout = (taps.channels, taps.offsets, taps.scene_channels, taps.snapshot_width)
+
+    @property
+    def taps(self) -> Taps:
+        """The operator's taps, on its present device."""
+        return Taps(self.code, *self._layout)
+
+    def A(self, scene: Tensor) -> Tensor:
+        """(B, L, H, W) → (B, 1, H, W')."""
+        self._check(scene, self.scene_shape, "scene")
+        return project(scene, self.code, self._layout)
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W)."""
+        self._check(snapshot, self.snapshot_shape, "snapshot")
+        return backproject(snapshot, self.code, self._layout)
+
+    def gram_solve(self, snapshot: Tensor, shift: float | Tensor, **iteration: object) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``: a division, or a tridiagonal solve along x.
+
+        Args:
+            snapshot: (B, 1, H, W').
+            shift: ≥ 0, or a map of the snapshot's size; with 0, sensor pixels that no light reaches give zero.
+            iteration: settings of an iteration, which a closed solution does not have.
+        """
+        taps = self.taps
+        coupling = taps.gram_neighbour()
+        if coupling is None:
+            diagonal = taps.gram_diagonal() + shift
+            return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(diagonal.dtype).tiny), 0)
+        diagonal, coupling, right = taps.gram_diagonal().double(), coupling.double(), snapshot.double()
+        if not isinstance(shift, Tensor) and shift == 0:
+            return _least_norm(diagonal, coupling, right).to(snapshot.dtype)
+        return solve_tridiagonal(diagonal + shift, coupling, right).to(snapshot.dtype)
+
+    def A_dagger(self, snapshot: Tensor) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W), the least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``."""
+        self._check(snapshot, self.snapshot_shape, "snapshot")
+        if self.taps.gram_neighbour() is None:
+            return self.A_adjoint(self.gram_solve(snapshot, 0.0))
+        precise = self.gram_solve(snapshot.double(), 0.0)
+        return backproject(precise, self.code.double(), self._layout).to(snapshot.dtype)
+
+
+def solve_tridiagonal(diagonal: Tensor, coupling: Tensor, right: Tensor) -> Tensor:
+    """Solve the symmetric tridiagonal system along the last axis, all rows at once (Thomas' algorithm).
+
+    Args:
+        diagonal: (H, n), positive definite with the coupling.
+        coupling: (H, n-1).
+        right: (..., H, n).
+    """
+    n = diagonal.shape[-1]
+    pivots, carried = [diagonal[..., 0]], [right[..., 0]]
+    for i in range(1, n):
+        ratio = coupling[..., i - 1] / pivots[-1]
+        pivots.append(diagonal[..., i] - ratio * coupling[..., i - 1])
+        carried.append(right[..., i] - ratio * carried[-1])
+    solution = [carried[-1] / pivots[-1]]
+    for i in range(n - 2, -1, -1):
+        solution.append((carried[i] - coupling[..., i] * solution[-1]) / pivots[i])
+    return torch.stack(solution[::-1], dim=-1)
+
+
+def _least_norm(diagonal: Tensor, coupling: Tensor, right: Tensor) -> Tensor:
+    """Proximal iterations: singular systems (a lone fractional band, closed pixels) need no rank decision.
+
+    What lies in the null space of ``A Aᵀ`` is multiplied by 1/shift; ``Aᵀ`` removes it again, in double precision.
+    """
+    shift = _SHIFT * diagonal.max().clamp_min(torch.finfo(diagonal.dtype).tiny)
+    solution = torch.zeros_like(right)
+    for _ in range(_REFINEMENTS):
+        image = diagonal * solution
+        image[..., :-1] += coupling * solution[..., 1:]
+        image[..., 1:] += coupling * solution[..., :-1]
+        solution = solution + solve_tridiagonal(diagonal + shift, coupling, right - image)
+    return solution

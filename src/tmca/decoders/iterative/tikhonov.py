@@ -11,7 +11,6 @@ from torch.nn.functional import pad
 
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator
-from tmca.operators.gram import channel_energy
 
 
 def tikhonov(
@@ -49,7 +48,7 @@ def tikhonov(
         raise SettingError("iterations", str(iterations), "at least 1")
     if snapshot.ndim != 4 or tuple(snapshot.shape[1:]) != tuple(operator.snapshot_shape):
         raise ShapeError("snapshot", str(tuple(snapshot.shape)), f"(B, {', '.join(map(str, operator.snapshot_shape))})")
-    energy = channel_energy(operator.taps)
+    energy = operator.taps.channel_energy()
     stiffness = weight * energy.mean()
 
     def normal(scene: Tensor) -> Tensor:
