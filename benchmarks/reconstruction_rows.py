@@ -83,7 +83,7 @@ class Case:
     @torch.no_grad()
     def snapshot(self, seed: int) -> Tensor:
         """A frame with noise of this seed."""
-        found: Tensor = self.camera(*self.scene, seed)
+        found: Tensor = self.camera(*self.scene, generator=seed)
         return found
 
     @torch.no_grad()

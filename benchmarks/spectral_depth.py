@@ -25,7 +25,7 @@ import torch
 from timing import milliseconds
 from torch import Tensor
 
-from tmca.cameras.presets import preset_bench
+from tmca.cameras import SpectralDepthCamera
 from tmca.operators.spectral_depth import composited, layered, periodic_transfer_functions
 from tmca.optics import DepthPlanes, FreeForm
 from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
@@ -87,7 +87,7 @@ def free_space() -> Callable[[], Tensor]:
 
 def bench_spread() -> Callable[[], Tensor]:
     """Point spread functions as a camera makes them, of one slot."""
-    bench = replace(preset_bench("thesis"), mask_pixels=SIZE[0])
+    bench = replace(SpectralDepthCamera.preset("thesis")["bench"], mask_pixels=SIZE[0])
     wavelengths = torch.linspace(440e-9, 680e-9, BANDS).tolist()
     heights = FreeForm(2e-7 * torch.rand(1, *SIZE), learnable=True)
     return bench.point_spread(heights, wavelengths, DepthPlanes(0.4, 2.0, DEPTHS))

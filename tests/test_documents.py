@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tmca.cameras.presets import LIGHT_FIELD_PRESETS as CAMERAS
-from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
+from tmca.cameras import LightFieldCamera, SpectralDepthCamera
 from tmca.experiments.light_field.tables import markdown
 from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
 from tmca.training.spectral_depth.settings import SPECTRAL_DEPTH_TRAININGS
@@ -33,13 +32,13 @@ def test_every_erratum_of_the_light_field_has_a_row(where):
 
 def test_every_preset_of_the_light_field_is_described():
     cameras, trainings = LIGHT_FIELD.split("`--preset` of `tmca train light-field`")
-    assert all(f"| `{name}` |" in cameras for name in CAMERAS)
+    assert all(f"| `{name}` |" in cameras for name in LightFieldCamera.presets)
     assert all(f"| `{name}` |" in trainings for name in TRAININGS)
 
 
 def test_every_preset_of_the_spectral_depth_camera_is_described():
     cameras, trainings = SPECTRAL_DEPTH.split("`--preset` of `tmca train spectral-depth`")
-    assert all(f"`{name}`" in cameras for name in SPECTRAL_DEPTH_PRESETS)
+    assert all(f"`{name}`" in cameras for name in SpectralDepthCamera.presets)
     assert all(f"| `{name}` |" in trainings for name in SPECTRAL_DEPTH_TRAININGS)
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
-from tmca.cameras.hardware import LIMITS, Hardware, imperfect
-from tmca.cameras.hardware.codes import ShutterFaults, in_turn
+from tmca.cameras import LIMITS, Hardware, LightFieldCamera, SpectralCamera, SpectralDepthCamera, imperfect
+from tmca.cameras.faulty import ShutterFaults, in_turn
 from tmca.codes import misplaced
 from tmca.errors import SettingError
 from tmca.optics import gaussian_spread
@@ -30,8 +29,8 @@ def spectral_depth(**settings):
 def taken(camera, seed=0):
     scene = torch.rand(1, *camera.scene_shape, generator=torch.Generator().manual_seed(seed))
     if isinstance(camera, SpectralDepthCamera):
-        return camera(scene, torch.full((1, 1, *camera.size), 0.8), 5)
-    return camera(scene, 5)
+        return camera(scene, torch.full((1, 1, *camera.size), 0.8), generator=5)
+    return camera(scene, generator=5)
 
 
 def slow(camera, aperture, shutter, scene):

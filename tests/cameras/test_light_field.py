@@ -117,7 +117,7 @@ def test_fixed_codes_that_are_changed_change_the_operator():
 
 def test_noise_is_in_units_of_one_white_view():
     camera = LightFieldCamera(3, (40, 50), 1, sensor=Sensor(read_noise=0.1), aperture="open", shutter="open")
-    noise = camera(torch.full((1, *camera.scene_shape), 0.5), 0) - 4.5
+    noise = camera(torch.full((1, *camera.scene_shape), 0.5), generator=0) - 4.5
     assert float(noise.std()) == pytest.approx(0.1, rel=0.05)
 
 

@@ -30,7 +30,7 @@ CAMERAS = {
 def taken(request):
     camera = SpectralCamera(**CAMERAS[request.param], seed=4)
     scene = torch.rand(1, *camera.scene_shape)
-    return Snapshot(camera(scene, 1), camera, {"scene": "random"}), scene
+    return Snapshot(camera(scene, generator=1), camera, {"scene": "random"}), scene
 
 
 def test_the_camera_comes_back_whole(taken, tmp_path):
@@ -124,7 +124,7 @@ LIGHT_FIELDS = {
 def test_a_light_field_camera_comes_back_whole(name, colours, tmp_path):
     camera = LightFieldCamera(**LIGHT_FIELDS[name], seed=4)
     scene = torch.rand(colours, *camera.scene_shape)
-    snapshot = Snapshot(camera(scene, 1), camera, {"scene": "random"})
+    snapshot = Snapshot(camera(scene, generator=1), camera, {"scene": "random"})
     back = Snapshot.load(snapshot.save(tmp_path / "s.nc"))
     assert torch.equal(back.values, snapshot.values)
     torch.testing.assert_close(back.camera.A(scene), camera.A(scene))

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.signal import convolve2d
 
-from tmca.cameras import SPECTRAL_DEPTH_PRESETS, Snapshot, SpectralDepthCamera
+from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators.spectral_depth import equivalent_psf
 from tmca.optics import PhaseMaskBench, Undersampled
@@ -203,13 +203,13 @@ def test_the_transfer_functions_are_kept_until_the_mask_changes():
 def test_noise_is_that_of_the_sensor_and_repeats_by_seed():
     made = camera(sensor=Sensor(read_noise=0.01), size=(40, 44))
     cube, depth = scene_of(made)
-    noise = made(cube, depth, 1) - made.exact(cube, depth)
+    noise = made(cube, depth, generator=1) - made.exact(cube, depth)
     assert float(noise.std()) == pytest.approx(0.01, rel=0.05)
-    torch.testing.assert_close(made(cube, depth, 1), made(cube, depth, 1))
+    torch.testing.assert_close(made(cube, depth, generator=1), made(cube, depth, generator=1))
     assert made.full_scale == pytest.approx(float(made.response.sum(1).max()))
 
 
-@pytest.mark.parametrize("name", SPECTRAL_DEPTH_PRESETS)
+@pytest.mark.parametrize("name", SpectralDepthCamera.presets)
 def test_presets_are_cameras_without_a_warning(name, recwarn):
     made = SpectralDepthCamera.from_preset(name, size=(64, 64))
     assert not [w for w in recwarn if issubclass(w.category, Undersampled)]
@@ -255,9 +255,9 @@ def test_a_snapshot_file_is_the_capture_and_its_camera(tmp_path, shutter):
     whole = (torch.rand(3, 13, 16, generator=torch.Generator().manual_seed(1)) > 0.5).float()
     made = camera(shutter=whole if shutter == "whole" else shutter, sensor=Sensor(read_noise=0.01, full_well=5000))
     cube, depth = scene_of(made, 1)
-    file = Snapshot(made(cube, depth, 0), made, {"scene": "random"}).save(tmp_path / "taken.nc")
+    file = Snapshot(made(cube, depth, generator=0), made, {"scene": "random"}).save(tmp_path / "taken.nc")
     found = Snapshot.load(file)
-    torch.testing.assert_close(found.values, made(cube, depth, 0))
+    torch.testing.assert_close(found.values, made(cube, depth, generator=0))
     torch.testing.assert_close(found.camera.exact(cube, depth), made.exact(cube, depth), atol=1e-5, rtol=1e-4)
     assert found.camera.noise == made.noise
     assert found.notes == {"scene": "random"}

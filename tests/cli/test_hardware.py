@@ -6,8 +6,7 @@ import pytest
 import torch
 
 from tests.cli.refusals import refused
-from tmca.cameras import Snapshot, SpectralCamera
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, Snapshot, SpectralCamera, imperfect
 from tmca.cli import main
 
 SMALL = {

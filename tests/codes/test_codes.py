@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.codes import FAMILIES, CodePlane, MultiplexedCodes, blue_noise_ranks, hard_threshold, one_hot_slots, pattern
+from tmca.codes import FAMILIES, CodePlane, Codes, blue_noise_ranks, hard_threshold, one_hot_slots, pattern
 from tmca.errors import SettingError, ShapeError
 
 
@@ -51,10 +51,10 @@ def test_learned_families_keep_their_structure_when_the_logits_move():
 
 
 def test_same_seed_same_codes_and_planes_draw_from_different_streams():
-    a, b = (MultiplexedCodes(4, (20, 20), (20, 20), seed=5)() for _ in range(2))
+    a, b = (Codes(seed=5).planes(4, (20, 20), (20, 20))() for _ in range(2))
     assert torch.equal(a[0], b[0])
     assert not torch.equal(a[0], a[1])
-    assert not torch.equal(a[0], MultiplexedCodes(4, (20, 20), (20, 20), seed=6)()[0])
+    assert not torch.equal(a[0], Codes(seed=6).planes(4, (20, 20), (20, 20))()[0])
 
 
 @pytest.mark.parametrize("density", [0.25, 0.5])

@@ -40,7 +40,7 @@ def taken(run, folder, calibration=None):
     for seed, name in enumerate(NAMES):
         cube = tiny.load(name)[:, : SIZE[0], : SIZE[1]]
         with torch.no_grad():
-            values = bench.camera(torch.from_numpy(cube.values.copy())[None], seed)
+            values = bench.camera(torch.from_numpy(cube.values.copy())[None], generator=seed)
         bench.recorded(Snapshot(values, bench.camera)).save(folder / f"{name}.nc", overwrite=True)
         write_dataset(cube.to_dataset(name="radiance"), folder / f"{name}_truth.nc", overwrite=True)
     return folder

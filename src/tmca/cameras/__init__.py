@@ -1,25 +1,31 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
-from tmca.cameras.camera import Camera, sharing
+from tmca.cameras.camera import CAMERAS, Camera
 from tmca.cameras.coded import CodedCamera
+from tmca.cameras.faults import LIMITS, PAIRS, PARTS, Hardware
+from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_scene, moving_scenes
-from tmca.cameras.presets import LIGHT_FIELD_PRESETS, PRESETS, SPECTRAL_DEPTH_PRESETS
-from tmca.cameras.snapshots import Snapshot
+from tmca.cameras.snapshot import Snapshot, holds_snapshot
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import SpectralDepthCamera
 
 __all__ = [
-    "LIGHT_FIELD_PRESETS",
-    "PRESETS",
-    "SPECTRAL_DEPTH_PRESETS",
+    "CAMERAS",
+    "LIMITS",
+    "PAIRS",
+    "PARTS",
     "Camera",
     "CodedCamera",
+    "Hardware",
     "LightFieldCamera",
     "Snapshot",
+    "SomeCamera",
     "SpectralCamera",
     "SpectralDepthCamera",
+    "defective",
+    "holds_snapshot",
+    "imperfect",
     "moving_scene",
     "moving_scenes",
-    "sharing",
 ]

@@ -1,43 +1,34 @@
-"""What every camera with a time-multiplexed coded aperture has: codes, one operator for all slots, light, a sensor."""
+"""Cameras with a coded aperture and a coded shutter: their slots collapse into one code cube."""
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+from abc import abstractmethod
+from typing import Any, Self
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from tmca.cameras.camera import Camera
-from tmca.codes import MultiplexedCodes
+from tmca.codes import Codes, MultiplexedCodes, fitted_codes
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator, TapOperator, Taps
-from tmca.sensor import Sensor
+
+CODING = tuple(Codes.__dataclass_fields__)
+"""Parts of the description of codes, which constructors also take one by one."""
 
 
 class CodedCamera(Camera):
-    """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
+    """A camera whose light one code per channel of the scene stands for (thesis eqs 12, 20).
 
-    Subclasses hold ``response``, the weight of every channel of the scene, and ``codes`` (aperture, shutter), and
-    define ``code_cube``, ``scene_shape``, ``snapshot_shape`` and ``_collapsed``.
-
-    Args:
-        size: (H, W) of the scene, pixels.
-        slots: number of time slots K.
-        exposure: ``"equal"`` or ``"per-slot"``.
-        sensor: ideal if None.
+    Subclasses hold ``response``, the weight of every channel of the scene, and ``codes``, made by ``_hold_codes``, and
+    define ``code_cube``.
     """
 
     response: Tensor
     codes: MultiplexedCodes
-
-    def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: Sensor | None) -> None:
-        super().__init__(size, slots, exposure, sensor)
-        self._fixed: tuple[tuple[object, ...], TapOperator] | None = None
-
-    @property
-    def scene_shape(self) -> tuple[int, ...]:
-        """Of a scene, without the batch."""
-        raise TypeError(f"{type(self).__name__} defines no scene_shape")
+    coding: Codes | None
+    """The description that the codes were made from; None where they were given as a module."""
 
     @property
     def channels(self) -> int:
@@ -45,33 +36,22 @@ class CodedCamera(Camera):
         return len(self.response)
 
     @property
-    def channel_names(self) -> list[str]:
-        """What each channel is, in a few words."""
-        raise TypeError(f"{type(self).__name__} defines no channel_names")
-
-    def code_cube(self) -> Tensor:
-        """The time-multiplexed code T̂ of every channel."""
-        raise TypeError(f"{type(self).__name__} defines no code_cube")
-
-    def throughput(self) -> float:
-        """Light throughput: share of a white scene's light that is recorded, mean of T̂ under equal exposure."""
-        with torch.no_grad():
-            share = self.code_cube().mean()
-        return float(share) / (self.slots if self.exposure == "per-slot" else 1)
-
-    @property
     def white(self) -> float:
         """The summed response."""
         return float(self.response.detach().sum())
 
-    def operator(self) -> LinearOperator:
-        """The linear part with the present codes, on scenes (B, channels, H, W)."""
-        if self.codes.learnable or self.response.requires_grad:
-            return self._collapsed()
-        versions = (self.exposure, *self._geometry(), *((t.data_ptr(), t._version) for t in self._tensors()))
-        if self._fixed is None or self._fixed[0] != versions:
-            self._fixed = (versions, self._collapsed())
-        return self._fixed[1]
+    @abstractmethod
+    def code_cube(self) -> Tensor:
+        """The time-multiplexed code T̂ of every channel."""
+
+    @abstractmethod
+    def build_operator(self, depth: Tensor | None = None) -> LinearOperator:
+        """The linear part with the present codes."""
+
+    def throughput(self) -> float:
+        """Light throughput: share of a white scene's light that is recorded, mean of T̂ under equal exposure."""
+        with torch.no_grad():
+            return float(self.code_cube().mean()) / self.exposures
 
     def taps(self) -> Taps:
         """The collapsed code with the response folded in.
@@ -96,17 +76,31 @@ class CodedCamera(Camera):
         """
         raise SettingError("motion", "some", f"none behind a part of a {self.kind} camera")
 
-    def _geometry(self) -> tuple[object, ...]:
-        """What else the operator depends on."""
-        return ()
+    def replace(self, **parts: Any) -> Self:
+        """See ``Camera``; codes of a named family are drawn anew where their description or their size changes."""
+        described = "codes" not in parts and self.coding is not None
+        resized = "size" in parts and described and _whole_frame(self.coding)
+        if described and (resized or {*CODING, "slots"} & set(parts)):
+            parts["codes"] = self.coding
+        made = super().replace(**parts)
+        made.coding = self.coding if made.codes is self.codes else made.coding
+        return made
 
-    def _tensors(self) -> list[Tensor]:
-        own = (*self.buffers(recurse=False), *self.parameters(recurse=False))
-        return [*self.codes.state_dict(keep_vars=True).values(), *own]
+    def _hold_codes(
+        self, codes: Codes | nn.Module | None, aperture: tuple[int, int], shutter: tuple[int, int], /, **coding: Any
+    ) -> None:
+        held: Any = fitted_codes(codes, self.slots, aperture, shutter, **coding)
+        self.codes = held
+        self.coding = None if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
 
-    def _collapsed(self) -> TapOperator:
-        raise TypeError(f"{type(self).__name__} defines no _collapsed")
+    def _codes_argument(self) -> Codes | nn.Module:
+        return self.coding if self.unbound and self.coding is not None else self.codes
 
-    def _apply(self, fn: Any, recurse: bool = True) -> CodedCamera:
-        self._fixed = None
-        return super()._apply(fn, recurse)
+    def _more_arguments(self) -> tuple[str, ...]:
+        return CODING
+
+
+def _whole_frame(coding: Codes | None) -> bool:
+    """Whether codes are drawn for the whole frame, so that another size needs others."""
+    families = coding is not None and isinstance(coding.aperture, str) and isinstance(coding.shutter, str)
+    return families and coding is not None and coding.period is None

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import json
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from tmca.cameras.checks import choice
 from tmca.cameras.coded import CodedCamera
-from tmca.cameras.presets import LIGHT_FIELD_PRESETS
-from tmca.codes import MultiplexedCodes
+from tmca.cameras.presets import LIGHT_FIELD
+from tmca.cameras.specs import LightFieldSpec
+from tmca.cameras.stored import (
+    check_complete,
+    code_planes,
+    code_settings,
+    common_attributes,
+    json_attribute,
+    made_from,
+    tensors,
+)
+from tmca.codes import Codes
 from tmca.errors import SettingError, ShapeError
-from tmca.operators import TapOperator, code_through_mask, coded_mask, mask_code
-from tmca.operators.spectral import exposure_weight
+from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code
 from tmca.optics import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
-from tmca.sensor import Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_COLOURS = ("red", "green", "blue")
 
 
 class LightFieldCamera(CodedCamera):
@@ -25,25 +39,23 @@ class LightFieldCamera(CodedCamera):
     ``y_m = Σ_ℓ ω_ℓ T̂_{m,ℓ} x_{m,ℓ}`` with ``T̂_{m,ℓ} = (1/K) Σ_k S^k_m T^k_{m + shear·ℓ}`` (thesis eqs 8–13, errata),
     then noise. With ``slots=1, shutter="open"`` it is the camera of Marwah 2013.
 
+    >>> camera = LightFieldCamera(views=5, size=(48, 64), slots=4, shutter="one-hot", period=16)
+    >>> camera(torch.rand(1, 5, 5, 48, 64)).shape
+    torch.Size([1, 1, 48, 64])
+
     Args:
-        views: number of views per axis, or (V, U); odd, up to 9.
-        size: (H, W) of a view and of the sensor, pixels.
+        views: number of views per axis, or (V, U); odd, up to 9; left out, 5 until the camera is bound to a scene.
+        size: (H, W) of a view and of the sensor, pixels; left out, 270×480 until the camera is bound to a scene.
         slots: number of time slots K within the exposure.
-        aperture: family of the mask codes (``tmca.codes.FAMILIES``) or patterns (K, Hm, Wm), with
-            ``(Hm, Wm) = camera.mask_size``: the sensor and the views' shear around it.
-        shutter: family of the shutter codes or patterns (K, H, W).
+        codes: mask (K, Hm, Wm) with ``(Hm, Wm) = camera.mask_size``, the sensor and the views' shear around it, and
+            shutter (K, H, W): their description, or a module that gives both.
         exposure: ``"equal"``: the slots share one exposure time (mean); ``"per-slot"``: each has its own (sum).
         shear: mask pixels per view, along both axes or (along y, along x); any real number, the thesis has 1.
         mask_scale: mask pixels per sensor pixel as the sensor sees them, see ``ViewShear``; 1 for a mask of pitch
             (1-s)·p.
         vignetting: (V, U) share ω of the light of every view; ones if None.
         sensor: noise, full well, bits; an ideal sensor if None.
-        transmittance: share of open mask pixels of a named family.
-        duty: share of open shutter pixels of a named family.
-        period: tile of the codes, pixels; full frame if None.
-        seed: of the codes.
-        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
-        spread: of the logits of learned codes, see ``CodePlane``.
+        coding: parts of the description of the codes, see ``Codes``: ``aperture``, ``shutter``, ``period``, ….
 
     Raises:
         SettingError, ShapeError: an impossible value or codes that do not fit, naming both sizes.
@@ -51,48 +63,43 @@ class LightFieldCamera(CodedCamera):
 
     kind = "light-field"
     channel = "view"
+    presets = LIGHT_FIELD
+    Spec = LightFieldSpec
+    needed = ("aperture", "shutter", "vignetting")
+    stated = ("exposure", "shear", "mask_scale", "full_scale", "sensor")
+    page = "docs/light-field.md"
 
     def __init__(
         self,
-        views: int | tuple[int, int] = 5,
-        size: tuple[int, int] = (270, 480),
+        views: int | tuple[int, int] | None = None,
+        size: tuple[int, int] | None = None,
         slots: int = 8,
         *,
-        aperture: str | Tensor = "random",
-        shutter: str | Tensor = "random",
+        codes: Codes | nn.Module | None = None,
         exposure: str = "equal",
         shear: float | tuple[float, float] = 1.0,
         mask_scale: float = 1.0,
         vignetting: Tensor | Sequence[Sequence[float]] | None = None,
-        sensor: Sensor | None = None,
-        transmittance: float = 0.5,
-        duty: float = 0.5,
-        period: int | tuple[int, int] | None = None,
-        seed: int = 0,
-        learnable: bool | str = False,
-        spread: float = 0.0,
+        sensor: nn.Module | None = None,
+        **coding: Any,
     ) -> None:
-        super().__init__(size, slots, exposure, sensor)
-        grid = view_grid(views)
+        super().__init__((270, 480) if size is None else size, slots, exposure, sensor)
+        self.unbound = frozenset(name for name, value in (("views", views), ("size", size)) if value is None)
+        grid = view_grid(5 if views is None else views)
         self.shear = ViewShear(grid, shear_step(shear), mask_scale)
+        self._vignetted = vignetting is not None
         self.register_buffer("response", _weights(vignetting, grid).flatten())
-        self.codes = MultiplexedCodes(
-            slots, self.mask_size, self.size, aperture=aperture, shutter=shutter, transmittance=transmittance,
-            duty=duty, period=period, seed=seed, learnable=learnable, spread=spread,
-        )  # fmt: skip
+        self._hold_codes(codes, self.mask_size, self.size, **coding)
 
-    @classmethod
-    def from_preset(cls, name: str, **changes: Any) -> LightFieldCamera:
-        """A named camera: ``"thesis"`` (K = 8 random), ``"clfp"`` (its static camera), ``"one-hot"``, ``"quick"``.
-
-        Args:
-            name: of the preset.
-            changes: arguments that replace the preset's.
-
-        Raises:
-            SettingError: unknown preset.
-        """
-        return cls(**{**LIGHT_FIELD_PRESETS[choice("preset", name, tuple(LIGHT_FIELD_PRESETS))], **changes})
+    def arguments(self) -> dict[str, Any]:
+        """See ``Camera``."""
+        bound = "views" not in self.unbound
+        return {
+            "views": self.views if bound else None, "size": None if "size" in self.unbound else self.size,
+            "slots": self.slots, "codes": self._codes_argument(), "exposure": self.exposure, "shear": self.shear.step,
+            "mask_scale": self.shear.scale, "vignetting": self.vignetting if bound or self._vignetted else None,
+            "sensor": self.sensor,
+        }  # fmt: skip
 
     @classmethod
     def from_geometry(
@@ -150,68 +157,94 @@ class LightFieldCamera(CodedCamera):
     def code_through_mask(self) -> Tensor:
         """(V, U, Hm, Wm) the code as seen from the mask, eq. (10): response to the rays through each mask pixel, in the
         units of `code_cube`."""
-        light = self.slots * exposure_weight(self.exposure, self.slots)
-        return code_through_mask(*self.codes(), self.shear) * light
+        return code_through_mask(*self.codes(), self.shear) * self.exposures
 
-    def A(self, scene: Tensor) -> Tensor:
+    def build_operator(self, depth: Tensor | None = None) -> TapOperator:
+        """See ``Camera``; on scenes (B, V·U, H, W), their views row by row."""
+        if depth is not None:
+            raise SettingError("depth", "a depth map", "none for a light-field camera")
+        return coded_mask(*self.codes(), self.shear, self.vignetting, self.exposure)
+
+    def A(self, scene: Tensor, depth: Tensor | None = None) -> Tensor:
         """(B, V, U, H, W) → exact snapshot (B, 1, H, W)."""
-        self._check(scene)
-        return self.operator().A(scene.flatten(1, 2))
+        self._check_scene(scene, "light field")
+        return self.operator(depth).A(scene.flatten(1, 2))
 
-    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+    def A_adjoint(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
         """(B, 1, H, W) → (B, V, U, H, W)."""
-        return self.operator().A_adjoint(snapshot).unflatten(1, self.views)
+        return self.operator(depth).A_adjoint(snapshot).unflatten(1, self.views)
 
-    def A_dagger(self, snapshot: Tensor) -> Tensor:
+    def A_dagger(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
         """(B, 1, H, W) → least-norm light field (B, V, U, H, W); ``A Aᵀ`` is diagonal."""
-        return self.operator().A_dagger(snapshot).unflatten(1, self.views)
+        return self.operator(depth).A_dagger(snapshot).unflatten(1, self.views)
 
-    def forward(self, scene: Tensor, generator: torch.Generator | int | None = None) -> Tensor:
-        """Take a snapshot: ``A``, then the sensor.
-
-        Args:
-            scene: (B, V, U, H, W) relative irradiance, one colour channel; colours are folded into B. Or
-                (B, K, V, U, H, W) for a scene that changes from slot to slot.
-            generator: source of the sensor's randomness, or a seed.
-
-        Returns:
-            (B, 1, H, W) snapshot.
-
-        Raises:
-            ShapeError: wrong views, size or slots.
-        """
-        exact = self._moving(scene) if scene.ndim == 6 else self.A(scene)
-        return self.record(exact, generator)
-
-    def _moving(self, scene: Tensor) -> Tensor:
+    def exact(
+        self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
+    ) -> Tensor:
+        """Exact snapshot of (B, V, U, H, W), one colour channel, or of (B, K, V, U, H, W) that changes from slot to
+        slot; colours are folded into B."""
+        if scene.ndim != 6:
+            return super().exact(scene, depth)
         if scene.shape[1] != self.slots:
             raise ShapeError("scene", f"shape {tuple(scene.shape)}", f"(batch, {self.slots} slots, …)")
         aperture, shutter = self.codes()
-        weight = exposure_weight(self.exposure, self.slots)
-        found = self.response.new_zeros(())
+        total, weight = self.response.new_zeros(()), exposure_weight(self.exposure, self.slots)
         for k in range(self.slots):
-            self._check(scene[:, k])
+            self._check_scene(scene[:, k], "light field")
             planes = aperture[k : k + 1], shutter[k : k + 1]
-            found = found + weight * coded_mask(*planes, self.shear, self.vignetting).A(scene[:, k].flatten(1, 2))
-        return found
+            total = total + weight * coded_mask(*planes, self.shear, self.vignetting).A(scene[:, k].flatten(1, 2))
+        return total
 
-    def _check(self, scene: Tensor) -> None:
-        if scene.ndim != 5 or tuple(scene.shape[1:]) != self.scene_shape:
-            wanted = f"(batch, {', '.join(map(str, self.scene_shape))})"
-            raise ShapeError("light field", f"shape {tuple(scene.shape)}", wanted, "crop it, or take the centre views")
+    def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
+        """See ``Camera``: (view_v, view_u, y, x), with the three colours of a batch first."""
+        from tmca.data import label_light_field
+
+        values = scenes.numpy(force=True)
+        return label_light_field(values if len(values) > 1 else values[0], {"long_name": name, "quantity": unit})
+
+    def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
+        """See ``Camera``: a batch of three is the colours."""
+        return ("colour", "y", "x") if len(snapshots) > 1 else ("y", "x")
+
+    def variables(self) -> xr.Dataset:
+        """``aperture`` (slot, y_mask, x_mask), ``shutter`` (slot, y, x) and ``vignetting`` (view_v, view_u).
+        Attributes: exposure, shear and scale of the mask, sensor."""
+        import xarray as xr
+
+        parts: dict[str, Any] = {
+            **code_planes(self, ("y_mask", "x_mask"), ("y", "x")),
+            "vignetting": (("view_v", "view_u"), self.vignetting.numpy(force=True), {"units": "1"}),
+        }
+        coordinates = {
+            name: (name, np.array(view_coordinates(count), dtype=float), {"units": "view steps"})
+            for name, count in zip(("view_v", "view_u"), self.views, strict=True)
+        }
+        optics = {"shear": json.dumps(list(self.shear.step)), "mask_scale": self.shear.scale}
+        return xr.Dataset(parts, coordinates, {**common_attributes(self), **optics})
+
+    @classmethod
+    def from_variables(cls, dataset: xr.Dataset, where: str) -> LightFieldCamera:
+        """See ``Camera``."""
+        check_complete(dataset, where, cls)
+        settings = code_settings(dataset, where)
+        return made_from(
+            cls, dataset, where, "aperture, shutter and shear that fit",
+            views=dataset["vignetting"].shape,
+            size=tuple(settings["shutter"].shape[-2:]),
+            shear=json_attribute(dataset.attrs, "shear", 1.0, where),
+            mask_scale=float(dataset.attrs["mask_scale"]),
+            **tensors(dataset, "vignetting"), **settings,
+        )  # fmt: skip
 
     def _geometry(self) -> tuple[object, ...]:
         return (self.shear,)
 
-    def _collapsed(self) -> TapOperator:
-        return coded_mask(*self.codes(), self.shear, self.vignetting, self.exposure)
-
 
 def _weights(vignetting: Tensor | Sequence[Sequence[float]] | None, grid: tuple[int, int]) -> Tensor:
+    if vignetting is None:
+        return torch.ones(grid)
     try:
-        values = (
-            torch.ones(grid) if vignetting is None else torch.as_tensor(vignetting, dtype=torch.get_default_dtype())
-        )
+        values = vignetting if isinstance(vignetting, Tensor) else torch.tensor(np.array(vignetting, dtype=np.float32))
     except (TypeError, ValueError):
         raise ShapeError("vignetting", "rows of unequal length, or no numbers", f"{grid}, one value per view") from None
     if tuple(values.shape) != grid:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tmca.cameras.checks import choice
 from tmca.optics import PhaseMaskBench
 
-PRESETS: dict[str, dict[str, Any]] = {
+SPECTRAL: dict[str, dict[str, Any]] = {
     # thesis 4.1, 4.2: 12 bands, 256×256, K = 8, one pixel per band. Assumed, as the thesis does not say: bands from
     # 400 to 700 nm, flat sensor response, codes of transmittance and duty one half, no noise.
     "thesis": {
@@ -36,7 +35,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     },
 }
 
-LIGHT_FIELD_PRESETS: dict[str, dict[str, Any]] = {
+LIGHT_FIELD: dict[str, dict[str, Any]] = {
     # thesis 3.2: 5×5 views of 480×270, K = 8. Assumed, as the thesis does not say: a mask of pitch (1-s)·p one mask
     # pixel per view from the sensor, no vignetting, codes of transmittance and duty one half, no noise.
     "thesis": {"views": 5, "size": (270, 480), "slots": 8, "aperture": "random", "shutter": "random", "shear": 1.0},
@@ -71,7 +70,7 @@ _QUICK_DEPTH: dict[str, Any] = {
     "bench": PhaseMaskBench(),
 }
 
-SPECTRAL_DEPTH_PRESETS: dict[str, dict[str, Any]] = {
+SPECTRAL_DEPTH: dict[str, dict[str, Any]] = {
     "thesis": _THESIS_DEPTH,
     # its baseline, a phase mask only (Baek 2021)
     "diffractive": {**_THESIS_DEPTH, **_NOTHING_ELSE},
@@ -79,16 +78,5 @@ SPECTRAL_DEPTH_PRESETS: dict[str, dict[str, Any]] = {
     "quick-diffractive": {**_THESIS_DEPTH, **_QUICK_DEPTH, **_NOTHING_ELSE},
 }
 
-
 PROBE = (512, 512)
 """Pixels of a spectral-depth camera that is only asked what it is, or whether it can be: any tile fits."""
-
-
-def preset_bench(name: str) -> PhaseMaskBench:
-    """The bench of a preset of ``SPECTRAL_DEPTH_PRESETS``.
-
-    Raises:
-        SettingError: unknown preset.
-    """
-    found: PhaseMaskBench = SPECTRAL_DEPTH_PRESETS[choice("preset", name, tuple(SPECTRAL_DEPTH_PRESETS))]["bench"]
-    return found

@@ -3,18 +3,31 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Sequence
-from typing import Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from tmca.cameras.camera import Camera
 from tmca.cameras.checks import band_wavelengths, check_one_hot, choice, learned_parts
-from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
+from tmca.cameras.presets import SPECTRAL_DEPTH
 from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
+from tmca.cameras.specs import SpectralDepthSpec
+from tmca.cameras.stored import (
+    check_complete,
+    common_attributes,
+    common_settings,
+    compact,
+    json_attribute,
+    made_from,
+    tensors,
+    wavelength_coordinates,
+)
 from tmca.codes import CodePlane, balanced_choice, one_hot_planes
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators.spectral_depth import (
     LayeredOperator,
     check_pixel,
@@ -25,13 +38,29 @@ from tmca.operators.spectral_depth import (
     layered,
     periodic_transfer_functions,
 )
-from tmca.optics import MODES, DepthPlanes, FreeForm, HeightMaps, PhaseMaskBench, Stroke, mask_heights
-from tmca.sensor import ColourCodedAperture, Sensor, channel_response, feasible_filters
+from tmca.optics import (
+    MODES,
+    DepthPlanes,
+    FreeForm,
+    HeightMaps,
+    PhaseMaskBench,
+    PointSpread,
+    Stroke,
+    changed_bench,
+    mask_heights,
+)
+from tmca.sensor import ColourCodedAperture, channel_response, feasible_filters
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
+_SHARED = ("size", "exposure", "image_formation", "sensor", "shutter", "filters")
+"""Parts that leave the optics as they are."""
 TILE, TOGETHER = (256, 256), 2**29
 """Pixels of a tile of the sensor, and bytes of transfer functions above which it is imaged in tiles."""
+MEANING_OF_HEIGHTS = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
 
 
 class SpectralDepthCamera(Camera):
@@ -40,9 +69,15 @@ class SpectralDepthCamera(Camera):
     ``e_{c,m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ κ_{c,ℓ} C_{ℓ,m,n} Σ_d (p_{k,d,ℓ} * ω_d f_ℓ)_{m,n}`` (thesis eqs 30–36,
     errata), then noise. With ``slots=1, shutter="open", filters="clear"`` only the phase mask codes.
 
+    >>> camera = SpectralDepthCamera.from_preset("quick", size=(32, 40))
+    >>> camera(torch.rand(1, 8, 32, 40), torch.full((1, 1, 32, 40), 0.8)).shape
+    torch.Size([1, 3, 32, 40])
+
     Args:
-        bands: number of bands L, or their wavelengths in metres. A number means even spacing from 400 to 700 nm.
+        bands: number of bands L, or their wavelengths in metres. A number means even spacing from 400 to 700 nm; left
+            out, 8 until the camera is bound to a scene.
         size: (H, W) of the scene and the sensor, pixels; dark around the scene, which darkens the linear model's rim.
+            Left out, 96×96 until the camera is bound to a scene.
         slots: number of time slots K within the exposure.
         depth: nearest and farthest plane, metres.
         planes: number of depth planes D, even in inverse depth.
@@ -52,8 +87,9 @@ class SpectralDepthCamera(Camera):
         modes: number of Zernike modes of random heights.
         stroke: of the device that shows them; any height without, or that of ``HeightMaps``.
         shutter: family of the shutter codes (``tmca.codes.FAMILIES``; ``"one-hot"`` opens as many pixels of a tile in
-            every slot) or patterns (K, H, W), or (K, Q, Q) of a tile.
-        filters: family of the feasible filters (``tmca.sensor.FILTERS``) or transmittances (R, L).
+            every slot) or patterns (K, H, W), or (K, Q, Q) of a tile, or a module that gives patterns (K, H, W).
+        filters: family of the feasible filters (``tmca.sensor.FILTERS``), transmittances (R, L), or a
+            ``ColourCodedAperture``.
         cells: (Q, Q) index of the filter over every pixel; random if None.
         period: tile Q of shutter and filters, pixels.
         channels: of the sensor: ``"monochrome"``, ``"rgb"``, or responses (C, L).
@@ -63,6 +99,7 @@ class SpectralDepthCamera(Camera):
         sensor: noise, full well, bits; an ideal sensor if None.
         seed: of mask, shutter and filters.
         learnable: ``True``, ``False``, or some of ``"mask"``, ``"shutter"``, ``"filters"``.
+        point_spread: the optics with their mask as a module, in the place of what describes them.
 
     Raises:
         SettingError, ShapeError: an impossible value, or parts that do not fit.
@@ -70,12 +107,17 @@ class SpectralDepthCamera(Camera):
 
     kind = "spectral-depth"
     channel = "band"
+    presets = SPECTRAL_DEPTH
+    Spec = SpectralDepthSpec
+    needed = ("heights", "shutter", "filters", "cells", "response", "wavelength")
+    stated = ("exposure", "bench", "depth", "energy", "full_scale", "sensor")
+    page = "docs/spectral-depth.md"
     response: Tensor
 
     def __init__(
         self,
-        bands: int | Sequence[float] = 8,
-        size: tuple[int, int] = (96, 96),
+        bands: int | Sequence[float] | None = None,
+        size: tuple[int, int] | None = None,
         slots: int = 4,
         *,
         depth: tuple[float, float] = (0.4, 2.0),
@@ -85,60 +127,89 @@ class SpectralDepthCamera(Camera):
         rms: float = 0.1e-6,
         modes: int = MODES,
         stroke: Stroke | None = None,
-        shutter: str | Tensor = "one-hot",
-        filters: str | Tensor = "clear",
+        shutter: str | Tensor | nn.Module = "one-hot",
+        filters: str | Tensor | ColourCodedAperture = "clear",
         cells: Tensor | None = None,
         period: int = 4,
         channels: str | Tensor = "monochrome",
         exposure: str = "equal",
         energy: str = "unit",
         image_formation: str = "linear",
-        sensor: Sensor | None = None,
+        sensor: nn.Module | None = None,
         seed: int = 0,
         learnable: bool | str | Collection[str] = False,
+        point_spread: PointSpread | None = None,
     ) -> None:
-        super().__init__(size, slots, exposure, sensor)
+        super().__init__((96, 96) if size is None else size, slots, exposure, sensor)
+        self.unbound = frozenset(name for name, value in (("bands", bands), ("size", size)) if value is None)
+        self._given = {"mask": mask, "rms": rms, "modes": modes, "stroke": stroke, "shutter": shutter, "cells": cells,
+                       "filters": filters, "channels": channels, "seed": seed, "learnable": learnable}  # fmt: skip
         learned = learned_parts(learnable, LEARNABLE)
-        self.wavelengths = band_wavelengths(bands)
+        self.wavelengths = band_wavelengths(8 if bands is None else bands)
         self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
-        self.bench = bench or PhaseMaskBench()
+        self.bench, self.period = bench or PhaseMaskBench(), int(period)
         self.image_formation = choice("image formation", image_formation, IMAGE_FORMATIONS)
         self.register_buffer("response", channel_response(channels, self.wavelengths))
-        heights = self._heights(mask, stroke, "mask" in learned, rms=rms, modes=modes, seed=seed)
-        self.spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
-        self.period = int(period)
-        tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == self.size else period
-        self.shutter = CodePlane(
-            shutter, slots, self.size, period=tile, seed=2 * seed + 1, learnable="shutter" in learned, name="shutter"
+        if point_spread is None:
+            heights = self._heights(mask, stroke, "mask" in learned, rms=rms, modes=modes, seed=seed)
+            point_spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
+        self.spread = point_spread
+        self.shutter = self._shutter(shutter, seed, "shutter" in learned)
+        explicit = not isinstance(learnable, bool)
+        self.filters = self._filters(filters, cells, seed, "filters" in learned, explicit)
+
+    def _shutter(self, shutter: str | Tensor | nn.Module, seed: int, learnable: bool) -> CodePlane:
+        if isinstance(shutter, CodePlane):
+            return shutter if shutter.size == self.size else shutter.resized(self.size)
+        if isinstance(shutter, nn.Module):
+            return shutter  # type: ignore[return-value]
+        tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == self.size else self.period
+        plane = CodePlane(
+            shutter, self.slots, self.size, period=tile, seed=2 * seed + 1, learnable=learnable, name="shutter"
         )
         if isinstance(shutter, str) and shutter == "one-hot":
-            check_one_hot(slots, period)
-            self.shutter.show(one_hot_planes(balanced_choice(slots, (period, period), 2 * seed + 1), slots))
+            check_one_hot(self.slots, self.period)
+            balanced = balanced_choice(self.slots, (self.period, self.period), 2 * seed + 1)
+            plane.show(one_hot_planes(balanced, self.slots))
+        return plane
+
+    def _filters(
+        self, filters: str | Tensor | ColourCodedAperture, cells: Tensor | None, seed: int, learn: bool, explicit: bool
+    ) -> ColourCodedAperture:
+        if isinstance(filters, ColourCodedAperture):
+            return filters.resized(self.size)
         given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
         if given.shape[-1] != len(self.wavelengths):
             raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")
-        if cells is not None and tuple(cells.shape) != (period, period):
-            raise ShapeError("cells", str(tuple(cells.shape)), f"({period}, {period}), the period")
-        if len(given) == 1 and "filters" in learned and not isinstance(learnable, bool):
+        if cells is not None and tuple(cells.shape) != (self.period, self.period):
+            raise ShapeError("cells", str(tuple(cells.shape)), f"({self.period}, {self.period}), the period")
+        if len(given) == 1 and learn and explicit:
             raise SettingError("learnable", "filters, of which there is one", "two filters or more, such as gaussian")
-        self.filters = ColourCodedAperture(
-            given, self.size, period, cells=cells, seed=2 * seed, learnable="filters" in learned and len(given) > 1
+        return ColourCodedAperture(
+            given, self.size, self.period, cells=cells, seed=2 * seed, learnable=learn and len(given) > 1
         )
-        self._kept: tuple[tuple[object, ...], Tensor] | None = None
 
-    @classmethod
-    def from_preset(cls, name: str, **changes: Any) -> SpectralDepthCamera:
-        """A named camera: ``"thesis"``, ``"quick"``, or ``"diffractive"``, the thesis' with nothing but the mask.
+    def arguments(self) -> dict[str, Any]:
+        """See ``Camera``."""
+        shared = {
+            "size": None if "size" in self.unbound else self.size, "slots": self.slots,
+            "depth": (self.planes.near, self.planes.far), "planes": self.planes.count, "bench": self.bench,
+            "period": self.period, "exposure": self.exposure, "energy": self.spread.energy,
+            "image_formation": self.image_formation, "sensor": self.sensor,
+        }  # fmt: skip
+        if self.unbound:
+            return {"bands": None if "bands" in self.unbound else self.wavelengths, **shared, **self._given}
+        made = {"shutter": self.shutter, "filters": self.filters, "channels": self.response}
+        return {"bands": self.wavelengths, **shared, **made, "point_spread": self.spread}
 
-        Args:
-            name: of the preset.
-            changes: arguments that replace the preset's.
+    def replace(self, **parts: Any) -> SpectralDepthCamera:
+        """See ``Camera``; optics, shutter and filters are made anew where what describes them changes."""
+        if "point_spread" not in parts and set(parts) - {*_SHARED}:
+            parts = {**self._given, "point_spread": None, **parts}
+        return super().replace(**parts)
 
-        Raises:
-            SettingError: unknown preset.
-        """
-        known = tuple(SPECTRAL_DEPTH_PRESETS)
-        return cls(**{**SPECTRAL_DEPTH_PRESETS[choice("preset", name, known)], **changes})
+    def _more_arguments(self) -> tuple[str, ...]:
+        return tuple(self._given)
 
     def _heights(
         self, mask: str | Tensor | HeightMaps, stroke: Stroke | None, learnable: bool, **drawn: Any
@@ -148,20 +219,15 @@ class SpectralDepthCamera(Camera):
         maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, stroke, learnable=learnable)
         if learnable and not list(maps.parameters()):
             maps = maps.repeated(self.slots, learnable=True)
-        found, wanted = tuple(maps().shape), (self.slots, *self.bench.mask_size)
-        if found != wanted:
-            raise ShapeError("mask", str(found), f"{wanted}, (K, mask pixels, mask pixels)")
+        shape, expected = tuple(maps().shape), (self.slots, *self.bench.mask_size)
+        if shape != expected:
+            raise ShapeError("mask", str(shape), f"{expected}, (K, mask pixels, mask pixels)")
         return maps
 
     @property
     def white(self) -> float:
         """Level of a white scene in the channel that sees most."""
         return float(self.response.detach().sum(1).max())
-
-    @property
-    def learnable(self) -> bool:
-        """Whether mask, shutter or filters are learned."""
-        return any(True for _ in self.parameters())
 
     @property
     def bands(self) -> int:
@@ -214,8 +280,8 @@ class SpectralDepthCamera(Camera):
 
     def psf(self) -> Tensor:
         """(K, D, L, h, w) point spread functions, planes from far to near."""
-        found: Tensor = self.spread()
-        return found
+        psf: Tensor = self.spread()
+        return psf
 
     def equivalent_psf(self, pixel: tuple[int, int], plane: int) -> Tensor:
         """(C, L, h, w) what a point at a pixel and depth plane leaves on the sensor, eq. (35)."""
@@ -237,77 +303,50 @@ class SpectralDepthCamera(Camera):
             return float((self.filters.plane() * open_share).mean((1, 2)) @ passed) * light
 
     def transfer(self) -> Tensor:
-        """(K, D, L, H', W'/2+1) transfer functions in ``frame``; kept as long as nothing is learned."""
+        """(K, D, L, H', W'/2+1) transfer functions in ``frame``; cached as long as nothing is learned."""
         return self._transfer(self.frame)
 
     def _transfer(self, frame: tuple[int, int]) -> Tensor:
-        if self.learnable:
-            return periodic_transfer_functions(self.psf(), frame)
-        versions = (frame, *((t.data_ptr(), t._version) for t in self.spread.heights.buffers()))
-        if self._kept is None or self._kept[0] != versions:
-            self._kept = (versions, periodic_transfer_functions(self.psf(), frame))
-        return self._kept[1]
+        return self.cached(f"transfer {frame}", lambda: periodic_transfer_functions(self.psf(), frame))
 
     @property
     def frame(self) -> tuple[int, int]:
         """(H', W') that holds the scene and its blur."""
         return framed(self.size, self.bench.window)
 
-    def operator(self, depth: Tensor) -> LayeredOperator:
-        """The linear part at depth maps (B, 1, H, W) in metres, every pixel in its ``planes.nearest``."""
+    def build_operator(self, depth: Tensor | None = None) -> LayeredOperator:
+        """The linear part at depth maps (B, 1, H, W) in metres, every pixel in its ``planes.nearest``.
+
+        Raises:
+            SettingError: no depth.
+        """
+        if depth is None:
+            raise SettingError("depth", "none", "a depth map (B, 1, H, W) in metres, for a spectral-depth camera")
         weights = self.planes.weights(depth).to(self.response)
         return LayeredOperator(weights, self.transfer(), self.frame, self.colour(), self.shutter(), self.exposure)
 
-    def A(self, scene: Tensor, depth: Tensor) -> Tensor:
-        """(B, L, H, W) at depth (B, 1, H, W) → exact snapshot (B, C, H, W) of the linear model."""
-        return self.operator(depth).A(scene)
+    def exact(
+        self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
+    ) -> Tensor:
+        """Exact snapshot (B, C, H, W), a large one in tiles; arguments as ``forward``.
 
-    def A_adjoint(self, snapshot: Tensor, depth: Tensor) -> Tensor:
-        """(B, C, H, W) → (B, L, H, W)."""
-        return self.operator(depth).A_adjoint(snapshot)
-
-    def A_dagger(self, snapshot: Tensor, depth: Tensor) -> Tensor:
-        """(B, C, H, W) → least-norm scene (B, L, H, W), by iteration."""
-        return self.operator(depth).A_dagger(snapshot)
-
-    def exact(self, scene: Tensor, depth: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:
-        """Exact snapshot (B, C, H, W), a large one in tiles; arguments as ``forward``."""
+        What lies outside the design range is imaged in the plane of that end, what is no depth in the farthest
+        (``planes.nearest``).
+        """
+        if depth is None:
+            raise SettingError("depth", "none", "a depth map (B, 1, H, W) in metres, for a spectral-depth camera")
         self._check(scene, depth)
         tiles, frame = self._tiles()
-        transfer, found = self._transfer(frame), scene.new_empty(0)
+        transfer, snapshot = self._transfer(frame), scene.new_empty(0)
         for count, tile in enumerate(tiles):
-            own = self._exposed(scene, depth, transfer, frame, tile)
+            part = self._exposed(scene, depth, transfer, frame, tile)
             if len(tiles) == 1:
-                return own
-            found = found if count else own.new_empty(*own.shape[:2], *self.size)
-            found[..., tile.rows, tile.columns] = own
+                return part
+            snapshot = snapshot if count else part.new_empty(*part.shape[:2], *self.size)
+            snapshot[..., tile.rows, tile.columns] = part
             if progress is not None:
                 progress((count + 1) / len(tiles))
-        return found
-
-    def forward(
-        self,
-        scene: Tensor,
-        depth: Tensor,
-        generator: torch.Generator | int | None = None,
-        progress: Callable[[float], None] | None = None,
-    ) -> Tensor:
-        """Take a snapshot.
-
-        Args:
-            scene: (B, L, H, W) relative irradiance, or (B, K, L, H, W) where it changes from slot to slot.
-            depth: (B, 1, H, W) metres, or (B, K, 1, H, W) beside such a scene. What lies outside the
-                design range is imaged in the plane of that end, what is no depth in the farthest (``planes.nearest``).
-            generator: source of the sensor's randomness, or a seed.
-            progress: told the share that is done, where the sensor is imaged in tiles.
-
-        Returns:
-            (B, C, H, W) snapshot.
-
-        Raises:
-            ShapeError: other shapes.
-        """
-        return self.record(self.exact(scene, depth, progress), generator)
+        return snapshot
 
     def _tiles(self) -> tuple[list[SensorTile], tuple[int, int]]:
         """Tiles of the sensor, one where that does not take much memory, and the frame in which they are blurred."""
@@ -334,14 +373,76 @@ class SpectralDepthCamera(Camera):
         )
 
     def _check(self, scene: Tensor, depth: Tensor) -> None:
-        kept = scene.shape[2:] if scene.ndim == 5 and scene.shape[1] == self.slots else scene.shape[1:]
-        if tuple(kept) != self.scene_shape:
-            wanted = f"(batch, {', '.join(map(str, self.scene_shape))}), or (batch, {self.slots}, …)"
-            raise ShapeError("scene", str(tuple(scene.shape)), wanted, "give the camera its size and bands")
+        moves = scene.ndim == 5 and scene.shape[1] == self.slots
+        if tuple(scene.shape[2:] if moves else scene.shape[1:]) != self.scene_shape:
+            expected = f"(batch, {', '.join(map(str, self.scene_shape))}), or (batch, {self.slots}, …)"
+            raise ShapeError("scene", str(tuple(scene.shape)), expected, "give the camera its size and bands")
         plane, moving = (1, *self.size), (self.slots, 1, *self.size)
         if tuple(depth.shape[1:]) not in ({plane, moving} if scene.ndim == 5 else {plane}):
             raise ShapeError("depth", str(tuple(depth.shape)), f"(batch, {', '.join(map(str, plane))}) in metres")
 
-    def _apply(self, fn: Any, recurse: bool = True) -> SpectralDepthCamera:
-        self._kept = None
-        return super()._apply(fn, recurse)
+    def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
+        """See ``Camera``: (wavelength, y, x)."""
+        import xarray as xr
+
+        attrs = {"quantity": unit, "units": "1", "long_name": name}
+        coordinates = wavelength_coordinates(self.wavelengths)
+        return xr.DataArray(scenes[0].numpy(force=True), coordinates, ("wavelength", "y", "x"), attrs=attrs)
+
+    def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
+        """See ``Camera``."""
+        return ("channel", "y", "x")
+
+    def variables(self) -> xr.Dataset:
+        """``heights`` (slot, y_mask, x_mask) in metres, ``shutter`` (slot, y_tile, x_tile), or (slot, y, x) where it
+        does not repeat, ``filters`` (filter, wavelength), ``cells`` (y_tile, x_tile), the index of the filter over
+        every pixel, and ``response`` (channel, wavelength).
+
+        Attributes: exposure, bench, depth planes, energy, sensor."""
+        import xarray as xr
+
+        tile = ("y_tile", "x_tile")
+        parts = {
+            "heights": (("slot", "y_mask", "x_mask"), self.codes()[0].numpy(force=True), MEANING_OF_HEIGHTS),
+            "shutter": (
+                ("slot", *(tile if self.shutter.period is not None else ("y", "x"))),
+                compact(self.shutter.tile().detach()),
+                {"units": "1 = open"},
+            ),
+            "filters": (
+                ("filter", "wavelength"),
+                self.filters.filters.numpy(force=True),
+                {"long_name": "transmittance"},
+            ),
+            "cells": (tile, self.filters.cells().numpy(force=True), {"long_name": "index of the filter"}),
+            "response": (("channel", "wavelength"), self.response.numpy(force=True), {"long_name": "response"}),
+        }
+        optics = {
+            "bench": json.dumps(asdict(self.bench)), "depth": json.dumps(asdict(self.planes)),
+            "energy": self.spread.energy, "image_formation": self.image_formation,
+        }  # fmt: skip
+        return xr.Dataset(parts, wavelength_coordinates(self.wavelengths), {**common_attributes(self), **optics})
+
+    @classmethod
+    def from_variables(cls, dataset: xr.Dataset, where: str) -> SpectralDepthCamera:
+        """See ``Camera``; without a snapshot beside it the size is that of the tile."""
+        check_complete(dataset, where, cls)
+        parts, attrs = tensors(dataset, "heights", "shutter", "filters", "response"), dataset.attrs
+        planes, bench = json_attribute(attrs, "depth", {}, where), json_attribute(attrs, "bench", {}, where)
+        try:
+            geometry = {
+                "bench": changed_bench(PhaseMaskBench(), bench),
+                "depth": (float(planes["near"]), float(planes["far"])),
+                "planes": int(planes["count"]),
+            }
+        except (KeyError, TypeError, ValueError) as error:
+            remedy = "correct it"
+            raise DataError(where, f"bench or depth that are none ({error})", "those of a camera", remedy) from error
+        size = tuple(dataset.sizes.get(axis, parts["shutter"].shape[-1]) for axis in ("y", "x"))
+        return made_from(
+            cls, dataset, where, "heights, shutter, filters and bench that fit",
+            bands=dataset["wavelength"].values.tolist(), size=size, slots=len(parts["heights"]), mask=parts["heights"],
+            shutter=parts["shutter"], filters=parts["filters"], cells=torch.tensor(dataset["cells"].values),
+            period=dataset["cells"].shape[0], channels=parts["response"], energy=str(attrs["energy"]),
+            image_formation=str(attrs.get("image_formation", "linear")), **geometry, **common_settings(attrs, where),
+        )  # fmt: skip

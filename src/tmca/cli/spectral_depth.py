@@ -113,7 +113,6 @@ class SpectralDepthOptions:
     def camera(self, sensor: SensorOptions, bench: BenchOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
         """The camera that is described, of this size."""
         from tmca.cameras import SpectralDepthCamera
-        from tmca.cameras.presets import preset_bench
         from tmca.optics import changed_bench
         from tmca.sensor import Sensor
 
@@ -125,7 +124,7 @@ class SpectralDepthOptions:
         if self.codes is not None and self.codes.suffix != ".nc":
             return self._trained(sensor, bench, crop)
         if changes := bench.changes():
-            given["bench"] = changed_bench(preset_bench(self.preset), changes)
+            given["bench"] = changed_bench(SpectralDepthCamera.preset(self.preset)["bench"], changes)
         if self.codes is not None:
             given |= self._designed(given, bench)
         return SpectralDepthCamera.from_preset(self.preset, size=crop, sensor=Sensor(**vars(sensor)), **given)

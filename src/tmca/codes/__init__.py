@@ -5,18 +5,20 @@ from tmca.codes.binary import hard_threshold, one_hot_slots
 from tmca.codes.blue_noise import blue_noise_ranks
 from tmca.codes.files import CodesFile, read_codes, write_codes
 from tmca.codes.imperfect import Outside, leaked, misplaced, slot_overlap, through_time
-from tmca.codes.multiplexed import MultiplexedCodes
+from tmca.codes.multiplexed import Codes, MultiplexedCodes, fitted_codes
 from tmca.codes.patterns import FAMILIES, pattern
 from tmca.codes.plane import CodePlane
 
 __all__ = [
     "FAMILIES",
     "CodePlane",
+    "Codes",
     "CodesFile",
     "MultiplexedCodes",
     "Outside",
     "balanced_choice",
     "blue_noise_ranks",
+    "fitted_codes",
     "hard_threshold",
     "leaked",
     "misplaced",

@@ -1,69 +1,84 @@
-"""Aperture and shutter codes of one exposure."""
+"""Aperture and shutter codes of one exposure, and what describes them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from torch import Tensor, nn
 
 from tmca.codes.plane import CodePlane
-from tmca.errors import SettingError
+from tmca.errors import SettingError, ShapeError
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Codes:
+    """What a camera with an aperture and a shutter shows, before its size is known.
+
+    Args:
+        aperture: family of the aperture codes (``tmca.codes.FAMILIES``) or patterns (K, H, Wa).
+        shutter: family of the shutter codes or patterns (K, H, W').
+        transmittance: share of open aperture pixels of a named family.
+        duty: share of open shutter pixels of a named family.
+        period: tile of both planes, pixels; full frame if None.
+        seed: same seed, same codes; aperture and shutter draw from different streams.
+        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
+        spread: of the logits' distances from their threshold, see ``CodePlane``.
+    """
+
+    aperture: str | Tensor = "random"
+    shutter: str | Tensor = "random"
+    transmittance: float = 0.5
+    duty: float = 0.5
+    period: int | Size | None = None
+    seed: int = 0
+    learnable: bool | str = False
+    spread: float = 0.0
+
+    def planes(self, slots: int, aperture: Size, shutter: Size) -> MultiplexedCodes:
+        """The codes of K slots on an aperture (H, Wa) and a sensor (H, W').
+
+        Raises:
+            SettingError, ShapeError: another ``learnable``, or what ``CodePlane`` refuses.
+        """
+        if self.learnable not in (True, False, "aperture", "shutter"):
+            raise SettingError("learnable", repr(self.learnable), "True, False, 'aperture' or 'shutter'")
+        how: dict[str, Any] = {"period": self.period, "spread": self.spread}
+        planes = (
+            CodePlane(
+                self.aperture, slots, aperture, density=self.transmittance, seed=2 * self.seed,
+                learnable=self.learnable in (True, "aperture"), name="aperture", **how,
+            ),
+            CodePlane(
+                self.shutter, slots, shutter, density=self.duty, seed=2 * self.seed + 1,
+                learnable=self.learnable in (True, "shutter"), name="shutter", **how,
+            ),
+        )  # fmt: skip
+        return MultiplexedCodes(*planes)
 
 
 class MultiplexedCodes(nn.Module):
     """K aperture patterns T^k and K shutter patterns S^k, shown slot by slot within one exposure (thesis eqs 4, 5).
 
     Args:
-        slots: number of time slots K.
-        aperture_size: (H, Wa) of the aperture, pixels.
-        shutter_size: (H, W') of the sensor, pixels.
-        aperture: ``"random"``, ``"static"``, ``"open"``, ``"one-hot"``, ``"complementary"``, ``"blue-noise"``
-            or patterns (K, H, Wa).
-        shutter: the same choices, patterns (K, H, W').
-        transmittance: share of open aperture pixels in the families that leave it free.
-        duty: share of open shutter pixels, likewise.
-        period: tile of both planes, pixels; full frame if None.
-        seed: same seed, same codes; aperture and shutter draw from different streams.
-        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
-        slope: of the surrogate derivative.
-        spread: of the logits' distances from their threshold, see ``CodePlane``.
-
-    Raises:
-        SettingError: another ``learnable``, or what ``CodePlane`` refuses.
+        aperture: (K, H, Wa).
+        shutter: (K, H, W').
     """
 
     if TYPE_CHECKING:
 
         def __call__(self) -> tuple[Tensor, Tensor]: ...
 
-    def __init__(
-        self,
-        slots: int,
-        aperture_size: tuple[int, int],
-        shutter_size: tuple[int, int],
-        *,
-        aperture: str | Tensor = "random",
-        shutter: str | Tensor = "random",
-        transmittance: float = 0.5,
-        duty: float = 0.5,
-        period: int | tuple[int, int] | None = None,
-        seed: int = 0,
-        learnable: bool | str = False,
-        slope: float = 4.0,
-        spread: float = 0.0,
-    ) -> None:
+    def __init__(self, aperture: CodePlane, shutter: CodePlane) -> None:
         super().__init__()
-        if learnable not in (True, False, "aperture", "shutter"):
-            raise SettingError("learnable", repr(learnable), "True, False, 'aperture' or 'shutter'")
-        self.slots = slots
-        self.aperture = CodePlane(
-            aperture, slots, aperture_size, period=period, density=transmittance, seed=2 * seed,
-            learnable=learnable in (True, "aperture"), slope=slope, spread=spread, name="aperture",
-        )  # fmt: skip
-        self.shutter = CodePlane(
-            shutter, slots, shutter_size, period=period, density=duty, seed=2 * seed + 1,
-            learnable=learnable in (True, "shutter"), slope=slope, spread=spread, name="shutter",
-        )  # fmt: skip
+        self.aperture, self.shutter = aperture, shutter
+
+    @property
+    def slots(self) -> int:
+        """K."""
+        return self.aperture.slots
 
     def forward(self) -> tuple[Tensor, Tensor]:
         """(aperture (K, H, Wa), shutter (K, H, W')), all zeros and ones."""
@@ -89,3 +104,36 @@ class MultiplexedCodes(nn.Module):
     def duty(self) -> float:
         """Share of the exposure in which a sensor pixel is open, mean over pixels."""
         return float(self.shutter().mean())
+
+
+def fitted_codes(
+    codes: Codes | nn.Module | None, slots: int, aperture: Size, shutter: Size, /, **changes: Any
+) -> nn.Module:
+    """The codes of a camera: a module as it is, where it fits, or what a description says.
+
+    Args:
+        codes: a module that gives (aperture, shutter), a description, or None for the default one.
+        slots: K.
+        aperture, shutter: (H, W) of the planes.
+        changes: parts of the description that are replaced.
+
+    Raises:
+        SettingError: changes of codes that are there already, or an unknown part.
+        ShapeError: tiled codes of another number of slots; codes that do not repeat, of another size.
+    """
+    if not isinstance(codes, nn.Module):
+        unknown = sorted(set(changes) - set(Codes.__dataclass_fields__))
+        if unknown:
+            raise SettingError(unknown[0], repr(changes[unknown[0]]), f"one of {', '.join(Codes.__dataclass_fields__)}")
+        return replace(codes or Codes(), **changes).planes(slots, aperture, shutter)
+    if changes:
+        name, value = next(iter(changes.items()))
+        raise SettingError(name, repr(value), "none beside codes", "leave it out, or leave codes out")
+    if not isinstance(codes, MultiplexedCodes):
+        return codes
+    if codes.slots != slots:
+        raise ShapeError("codes", f"{codes.slots} slots", f"{slots}", "give slots too, or other codes")
+    sizes = (codes.aperture, aperture), (codes.shutter, shutter)
+    if all(plane.size == size for plane, size in sizes):
+        return codes
+    return MultiplexedCodes(*(plane.resized(size) for plane, size in sizes))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from math import ceil
 
 import torch
@@ -118,6 +119,21 @@ class CodePlane(nn.Module):
         if self.family == "complementary":
             return torch.stack((binary, 1 - binary), dim=1).flatten(0, 1)[: self.slots]
         return binary
+
+    def resized(self, size: tuple[int, int]) -> CodePlane:
+        """The same tile over a plane of another size (H, W); itself at its own size.
+
+        Raises:
+            ShapeError: patterns that do not repeat.
+        """
+        if size == self.size:
+            return self
+        if self.period is None or any(have < tile for have, tile in zip(self.size, self.period, strict=True)):
+            patterns = f"patterns of {self.size[0]}×{self.size[1]} pixels that do not repeat"
+            raise ShapeError(self.name, patterns, f"{size[0]}×{size[1]}", "crop the scene, or take tiled codes")
+        other = copy.copy(self)  # parameters and buffers, those of one tile, are shared
+        other.size = size
+        return other
 
     def forward(self) -> Tensor:
         """(K, H, W) patterns of the whole plane."""

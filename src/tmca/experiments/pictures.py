@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.cameras.snapshots import Snapshot, holds_snapshot
+from tmca.cameras import Snapshot, holds_snapshot
 from tmca.errors import DataError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.experiments.figures import cube_figure, image_figure, save_figure

@@ -12,7 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras.hardware import LIMITS, PAIRS, PARTS, Hardware
+from tmca.cameras import LIMITS, PAIRS, PARTS, Hardware
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.figures import save_figure

@@ -52,9 +52,9 @@ def mask_code(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Tensor:
     size = (shutter.shape[1], shutter.shape[2])
     wanted = (len(shutter), *shear.mask_size(size))
     if tuple(aperture.shape) != wanted:
-        found = f"shape {tuple(aperture.shape)}"
+        there = f"shape {tuple(aperture.shape)}"
         raise ShapeError(
-            "aperture", found, f"{wanted}: the sensor's {tuple(shutter.shape)} and the views' shear around it"
+            "aperture", there, f"{wanted}: the sensor's {tuple(shutter.shape)} and the views' shear around it"
         )
     if shear.whole:
         return sheared_code(shutter, aperture, _shifts(shear, size)).unflatten(0, shear.views)

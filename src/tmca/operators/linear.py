@@ -1,4 +1,4 @@
-"""What every camera's linear part offers: ``A``, ``A_adjoint``, ``A_dagger``, ``prox_l2`` (deepinv's names and meaning)."""
+"""What every camera's linear part offers: ``A``, ``A_adjoint``, ``A_dagger``, ``prox_l2`` (deepinv's names)."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def conjugate_gradient_gram(operator: Any, y: Tensor, shift: float, **iteration:
 class LinearOperator(nn.Module, ABC):
     """A linear map from scenes (B, *scene_shape) to snapshots (B, *snapshot_shape).
 
-    Subclasses set ``scene_shape`` and ``snapshot_shape`` and define ``A`` and ``A_adjoint``; where ``A Aᵀ`` has a closed
-    inverse they define ``gram_solve`` too.
+    Subclasses set ``scene_shape`` and ``snapshot_shape`` and define ``A`` and ``A_adjoint``, and ``gram_solve`` where
+    ``A Aᵀ`` has a closed inverse.
     """
 
     scene_shape: tuple[int, ...]

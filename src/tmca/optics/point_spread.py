@@ -64,6 +64,13 @@ class PointSpread(nn.Module):
         self.register_buffer("waves", waves.to(torch.complex64), persistent=False)
         self.register_buffer("per_metre", per_metre, persistent=False)
 
+    def behind(self, heights: nn.Module, waves: Tensor | None = None) -> PointSpread:
+        """The same optics with other heights, of the same size, and, if given, other waves before them."""
+        return PointSpread(
+            heights, self.waves if waves is None else waves, self.per_metre, self.propagator, self.energy,  # type: ignore[arg-type]
+            self.oversampling,
+        )  # fmt: skip
+
     def forward(self) -> Tensor:
         """(K, D, L, h, w)."""
         found = self._pixels()

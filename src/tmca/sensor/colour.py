@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
@@ -70,6 +71,14 @@ class ColourCodedAperture(nn.Module):
     def learnable(self) -> bool:
         """Whether the choice of filters is learned."""
         return self.plane.learnable
+
+    def resized(self, size: tuple[int, int]) -> ColourCodedAperture:
+        """The same tile over a sensor of another size (H, W); itself at its own size."""
+        if size == self.plane.size:
+            return self
+        other = copy.copy(self)
+        other._modules = {**self._modules, "plane": self.plane.resized(size)}
+        return other
 
     def relax(self, relaxed: bool) -> None:
         """Let cells be mixtures, or one filter each again."""

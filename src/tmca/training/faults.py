@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tmca.cameras import Camera
-from tmca.cameras.hardware import LIMITS, PAIRS, PARTS, Hardware, SomeCamera, defective, imperfect
+from tmca.cameras import LIMITS, PAIRS, PARTS, Camera, Hardware, SomeCamera, defective, imperfect
 from tmca.errors import SettingError
 from tmca.sensor import Sensor
 

@@ -6,8 +6,7 @@ import torch
 
 from tests.lab.calibrating.test_frames import light_field
 from tests.lab.devices.test_capture import exported
-from tmca.cameras import SpectralCamera, SpectralDepthCamera
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.codes import slot_overlap
 from tmca.errors import DataError, DeviceError
 from tmca.lab.calibrating.measuring import Known, measured_steps

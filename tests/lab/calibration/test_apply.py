@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.calibration_file import Calibration

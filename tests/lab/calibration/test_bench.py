@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import SpectralCamera
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, SpectralCamera, imperfect
 from tmca.lab.calibration.measurements.registration import nominal_matrix
 from tmca.lab.calibration.rendered.cameras import nominal_spectral, place_of_codes, spectral_truth
 from tmca.lab.calibration.rendered.light import light_field_light, spectral_light

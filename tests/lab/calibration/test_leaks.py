@@ -5,8 +5,7 @@ import pytest
 import torch
 from PIL import Image
 
-from tmca.cameras import SpectralCamera
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, SpectralCamera, imperfect
 from tmca.errors import DataError
 from tmca.lab.calibration.apply import calibrated
 from tmca.lab.calibration.calibration_file import Calibration, load_calibration

@@ -10,8 +10,7 @@ import tifffile
 import torch
 
 from tests.lab.devices.test_export import mirror, snapshot, spectral
-from tmca.cameras import LightFieldCamera, SpectralCamera
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, LightFieldCamera, SpectralCamera, imperfect
 from tmca.errors import DataError, DeviceError, OutputError
 from tmca.lab.devices import capture, check_camera, device_named, export_codes, find_device, joined, read_planes
 from tmca.lab.devices.export import Export

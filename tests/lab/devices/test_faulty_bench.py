@@ -7,8 +7,7 @@ import torch
 
 from tests.lab.devices.test_capture import bench_of, exported, scene_of
 from tests.lab.devices.test_export import mirror, spectral
-from tmca.cameras import LightFieldCamera, moving_scenes
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, LightFieldCamera, imperfect, moving_scenes
 from tmca.errors import SettingError
 from tmca.lab.devices import capture, joined
 

@@ -10,7 +10,7 @@ from tmca.cli.lab.export import named_export
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
-    from tmca.cameras.hardware import Hardware
+    from tmca.cameras import Hardware
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from cyclopts import Group, Parameter
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
-    from tmca.cameras.hardware import Hardware
+    from tmca.cameras import Hardware
 
 _HARDWARE = Group("Hardware", sort_key=41)
 
@@ -33,7 +33,7 @@ class HardwareOptions:
         Raises:
             SettingError, DataError: unknown or impossible ones.
         """
-        from tmca.cameras.hardware import Hardware
+        from tmca.cameras import Hardware
 
         if self.hardware is None:
             return Hardware()

@@ -84,7 +84,7 @@ def _error(
     scenes = torch.stack([_middle(cube, camera.size) for cube in cubes]).float()
     decoder, errors = PatchLikelihood(prior, camera, window), list[Tensor]()
     for draw, depth in enumerate(depths):
-        found = decoder(camera(scenes, depth, draw), planes=False, spectrum=False)
+        found = decoder(camera(scenes, depth, generator=draw), planes=False, spectrum=False)
         errors.append((1 / found.depth - 1 / depth).abs().mean() / camera.planes.step)
     return float(torch.stack(errors).mean())
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tmca.cameras.checks import choice
-from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS, preset_bench
+from tmca.cameras import SpectralDepthCamera
 from tmca.design import SensorSheet
 from tmca.design.mask_advice import MaskAdvice
 from tmca.design.mask_search import MaskEffort, MaskTask, Told, search_masks
@@ -130,7 +129,7 @@ def _counts(sheet: SensorSheet, slots: Sequence[int] | None) -> list[int]:
 
 
 def _bench(preset: str, changes: Mapping[str, Any]) -> PhaseMaskBench:
-    return changed_bench(preset_bench(preset), changes)
+    return changed_bench(SpectralDepthCamera.preset(preset)["bench"], changes)
 
 
 def _stroke(reach: float | None, levels: int | None) -> Stroke | None:
@@ -145,7 +144,7 @@ def _stroke(reach: float | None, levels: int | None) -> Stroke | None:
 
 def _camera(preset: str, bands: int, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of the searched cameras."""
-    own = SPECTRAL_DEPTH_PRESETS[choice("preset", preset, tuple(SPECTRAL_DEPTH_PRESETS))]
+    own = SpectralDepthCamera.preset(preset)
     if bands < 2:
         raise SettingError("--bands", str(bands), "2 or more")
     waves = tuple(np.linspace(own["bands"][0], own["bands"][-1], bands).tolist())

@@ -13,8 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.cameras import LightFieldCamera, Snapshot, moving_scenes
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, LightFieldCamera, Snapshot, imperfect, moving_scenes
 from tmca.decoders import Decoded, Weights, decode_light_field
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure
@@ -173,7 +172,7 @@ def take_light_field_snapshot(
         views = moving_scenes(views, faults.movement, camera.slots)
         notes["motion_pixels"] = list(faults.movement)
     with torch.no_grad():
-        values = imperfect(camera, faults, seed)(views, NOISE_STREAM + seed)
+        values = imperfect(camera, faults, seed)(views, generator=NOISE_STREAM + seed)
     notes |= {"hardware": faults.said()} if faults.faults() else {}
     noted = {READING: light_field.attrs[READING]} if READING in light_field.attrs else {}
     return Snapshot(values, camera, notes | noted)

@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras import LightFieldCamera
-from tmca.cameras.hardware import Hardware
+from tmca.cameras import Hardware, LightFieldCamera
 from tmca.design import KINDS, designable
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings

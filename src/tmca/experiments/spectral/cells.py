@@ -9,8 +9,7 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from tmca.cameras import SpectralCamera
-from tmca.cameras.hardware import Hardware
+from tmca.cameras import Hardware, SpectralCamera
 from tmca.decoders.decoding import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.scenes import load_scene

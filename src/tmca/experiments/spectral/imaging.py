@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from tmca.cameras import Snapshot, SpectralCamera, moving_scene
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Hardware, Snapshot, SpectralCamera, imperfect, moving_scene
 from tmca.decoders.decoding import Decoded, needs_prior
 from tmca.decoders.networks.neural import Weights
 from tmca.decoders.networks.shipped import find_weights
@@ -80,7 +79,7 @@ def take_snapshot(
     if any(motion):
         scene, notes["motion_pixels"] = moving_scene(scene, motion, camera.slots), list(motion)
     with torch.no_grad():
-        values = imperfect(camera, faults, seed)(scene[None], NOISE_STREAM + seed)
+        values = imperfect(camera, faults, seed)(scene[None], generator=NOISE_STREAM + seed)
     if faults.faults():
         notes["hardware"] = faults.said()
     return Snapshot(values, camera, notes)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS, preset_bench
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, timed
 from tmca.experiments.design.example_scenes import some_of
@@ -151,7 +150,9 @@ def _check_side(own: Sizes, decoders: Sequence[str]) -> None:
     """Raises SettingError where scenes may be too small for what is measured, or for what networks learn from."""
     from tmca.training.spectral_depth.settings import usual_margin
 
-    margin = usual_margin(preset_bench(own.preset).window, SPECTRAL_DEPTH_PRESETS[own.preset]["period"])
+    margin = usual_margin(
+        SpectralDepthCamera.preset(own.preset)["bench"].window, SpectralDepthCamera.presets[own.preset]["period"]
+    )
     least = max(min(own.crop), own.patch + 2 * margin if {*decoders} & {*NETWORKS} else 1)
     if own.side < least:
         raise SettingError("--side", str(own.side), f"at least {least} pixels, as patches with margins and --crop need")

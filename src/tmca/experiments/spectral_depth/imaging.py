@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.cameras import Hardware, Snapshot, SpectralDepthCamera, imperfect
 from tmca.cameras.checks import check_holds
-from tmca.cameras.hardware import Hardware, imperfect
 from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
 from tmca.decoders.networks.neural import same_bands
@@ -90,7 +89,7 @@ def take_spectral_depth_snapshot(
     cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
     depth = depth_tensor(scene)
     with torch.no_grad():
-        values = imperfect(camera, faults, seed)(cube, depth, NOISE_STREAM + seed, progress)
+        values = imperfect(camera, faults, seed)(cube, depth, generator=NOISE_STREAM + seed, progress=progress)
     notes: dict[str, Any] = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, **unknown}
     notes |= {name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}
     notes |= {"hardware": faults.said()} if faults.faults() else {}

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tmca.cameras import SpectralDepthCamera
-from tmca.cameras.hardware import Hardware
+from tmca.cameras import Hardware, SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import PROBE
 from tmca.decoders.patch_based.depth_likelihood import check_window, usual_window

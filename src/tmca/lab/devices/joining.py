@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from tmca.cameras import Camera, Snapshot, sharing
+from tmca.cameras import Camera, Snapshot
 from tmca.errors import DataError
 from tmca.lab.captured_notes import AVERAGED, DRIVER, GAIN, SATURATED, WHITE
 from tmca.lab.codes_date import CODES_DATE
@@ -97,12 +97,10 @@ def _read_noise(
 
 def _with_noise(camera: Camera, read: float, repeats: float) -> Camera:
     """The camera, whose sensor reads with this noise in snapshot units, and collects the light of all repeats."""
-    told = sharing(camera)
     settings: dict[str, Any] = {**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0}
     if settings["full_well"] is not None:
         settings["full_well"] *= repeats
-    told.sensor = Sensor(**settings)
-    return told
+    return camera.replace(sensor=Sensor(**settings))
 
 
 def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:

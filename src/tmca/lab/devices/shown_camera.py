@@ -8,8 +8,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras import CodedCamera, sharing
-from tmca.cameras.hardware.codes import ImperfectCodes, ImperfectPlane
+from tmca.cameras import CodedCamera
+from tmca.cameras.faulty import FaultyCodes, FaultyShutter
 from tmca.errors import DeviceError
 from tmca.lab.devices.sources import Planes
 from tmca.optics import ZernikeHeights
@@ -25,22 +25,21 @@ def showing(camera: Any, codes: Planes) -> Any:
     Raises:
         DeviceError: codes of another size.
     """
-    found = sharing(camera)
     if isinstance(camera, CodedCamera):
         own = dict(zip(("aperture", "shutter"), camera.codes(), strict=True))
-        shown = {name: codes.planes.get(name, plane) for name, plane in own.items()}
-        if codes.slots != camera.slots:  # one slot after the other, none of them masked
-            shown["shutter"], found.slots = torch.ones_like(own["shutter"][:1]).expand(codes.slots, -1, -1), codes.slots
+        shown, slots = {name: codes.planes.get(name, plane) for name, plane in own.items()}, camera.slots
+        if codes.slots != slots:  # one slot after the other, none of them masked
+            shown["shutter"], slots = torch.ones_like(own["shutter"][:1]).expand(codes.slots, -1, -1), codes.slots
         for name, plane in shown.items():
             if plane.shape[1:] != own[name].shape[1:]:
                 wanted = f"the camera's {tuple(own[name].shape)}"
                 raise DeviceError("simulated bench", f"{name} of {tuple(plane.shape)}", wanted, "export them for it")
-        found.codes, found._fixed = _Shown(shown["aperture"], shown["shutter"]), None
-    elif codes.modes:
+        return camera.replace(codes=_Shown(shown["aperture"], shown["shutter"]), slots=slots)
+    if codes.modes:
         size, modes = camera.spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
-        found.spread, found._kept = sharing(camera.spread), None
-        found.spread.heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
-    return found
+        heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
+        return camera.replace(point_spread=camera.spread.behind(heights))
+    return camera
 
 
 def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[int], Tensor]:
@@ -58,7 +57,7 @@ def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[i
         Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
     """
     codes = camera.codes if isinstance(camera, CodedCamera) else camera.shutter
-    faults = codes.faults if isinstance(codes, ImperfectCodes | ImperfectPlane) else None
+    faults = codes.faults if isinstance(codes, FaultyCodes | FaultyShutter) else None
     if settled or faults is None or not faults.timed:
         return [slot], torch.ones(1, camera.size[0])
     shares = faults.overlap[:, slot].T.float()
@@ -78,17 +77,12 @@ def of_one_slot(camera: Any, seen: Sequence[int], shares: Tensor, share: int) ->
         shares: (n, H) of a slot that each is seen for, see ``seen_in_frame``.
         share: K of the exposure.
     """
-    found = sharing(camera)
-    found.sensor = sub_exposed(camera, share)
-    found.slots, found.exposure = len(seen), "equal"
     opened = shares[:, :, None] * len(seen)  # a mean over these patterns is then their sum
+    parts: dict[str, Any] = {"sensor": sub_exposed(camera, share), "slots": len(seen), "exposure": "equal"}
     if isinstance(camera, CodedCamera):
-        found.codes, found._fixed = _Seen(camera.codes, seen, opened), None
-        return found
-    found.shutter, found._kept = _Opened(camera.shutter, opened), None
-    found.spread = sharing(camera.spread)
-    found.spread.heights = _Maps(camera.spread.heights, seen)
-    return found
+        return camera.replace(codes=_Seen(camera.codes, seen, opened), **parts)
+    optics = camera.spread.behind(_Maps(camera.spread.heights, seen))
+    return camera.replace(shutter=_Opened(camera.shutter, opened), point_spread=optics, **parts)
 
 
 class _Shown(nn.Module):

@@ -10,8 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.cameras import Camera, moving_scenes
-from tmca.cameras.hardware import Hardware, imperfect
+from tmca.cameras import Camera, Hardware, imperfect, moving_scenes
 from tmca.cameras.motion import check_displacement
 from tmca.errors import DeviceError, SettingError
 from tmca.lab.devices.export import Export
@@ -136,7 +135,7 @@ class SimulatedBench:
         seen, shares = seen_in_frame(self.camera, shown or 0, settled=self.light is not None)
         camera = self.camera if shown is None else of_one_slot(self.camera, seen, shares, self.known.slots)
         scene = self._moved(None if shown is None else seen) if self.light is None else lit_scene(camera, self.light)
-        found: Tensor = camera(*scene, self._noise())
+        found: Tensor = camera(*scene, generator=self._noise())
         return found
 
     def _moved(self, seen: list[int] | None) -> tuple[Tensor, ...]:

@@ -47,10 +47,10 @@ class Movie:
 class FrameOperator(SlotwiseDisperser):
     """The slot-wise operator of frames, whose ``A Aᵀ`` is diagonal for displacements by whole pixels."""
 
-    def gram_solve(self, y: Tensor, shift: float) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ y``; with shift 0, pixels without light give zero."""
+    def gram_solve(self, snapshot: Tensor, shift: float | Tensor, **iteration: object) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``; with shift 0, pixels without light give zero."""
         diagonal = self._energy() + shift
-        return torch.where(diagonal > 0, y / diagonal.clamp_min(torch.finfo(y.dtype).tiny), 0)
+        return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(snapshot.dtype).tiny), 0)
 
     def _energy(self) -> Tensor:
         """(1, 1, H, W') squared weights that meet in every sensor pixel."""

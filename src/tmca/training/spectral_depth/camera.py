@@ -11,7 +11,6 @@ from torch import Tensor
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.checks import check_holds
 from tmca.cameras.phase_codes import read_phase_codes
-from tmca.cameras.presets import SPECTRAL_DEPTH_PRESETS
 from tmca.decoders.networks.depth_weights import DepthWeights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (
@@ -44,7 +43,7 @@ def training_camera(settings: SpectralDepthTrainSettings) -> SpectralDepthCamera
         SettingError, DataError: an impossible camera, or codes that do not fit it.
     """
     given = {name: value for name, value in settings.camera.model_dump().items() if value is not None}
-    learn, preset = given.pop("learn"), SPECTRAL_DEPTH_PRESETS.get(settings.camera.preset, {})
+    learn, preset = given.pop("learn"), SpectralDepthCamera.presets.get(settings.camera.preset, {})
     stroke, levels, bench = given.pop("stroke", None), given.pop("levels", None), given.pop("bench")
     given |= {} if stroke is None else {"stroke": Stroke(stroke[0], stroke[1], levels)}
     given |= {"bench": changed_bench(preset.get("bench", PhaseMaskBench()), bench)} if bench else {}
@@ -71,7 +70,12 @@ def _with_margin(given: dict[str, Any], settings: SpectralDepthTrainSettings) ->
     Raises:
         SettingError: another margin, a patch narrower than its blur, or scenes that need not hold patch and margin.
     """
-    own = {"period": 1, "bench": PhaseMaskBench(), **SPECTRAL_DEPTH_PRESETS.get(settings.camera.preset, {}), **given}
+    own = {
+        "period": 1,
+        "bench": PhaseMaskBench(),
+        **SpectralDepthCamera.presets.get(settings.camera.preset, {}),
+        **given,
+    }
     period, margin = own["period"], settings.data.margin
     if margin is None:
         margin = usual_margin(own["bench"].window, period)

@@ -1,0 +1,141 @@
+"""Snapshots: a capture together with everything that is needed to reconstruct it, in memory and as a file."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.cameras.camera import CAMERAS, Camera
+from tmca.errors import DataError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+Kind = TypeVar("Kind", bound=Camera)
+_MEANING = {"units": "relative irradiance", "long_name": "snapshot, 1 = one channel of a white scene, everything open"}
+_WIDEST = 256
+
+
+@dataclass(repr=False)
+class Snapshot(Generic[Kind]):
+    """A capture and the camera that took it.
+
+    Args:
+        values: (B, C, H, W') snapshot, B = 1 or the three colours of a light field, in snapshot units.
+        camera: with the codes of the exposure, its optics and its sensor.
+        notes: what else there is to say (scene, seed, …), attributes of the file.
+    """
+
+    values: Tensor
+    camera: Kind
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The snapshot with the codes, optics and sensor that made it, labelled."""
+        dataset = self.camera.variables()
+        axes = self.camera.snapshot_axes(self.values)
+        values = self.values.numpy(force=True)
+        dataset["snapshot"] = (axes, values.reshape(_shape(values, axes)), _MEANING)
+        if "colour" in axes:
+            dataset = dataset.assign_coords(colour=("colour", ["red", "green", "blue"]))
+        dataset.attrs = {**self.notes, **dataset.attrs}
+        return dataset
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write a NetCDF file.
+
+        Raises:
+            OutputError: the file exists, or cannot be written.
+        """
+        from tmca.data import write_dataset
+
+        return write_dataset(self.to_xarray(), path, overwrite=overwrite)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Snapshot[Any]:
+        """Read a file written by ``save``, or laid out like it by other software.
+
+        Raises:
+            DataError: not such a file, or a part of it is missing; the message names the part.
+        """
+        from tmca.data import read_dataset
+
+        dataset = read_dataset(path)
+        kind = dataset.attrs.get("camera", "spectral")
+        if kind not in CAMERAS:
+            raise DataError(path, f"camera = {kind!r}", f"one of {', '.join(CAMERAS)}", "correct the attribute")
+        if "snapshot" not in dataset.variables:
+            there = f"no snapshot (there is: {', '.join(map(str, dataset.variables)) or 'nothing'})"
+            raise DataError(path, there, "a snapshot with the codes that made it", "write it with `tmca simulate`")
+        camera = CAMERAS[kind].from_variables(dataset, str(path))
+        values = _values(dataset, camera, str(path))
+        attributes = camera.variables().attrs
+        return Snapshot(values, camera, {str(k): v for k, v in dataset.attrs.items() if k not in attributes})
+
+    def plot(self) -> Figure:
+        """The snapshot as a picture."""
+        from tmca.plots.codes import snapshot_figure
+
+        title = f"{self.camera.kind}, K = {self.camera.slots}"
+        return snapshot_figure(self.values.mean((0, 1)).numpy(force=True), self.camera.full_scale, title)
+
+    def __repr__(self) -> str:
+        camera, noise = self.camera, self.camera.noise
+        shape = "×".join(map(str, self.values.shape))
+        scene = "×".join(map(str, camera.scene_shape))
+        return (
+            f"Snapshot({shape}, {camera.kind} camera of a {scene} scene, K = {camera.slots}, "
+            f"read noise {noise.read:.4g}, shot noise {noise.shot:.4g})"
+        )
+
+    def _repr_html_(self) -> str:
+        from PIL import Image
+
+        values = self.values.mean((0, 1))
+        step = max(1, -(-max(values.shape) // _WIDEST))
+        grey = (values[::step, ::step] / values.max().clamp_min(1e-12)).clamp(0, 1).mul(255)
+        with io.BytesIO() as file:
+            Image.fromarray(grey.to(torch.uint8).numpy(force=True)).save(file, "PNG")
+            picture = base64.b64encode(file.getvalue()).decode()
+        text = repr(self).replace("<", "&lt;")
+        return f'<figure><img src="data:image/png;base64,{picture}"/><figcaption>{text}</figcaption></figure>'
+
+
+def holds_snapshot(variables: set[str]) -> bool:
+    """Whether these are the variables of a snapshot file, coordinates apart."""
+    return "snapshot" in variables and any(set(kind.needed) - {"wavelength"} <= variables for kind in CAMERAS.values())
+
+
+def _shape(values: np.ndarray, axes: tuple[str, ...]) -> tuple[int, ...]:
+    """Shape of snapshots (B, C, H, W') on these axes: of batch and channels what is named."""
+    batch, channels, *frame = values.shape
+    return (*((batch,) if "colour" in axes else ()), *((channels,) if "channel" in axes else ()), *frame)
+
+
+def _values(dataset: xr.Dataset, camera: Camera, where: str) -> Tensor:
+    """(B, C, H, W') of a file.
+
+    Raises:
+        DataError: other axes or sizes than the camera's, or values that are not finite.
+    """
+    stored = dataset["snapshot"]
+    values = torch.from_numpy(np.array(stored.values, dtype=np.float32))
+    colours = "colour" in stored.dims
+    batch = values if colours else values[None]
+    channels, height, width = camera.snapshot_shape
+    batch = batch if "channel" in stored.dims or channels > 1 else batch[:, None]
+    if batch.ndim != 4 or not bool(torch.isfinite(values).all()):
+        image = f"a snapshot that is not a finite image of {channels}×{height}×{width}"
+        raise DataError(where, image, "one value per sensor pixel", "mend it")
+    if tuple(batch.shape[1:]) != camera.snapshot_shape:
+        there = f"a snapshot of {'×'.join(map(str, batch.shape[1:]))} (channels, rows, columns)"
+        raise DataError(where, there, f"{channels}×{height}×{width} from its codes and geometry")
+    return batch

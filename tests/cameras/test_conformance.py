@@ -1,0 +1,203 @@
+"""What every camera promises, whichever it is: a new one is one row of ``CAMERAS_UNDER_TEST``."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from tmca.cameras import CAMERAS, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.errors import SettingError, ShapeError
+from tmca.optics import PhaseMaskBench
+from tmca.sensor import Sensor
+
+BENCH = PhaseMaskBench(window=(5, 7), mask_pixels=12, diameter=1e-3)
+CAMERAS_UNDER_TEST = {
+    "single disperser": lambda **more: SpectralCamera(**{"bands": 3, "size": (7, 10), "slots": 4, **more}),
+    "fractional": lambda **more: SpectralCamera(
+        **{"bands": 3, "size": (8, 9), "slots": 2, "dispersion": [0.3, -1.2, 2.0], "response": [1, 2, 0.5], **more}
+    ),
+    "dual disperser": lambda **more: SpectralCamera(
+        **{"bands": 4, "size": (7, 10), "slots": 3, "disperser": "dual", "period": 3, **more}
+    ),
+    "relay blur": lambda **more: SpectralCamera(**{"bands": 3, "size": (9, 8), "slots": 2, "relay_blur": 0.6, **more}),
+    "light field": lambda **more: LightFieldCamera(**{"views": 3, "size": (7, 10), "slots": 4, **more}),
+    "sheared light field": lambda **more: LightFieldCamera(
+        **{"views": (3, 5), "size": (8, 9), "slots": 2, "shear": 0.4, "exposure": "per-slot", "period": 4, **more}
+    ),
+    "spectral-depth": lambda **more: SpectralDepthCamera(
+        **{"bands": 3, "size": (9, 12), "slots": 2, "planes": 3, "bench": BENCH, "filters": "gaussian", **more}
+    ),
+}
+each_camera = pytest.mark.parametrize("name", CAMERAS_UNDER_TEST)
+
+
+def inputs(camera, batch=2, dtype=torch.float32):
+    """A scene, and its depth where the camera images it."""
+    source = torch.Generator().manual_seed(0)
+    scene = torch.rand(batch, *camera.scene_shape, generator=source).to(dtype)
+    if not isinstance(camera, SpectralDepthCamera):
+        return (scene,)
+    far, near = 1 / camera.planes.far, 1 / camera.planes.near
+    return scene, (1 / (far + (near - far) * torch.rand(batch, 1, *camera.size, generator=source))).to(dtype)
+
+
+def test_every_kind_of_camera_is_here():
+    assert {make().kind for make in CAMERAS_UNDER_TEST.values()} == set(CAMERAS)
+
+
+@each_camera
+def test_a_snapshot_has_the_stated_shape_and_a_batch_is_taken_one_by_one(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    given = inputs(camera)
+    together = camera(*given)
+    assert tuple(together.shape) == (2, *camera.snapshot_shape)
+    alone = torch.cat([camera(*(part[i : i + 1] for part in given)) for i in range(2)])
+    torch.testing.assert_close(together, alone, atol=1e-6, rtol=1e-5)
+
+
+@each_camera
+def test_noise_repeats_by_seed_and_comes_after_the_optics(name):
+    camera = CAMERAS_UNDER_TEST[name](sensor=Sensor(read_noise=0.1))
+    given = inputs(camera)
+    assert torch.equal(camera(*given, generator=3), camera(*given, generator=3))
+    assert float((camera(*given, generator=3) - camera.exact(*given)).std()) == pytest.approx(0.1, rel=0.35)
+
+
+@each_camera
+def test_a_dark_scene_is_dark_and_a_white_one_stays_below_full_scale(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    scene, *depth = inputs(camera)
+    assert float(camera(torch.zeros_like(scene), *depth).abs().max()) < 1e-6
+    white = camera(torch.ones_like(scene), *depth)
+    assert 0 < float(white.max()) <= camera.full_scale * (1 + 1e-4)
+    assert 0 < camera.throughput() <= 1
+
+
+@each_camera
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_the_adjoint_is_the_transpose_and_imaging_is_linear(name, dtype):
+    camera = CAMERAS_UNDER_TEST[name]()
+    camera = camera.double() if dtype == torch.float64 else camera
+    scene, *depth = inputs(camera, dtype=dtype)
+    snapshot = torch.rand(2, *camera.snapshot_shape, generator=torch.Generator().manual_seed(1)).to(dtype)
+    image = camera.A(scene, *depth)
+    there, back = (image * snapshot).sum(), (scene * camera.A_adjoint(snapshot, *depth)).sum()
+    torch.testing.assert_close(there, back, rtol=1e-4 if dtype == torch.float32 else 1e-6, atol=0)
+    torch.testing.assert_close(camera.A(2 * scene, *depth), 2 * image, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(image, camera.exact(scene, *depth), rtol=1e-4, atol=1e-5)
+
+
+@each_camera
+def test_a_scene_that_stands_still_is_the_same_slot_by_slot(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    if camera.kind == "spectral" and camera.disperser == "dual":
+        pytest.skip("a dual disperser images no moving scenes")
+    scene, *depth = inputs(camera)
+    moving = scene[:, None].expand(-1, camera.slots, *([-1] * (scene.ndim - 1)))
+    torch.testing.assert_close(camera.exact(moving, *depth), camera.exact(scene, *depth), atol=1e-5, rtol=1e-5)
+
+
+@each_camera
+def test_replacing_nothing_is_the_same_camera_and_a_sensor_leaves_the_first_as_it_is(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    given = inputs(camera)
+    before = camera(*given)
+    torch.testing.assert_close(camera.replace()(*given), before, rtol=1e-6, atol=1e-6)
+    noisy = camera.replace(sensor=Sensor(read_noise=0.2))
+    assert noisy.noise.read == pytest.approx(0.2)
+    assert camera.noise.read == 0
+    assert not torch.equal(noisy(*given, generator=0), before)
+    assert all(torch.equal(one, other) for one, other in zip(noisy.codes(), camera.codes(), strict=True))
+    with pytest.raises(SettingError, match="nonsense"):
+        camera.replace(nonsense=1)
+
+
+@each_camera
+def test_another_size_is_taken_with_the_same_seed(name):
+    camera, bigger = CAMERAS_UNDER_TEST[name](), CAMERAS_UNDER_TEST[name](size=(12, 13))
+    given = inputs(bigger)
+    torch.testing.assert_close(camera.replace(size=(12, 13))(*given), bigger(*given), atol=1e-6, rtol=1e-5)
+
+
+@each_camera
+def test_a_camera_without_size_is_bound_to_its_scene(name):
+    make = CAMERAS_UNDER_TEST[name]
+    free, bound = make(size=None), make(size=(11, 14))
+    assert free.unbound == {"size"}
+    assert not bound.unbound
+    given = inputs(bound)
+    torch.testing.assert_close(free.bound_to(size=(11, 14), bands=7)(*given), bound(*given), atol=1e-6, rtol=1e-5)
+    assert bound.bound_to(size=(20, 20)) is bound
+
+
+@each_camera
+def test_the_operator_is_cached_until_a_tensor_of_the_camera_changes(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    depth = inputs(camera)[1:]
+    part = (lambda: camera.transfer()) if depth else camera.operator
+    first = part()
+    assert part() is first
+    next(iter(camera.buffers())).mul_(1.0)
+    for buffer in camera.buffers():
+        if buffer.is_floating_point():
+            buffer.mul_(1.0)
+    assert part() is not first
+
+
+@each_camera
+def test_a_snapshot_file_brings_back_capture_and_camera(name, tmp_path):
+    camera = CAMERAS_UNDER_TEST[name](sensor=Sensor(full_well=1000, read_noise_electrons=2, bits=10))
+    given = inputs(camera, batch=1)
+    snapshot = Snapshot(camera(*given, generator=0), camera, {"scene": "random"})
+    loaded = Snapshot.load(snapshot.save(tmp_path / "s.nc"))
+    torch.testing.assert_close(loaded.values, snapshot.values)
+    assert type(loaded.camera) is type(camera)
+    assert loaded.camera.noise == camera.noise
+    assert loaded.notes == {"scene": "random"}
+    torch.testing.assert_close(loaded.camera.exact(*given), camera.exact(*given), atol=1e-5, rtol=1e-5)
+
+
+@each_camera
+def test_a_snapshot_says_in_a_line_what_it_is(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    snapshot = Snapshot(camera(*inputs(camera, batch=1)), camera)
+    assert len(repr(snapshot).splitlines()) == 1
+    assert camera.kind in repr(snapshot)
+    assert "data:image/png;base64," in snapshot._repr_html_()
+
+
+@each_camera
+def test_scenes_are_labelled(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    scene = inputs(camera, batch=1)[0]
+    labelled = camera.label(scene, "a scene")
+    assert labelled.shape == camera.scene_shape
+    assert labelled.attrs["long_name"] == "a scene"
+
+
+@each_camera
+def test_scenes_of_another_size_are_refused(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    scene, *depth = inputs(camera)
+    with pytest.raises(ShapeError):
+        camera(scene[..., :-1], *depth)
+
+
+@each_camera
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_a_graphics_processor_images_alike(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    given = inputs(camera)
+    before = camera(*given)
+    camera.cuda()
+    torch.testing.assert_close(camera(*(part.cuda() for part in given)).cpu(), before, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_files_of_version_0_1_open(kind):
+    snapshot = Snapshot.load(Path(__file__).parent / "files" / f"{kind}-0.1.nc")
+    assert snapshot.camera.kind == kind
+    assert snapshot.notes == {"scene": "random", "noise_seed": 7}
+    assert tuple(snapshot.values.shape[1:]) == snapshot.camera.snapshot_shape
+    assert len(snapshot.values) == (3 if kind == "light-field" else 1)
+    assert snapshot.camera.noise.read > 0
