@@ -25,7 +25,6 @@ _OF_FAMILY = {
     "radii": (("slot", "radius"), {"units": "m", "long_name": "heights at even radii, from the middle to the rim"}),
 }
 """Variables of masks that are not free-form."""
-MEANING_OF_HEIGHTS = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
 _SAID = ("bench", "depth", "filters", "channels", "exposure", "energy")
 
 
@@ -54,27 +53,19 @@ def write_phase_codes(
     Raises:
         OutputError: the file exists, or cannot be written.
     """
-    import xarray as xr
-
     from tmca.data import write_dataset
 
-    heights, shutter = camera.codes()[0].detach(), camera.tile()[1].detach()
-    parts = {
-        "heights": (("slot", "y_mask", "x_mask"), heights.cpu().numpy(), MEANING_OF_HEIGHTS),
-        "shutter": (("slot", "y_tile", "x_tile"), shutter.cpu().numpy().astype(np.uint8), {"meaning": "1 = open"}),
-        "cells": (("y_tile", "x_tile"), camera.filters.cells().cpu().numpy(), {"long_name": "index of the filter"}),
-    }
-    parts |= {
-        name: (_OF_FAMILY[name][0], values.cpu().numpy(), _OF_FAMILY[name][1])
-        for name, values in family_parameters(camera.spread.heights).items()
-    }
-    about = {
-        "bench": json.dumps(asdict(camera.bench)), "depth": json.dumps(asdict(camera.planes)), "filters": filters,
-        "channels": channels, "exposure": camera.exposure, "energy": camera.spread.energy,
-    }  # fmt: skip
-    stroke = camera.spread.heights.stroke
-    about |= {} if stroke is None else {"stroke": json.dumps(asdict(stroke))}
-    return write_dataset(xr.Dataset(parts, attrs={**(notes or {}), **about}), path, overwrite=overwrite)
+    camera.tile()  # refuses patterns that do not repeat
+    stored = camera.variables()
+    heights = camera.spread.heights
+    for name, values in family_parameters(heights).items():
+        axes, meaning = _OF_FAMILY[name]
+        stored[name] = (axes, values.numpy(force=True), meaning)
+    of_camera = {name: stored.attrs[name] for name in ("bench", "depth", "exposure", "energy")}
+    stroke = {} if heights.stroke is None else {"stroke": json.dumps(asdict(heights.stroke))}
+    dataset = stored[[*_PARTS, *family_parameters(heights)]].reset_coords(drop=True)
+    dataset.attrs = {**(notes or {}), **of_camera, "filters": filters, "channels": channels, **stroke}
+    return write_dataset(dataset, path, overwrite=overwrite)
 
 
 def read_phase_codes(path: str | Path) -> dict[str, Any]:

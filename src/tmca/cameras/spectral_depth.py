@@ -12,7 +12,8 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, check_one_hot, choice, learned_parts
+from tmca.cameras.checks import band_wavelengths, choice, learned_parts
+from tmca.cameras.phase_parts import filter_array, mask_maps, shutter_plane
 from tmca.cameras.presets import SPECTRAL_DEPTH
 from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
 from tmca.cameras.specs import SpectralDepthSpec
@@ -26,7 +27,6 @@ from tmca.cameras.stored import (
     tensors,
     wavelength_coordinates,
 )
-from tmca.codes import CodePlane, balanced_choice, one_hot_planes
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators.spectral_depth import (
     LayeredOperator,
@@ -41,15 +41,13 @@ from tmca.operators.spectral_depth import (
 from tmca.optics import (
     MODES,
     DepthPlanes,
-    FreeForm,
     HeightMaps,
     PhaseMaskBench,
     PointSpread,
     Stroke,
     changed_bench,
-    mask_heights,
 )
-from tmca.sensor import ColourCodedAperture, channel_response, feasible_filters
+from tmca.sensor import ColourCodedAperture, channel_response
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -151,43 +149,15 @@ class SpectralDepthCamera(Camera):
         self.image_formation = choice("image formation", image_formation, IMAGE_FORMATIONS)
         self.register_buffer("response", channel_response(channels, self.wavelengths))
         if point_spread is None:
-            heights = self._heights(mask, stroke, "mask" in learned, rms=rms, modes=modes, seed=seed)
+            drawn = {"rms": rms, "modes": modes, "seed": seed}
+            heights = mask_maps(mask, slots, self.bench, stroke, learnable="mask" in learned, **drawn)
             point_spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
         self.spread = point_spread
-        self.shutter = self._shutter(shutter, seed, "shutter" in learned)
-        explicit = not isinstance(learnable, bool)
-        self.filters = self._filters(filters, cells, seed, "filters" in learned, explicit)
-
-    def _shutter(self, shutter: str | Tensor | nn.Module, seed: int, learnable: bool) -> CodePlane:
-        if isinstance(shutter, CodePlane):
-            return shutter if shutter.size == self.size else shutter.resized(self.size)
-        if isinstance(shutter, nn.Module):
-            return shutter  # type: ignore[return-value]
-        tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == self.size else self.period
-        plane = CodePlane(
-            shutter, self.slots, self.size, period=tile, seed=2 * seed + 1, learnable=learnable, name="shutter"
-        )
-        if isinstance(shutter, str) and shutter == "one-hot":
-            check_one_hot(self.slots, self.period)
-            balanced = balanced_choice(self.slots, (self.period, self.period), 2 * seed + 1)
-            plane.show(one_hot_planes(balanced, self.slots))
-        return plane
-
-    def _filters(
-        self, filters: str | Tensor | ColourCodedAperture, cells: Tensor | None, seed: int, learn: bool, explicit: bool
-    ) -> ColourCodedAperture:
-        if isinstance(filters, ColourCodedAperture):
-            return filters.resized(self.size)
-        given = feasible_filters(filters, self.wavelengths) if isinstance(filters, str) else filters
-        if given.shape[-1] != len(self.wavelengths):
-            raise ShapeError("filters", f"{given.shape[-1]} bands", f"{len(self.wavelengths)}, those of the camera")
-        if cells is not None and tuple(cells.shape) != (self.period, self.period):
-            raise ShapeError("cells", str(tuple(cells.shape)), f"({self.period}, {self.period}), the period")
-        if len(given) == 1 and learn and explicit:
-            raise SettingError("learnable", "filters, of which there is one", "two filters or more, such as gaussian")
-        return ColourCodedAperture(
-            given, self.size, self.period, cells=cells, seed=2 * seed, learnable=learn and len(given) > 1
-        )
+        self.shutter = shutter_plane(shutter, slots, self.size, self.period, seed, "shutter" in learned)
+        self.filters = filter_array(
+            filters, self.wavelengths, self.size, self.period, cells, seed, "filters" in learned,
+            required=not isinstance(learnable, bool),
+        )  # fmt: skip
 
     def arguments(self) -> dict[str, Any]:
         """See ``Camera``."""
@@ -210,19 +180,6 @@ class SpectralDepthCamera(Camera):
 
     def _more_arguments(self) -> tuple[str, ...]:
         return tuple(self._given)
-
-    def _heights(
-        self, mask: str | Tensor | HeightMaps, stroke: Stroke | None, learnable: bool, **drawn: Any
-    ) -> HeightMaps:
-        if isinstance(mask, str):
-            return mask_heights(mask, self.slots, self.bench, stroke=stroke, learnable=learnable, **drawn)
-        maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, stroke, learnable=learnable)
-        if learnable and not list(maps.parameters()):
-            maps = maps.repeated(self.slots, learnable=True)
-        shape, expected = tuple(maps().shape), (self.slots, *self.bench.mask_size)
-        if shape != expected:
-            raise ShapeError("mask", str(shape), f"{expected}, (K, mask pixels, mask pixels)")
-        return maps
 
     @property
     def white(self) -> float:
