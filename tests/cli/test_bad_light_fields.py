@@ -154,9 +154,9 @@ def test_a_grid_that_is_not_square_is_used_with_a_warning(place, capsys, command
     assert list((place / "out").iterdir()) or command == "evaluate"
 
 
-def test_views_that_nobody_asked_for_are_said_to_be_the_default(place, capsys):
-    said = "of the 3×3 views of scene, expected an odd number, at most 3; give --views 3"
-    assert f"--views: found 5, the default, {said}" in refused(capsys, "simulate", "light-field", "scene")
+def test_views_that_are_not_there_are_refused(place, capsys):
+    said = "of the 3×3 views of scene, expected an odd number, at most 3; give views=3 (--views 3)"
+    assert f"--views: found 5 {said}" in refused(capsys, "simulate", "light-field", "scene")
     assert f"--views: found 5 {said}" in refused(capsys, "simulate", "light-field", "scene", "--views", "5")
 
 

@@ -25,6 +25,15 @@ CUBES = {
     "hsi/hdsp_ccassi/fullFlor.mat": ("Ori", 11, 14607, (429.5, 687)),
     "hsi/samson/Samson.mat": ("T", 156, 1, (401, 889)),
 }
+CUBES |= {
+    f"hsi/cave_256/{scene}.mat": ("cube", 31, 65535, (400, 700))
+    for scene in (
+        "balloons", "beads", "cd", "chart_and_stuffed_toy", "clay", "fake_and_real_beers", "fake_and_real_food",
+        "fake_and_real_lemon_slices", "fake_and_real_lemons", "fake_and_real_peppers", "fake_and_real_strawberries",
+        "fake_and_real_sushi", "fake_and_real_tomatoes", "feathers", "flowers", "glass_tiles", "hairs", "paints",
+        "pompoms", "real_and_fake_apples", "stuffed_toys", "thread_spools", "watercolors",
+    )
+}  # fmt: skip
 CAPTURES = {
     "cassi/deepcassi_real_mask512.mat": ("mask", (512, 512)),
     "cassi/tsa/mask_256_sim.mat": ("mask", (256, 256)),

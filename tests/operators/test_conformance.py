@@ -18,6 +18,7 @@ from tmca.operators.spectral_depth import framed, transfer_functions
 from tmca.optics import Dispersion, ViewShear, gaussian_spread
 
 SIZES = [(5, 8), (6, 7)]
+SHEAR = ViewShear((3, 3))
 WHOLE, FRACTIONAL = Dispersion.linear(3), Dispersion((0.4, -1.0, 1.7))
 
 
@@ -44,7 +45,7 @@ OPERATORS = {
     "relay blur": lambda size: SlotwiseDisperser(*planes(size, WHOLE), WHOLE, blur=gaussian_spread(0.7, 3).double()),
     "moving scene": lambda size: SlotwiseDisperser(*planes(size, FRACTIONAL), FRACTIONAL, moving=True),
     "narrow sensor": lambda size: SensorColumns(single_disperser(*planes(size, WHOLE), WHOLE), (1, 0)),
-    "coded mask": lambda size: coded_mask(rand(3, *ViewShear((3, 3)).mask_size(size)), rand(3, *size), ViewShear((3, 3))),
+    "coded mask": lambda size: coded_mask(rand(3, *SHEAR.mask_size(size)), rand(3, *size), SHEAR),
     "layered": layered,
 }  # fmt: skip
 each_operator = pytest.mark.parametrize("size", SIZES)

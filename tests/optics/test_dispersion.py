@@ -30,7 +30,7 @@ def test_rounding_errors_make_no_taps():
 
 
 def test_impossible_dispersions_are_refused():
-    with pytest.raises(SettingError, match="displacement"):
+    with pytest.raises(SettingError, match="dispersion"):
         Dispersion(())
     with pytest.raises(SettingError, match="nan"):
         Dispersion((0.0, float("nan")))

@@ -173,7 +173,7 @@ def _own_patterns(values: Tensor, slots: int, size: tuple[int, int], tile: tuple
     if values.ndim == 2:
         values = values.expand(slots, -1, -1)
     if values.ndim != 3 or values.shape[0] != slots:
-        remedy = f"pass slots={values.shape[0]}" if values.ndim == 3 else ""
+        remedy = f"pass slots={values.shape[0]} (--slots {values.shape[0]})" if values.ndim == 3 else ""
         raise ShapeError(name, f"patterns of shape {tuple(values.shape)}", f"({slots}, H, W) for {slots} slots", remedy)
     if tuple(values.shape[1:]) == size and tile != size:
         values = _one_tile(values, tile, name)

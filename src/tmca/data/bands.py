@@ -31,7 +31,7 @@ def select_bands(cube: xarray.DataArray, count: int, low: float = 400e-9, high: 
         DataError: the cube has no wavelengths or does not cover the range.
     """
     if count < 1:
-        raise SettingError("count", str(count), "1 band or more")
+        raise SettingError("bands", str(count), "1 band or more")
     if not 0 < low < high:
         raise SettingError("low, high", f"{low:g} m to {high:g} m", "0 < low < high, in metres")
     _require_covered(cube, np.array([low, high]))

@@ -34,7 +34,13 @@ def check_pixels(cube: NDArray[np.float32], where: object, negative: Negative = 
     for name, bad in (("NaN", np.isnan), ("infinite", np.isinf)):
         _refuse(cube, bad(cube), where, name, "mask or repair them first")
     if negative == "error":
-        _refuse(cube, cube < 0, where, "negative", 'set them to 0 in the file, or read it with negative="clip"')
+        _refuse(
+            cube,
+            cube < 0,
+            where,
+            "negative",
+            'set them to 0 in the file, or read it with negative="clip" (--negative clip)',
+        )
     elif negative == "clip":
         np.maximum(cube, 0, out=cube)
 

@@ -218,7 +218,7 @@ def centre_views(grid: tuple[int, int], views: int | None, where: object) -> tup
     if views > min(grid):
         most = min(grid) - (min(grid) % 2 == 0)
         found = f"{views} of the {grid[0]}×{grid[1]} views of {where}"
-        raise SettingError("views", found, f"an odd number, at most {most}", f"give views={most}")
+        raise SettingError("views", found, f"an odd number, at most {most}", f"give views={most} (--views {most})")
     top, left = ((n - views + 1) // 2 for n in grid)
     return range(top, top + views), range(left, left + views)
 

@@ -34,7 +34,7 @@ class Dispersion:
         # what differs from a whole pixel by rounding errors only must not become a tap of its own
         values = tuple(round(float(d), _DECIMALS) for d in self.displacement)
         if not values or not all(isfinite(d) and abs(d) <= _FARTHEST for d in values):
-            raise SettingError("displacement", str(list(values)), f"pixels per band, one each, within ±{_FARTHEST}")
+            raise SettingError("dispersion", str(list(values)), f"pixels per band, one each, within ±{_FARTHEST}")
         object.__setattr__(self, "displacement", values)
 
     @classmethod
@@ -51,7 +51,7 @@ class Dispersion:
             displacement if isinstance(displacement, Dispersion) else cls(tuple(cast(Sequence[float], displacement)))
         )
         if found.bands != bands:
-            raise SettingError("displacement", f"{found.bands} values", f"one for each of {bands} bands")
+            raise SettingError("dispersion", f"{found.bands} values", f"one for each of {bands} bands")
         return found
 
     @property

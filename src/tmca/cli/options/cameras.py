@@ -239,7 +239,9 @@ def naming_files(camera: CodeOptions) -> Iterator[None]:
 def lit(camera: Any) -> Any:
     """The camera, unless no light gets through its codes."""
     if camera.throughput() == 0:
-        raise SettingError("codes", "none that let light through", "some open pixels in aperture and shutter together")
+        raise SettingError(
+            "--aperture", "none that let light through", "some open pixels in aperture and shutter together"
+        )
     return camera
 
 
