@@ -7,11 +7,11 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tmca.data import label_light_field
+from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError, ShapeError
 from tmca.experiments.light_field.animation import _enlargement, border_walk, views_gif
 from tmca.experiments.light_field.comparison_figures import in_pairs
 from tmca.experiments.light_field.figures import light_field_figure
-from tmca.experiments.light_field.imaging import load_light_field, true_disparity
 from tmca.experiments.light_field.map_figures import disparity_figure, error_top, view_psnr_figure
 from tmca.experiments.light_field.refocus import focus_steps, refocus, refocus_strip
 from tmca.experiments.light_field.rows import SHOWN, STATIC_CODES

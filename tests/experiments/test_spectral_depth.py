@@ -10,17 +10,17 @@ import xarray as xr
 from tests.data import rgbd_scenes
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene, write_dataset
+from tmca.data.depth_scenes import load_spectral_depth, middle_of
+from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure, spread_points
-from tmca.experiments.scenes import SceneWarning
 from tmca.experiments.spectral_depth.figures import psf_figure
 from tmca.experiments.spectral_depth.imaging import (
     reconstruct_spectral_depth,
     spectral_depth_pictures,
     take_spectral_depth_snapshot,
 )
-from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of, true_spectral_depth
-from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth
+from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth, true_spectral_depth
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block

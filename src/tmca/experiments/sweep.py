@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras.hardware import LIMITS, PAIRS, PARTS, Hardware
+from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.figures import save_figure
 from tmca.experiments.results import check_new, mean_over_scenes, repository_commit, write_table
-from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.source import source_digest
 from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import LightFieldCamera
+from tmca.data.light_field_scenes import load_light_field
 from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field.animation import views_gif
 from tmca.experiments.light_field.figures import light_field_figure
 from tmca.experiments.light_field.imaging import (
     LightFieldReconstruction,
-    load_light_field,
     reconstruct_light_field,
     take_light_field_snapshot,
 )

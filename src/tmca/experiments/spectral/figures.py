@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tmca.data.scenes import load_scene
 from tmca.experiments.cells import Measured
 from tmca.experiments.composite import rgb_composite, white_level
 from tmca.experiments.figures import evenly, grid, image, mark, plain_axes, save_figure, spread_points
-from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral.rows import DECODER_NAMES, SHOWN, SHOWN_NOISE
 
 if TYPE_CHECKING:

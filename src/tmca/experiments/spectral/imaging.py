@@ -12,6 +12,7 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralCamera, moving_scene
 from tmca.cameras.hardware import Hardware, imperfect
+from tmca.data.scenes import centre_crop, load_scene
 from tmca.decoders.decoding import Decoded, needs_prior
 from tmca.decoders.networks.neural import Weights
 from tmca.decoders.networks.shipped import find_weights
@@ -20,7 +21,6 @@ from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.reconstructions import Reconstruction
-from tmca.experiments.scenes import centre_crop, load_scene
 from tmca.experiments.snapshots import NOISE_STREAM
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.data.depth_scenes import middle_of
 from tmca.experiments.cells import Measured
 from tmca.experiments.composite import rgb_composite, white_level
 from tmca.experiments.figures import bare, grid, mark, plain_axes, save_figure, spectra, spread_points
 from tmca.experiments.spectral_depth.maps import depth_map
 from tmca.experiments.spectral_depth.rows import DECODER_NAMES
-from tmca.experiments.spectral_depth.scenes import middle_of
 
 if TYPE_CHECKING:
     import xarray as xr

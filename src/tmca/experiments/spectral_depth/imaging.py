@@ -14,6 +14,8 @@ import torch
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.cameras.checks import check_holds
 from tmca.cameras.hardware import Hardware, imperfect
+from tmca.data.depth_scenes import depth_tensor, middle_of
+from tmca.data.scene_names import READING
 from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
 from tmca.decoders.networks.neural import same_bands
@@ -25,7 +27,6 @@ from tmca.experiments.figures import save_figure
 from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
-from tmca.experiments.spectral_depth.scenes import READING, depth_tensor, middle_of
 from tmca.experiments.spectral_depth.unknown import check_depth_known, unknown_depth
 from tmca.optics import DepthPlanes, check_mask
 
@@ -58,6 +59,11 @@ class SpectralDepthReconstruction(Reconstruction):
     def parts(self) -> Mapping[str, xr.DataArray | None]:
         """``radiance``, ``depth`` and ``confidence``."""
         return {"radiance": self.cube, "depth": self.depth, "confidence": self.confidence}
+
+
+def reading_range(camera: SpectralDepthCamera) -> dict[str, Any]:
+    """Bands and depth range of a camera, as `tmca.data.load_spectral_depth` takes them."""
+    return {"wavelengths": camera.wavelengths, "near": camera.planes.near, "far": camera.planes.far}
 
 
 def take_spectral_depth_snapshot(

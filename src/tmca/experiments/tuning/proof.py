@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.cameras import Snapshot
+from tmca.data.bands import at_bands
+from tmca.data.scenes import load_scene
 from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.errors import SettingError
 from tmca.experiments.calibration_proof import calibrate_bench
 from tmca.experiments.reconstruction_figures import reconstruction_figure
-from tmca.experiments.scenes import at_bands, load_scene
 from tmca.experiments.spectral.own_camera import training_of
 from tmca.experiments.tuning.pairs import read_pair
 from tmca.experiments.tuning.pictures import decoded
