@@ -10,11 +10,10 @@ import numpy as np
 
 from tmca.data.light_field_scenes import Reading, read_middle
 from tmca.experiments.cells import Measured
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.figures import centre_view, light_field_figure
-from tmca.experiments.light_field.map_figures import disparity_figure, view_psnr_figure
 from tmca.experiments.light_field.rows import DECODER_NAMES, SHOWN, STATIC_CODES
-from tmca.experiments.light_field.views import brightest
+from tmca.plots.light_field import centre_view, disparity_figure, light_field_figure, view_psnr_figure
+from tmca.plots.style import save_figure
+from tmca.plots.views import brightest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

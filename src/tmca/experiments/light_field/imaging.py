@@ -16,12 +16,11 @@ from tmca.data.light_field_scenes import as_batch
 from tmca.data.scene_names import READING
 from tmca.decoders import Decoded, Weights, decode_light_field
 from tmca.errors import SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.animation import views_gif
-from tmca.experiments.light_field.figures import light_field_figure
-from tmca.experiments.light_field.refocus import focus_steps, refocus_strip
 from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.snapshots import NOISE_STREAM
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.style import save_figure
+from tmca.plots.views import focus_steps, refocus_strip, views_gif
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, load_light_field
 from tmca.errors import SettingError
-from tmca.experiments.figures import save_figure
+from tmca.plots.style import save_figure
 from tmca.priors import (
     GaussianMixturePrior,
     GaussianPrior,

@@ -11,8 +11,8 @@ from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.data.scene_names import READING
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.figures import light_field_figure
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr

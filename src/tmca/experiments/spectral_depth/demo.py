@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.depth_scenes import load_spectral_depth, middle_of
 from tmca.decoders.patch_based.depth_prior import find_depth_prior
-from tmca.experiments.figures import save_figure
+from tmca.experiments.camera_figures import psf_figure
 from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS
-from tmca.experiments.spectral_depth.figures import depth_figure, psf_figure
 from tmca.experiments.spectral_depth.imaging import (
     SpectralDepthReconstruction,
     reading_range,
     reconstruct_spectral_depth,
+    reconstruction_picture,
     take_spectral_depth_snapshot,
 )
+from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
@@ -100,10 +101,9 @@ def _figures(
     overwrite: bool,
 ) -> dict[str, Figure]:
     """Pictures by their captions, kept as files too."""
-    figures: dict[str, Figure] = {
-        f"Colours, depth in metres, probability within a bin, and spectra: {code}; the truth above.": depth_figure(
-            result, cameras[code].planes, truth
-        )
+    caption = "Colours, depth in metres, probability within a bin, and spectra: {}; the truth above."
+    figures = {
+        caption.format(code): reconstruction_picture(result, cameras[code].planes, truth)
         for code, result in found.items()
     }
     figures["Point spread functions of the four slots over depth, and what points leave behind the shutter."] = (

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.spectral_depth.figures import depth_figure
 from tmca.experiments.spectral_depth.imaging import (
     PLANES,
     SpectralDepthReconstruction,
     reading_range,
+    reconstruction_picture,
     spectral_depth_metrics,
 )
 from tmca.optics import DepthPlanes
+from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +52,7 @@ def evaluate_spectral_depth(
     scene = load_spectral_depth(truth, wavelengths, near=planes.near, far=planes.far, size=size, **how)
     found = spectral_depth_metrics(own.cube.values, own.depth.values, scene, planes)
     if figure is not None:
-        save_figure(depth_figure(own, planes, scene), figure, overwrite=overwrite)
+        save_figure(reconstruction_picture(own, planes, scene), figure, overwrite=overwrite)
     return found
 
 

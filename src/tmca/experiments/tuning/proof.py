@@ -15,7 +15,6 @@ from tmca.data.scenes import load_scene
 from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.errors import SettingError
 from tmca.experiments.calibration_proof import calibrate_bench
-from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.spectral.own_camera import training_of
 from tmca.experiments.tuning.pairs import read_pair
 from tmca.experiments.tuning.pictures import decoded
@@ -24,6 +23,7 @@ from tmca.lab.calibration.calibration_file import Calibration, find_calibration,
 from tmca.lab.calibration.rendered.bench import write_bench
 from tmca.lab.calibration.rendered.cameras import nominal_spectral
 from tmca.lab.calibration.sensor_scale import measured_sensor
+from tmca.plots.cube import reconstruction_figure
 from tmca.training import settings_from, train_spectral
 
 if TYPE_CHECKING:
