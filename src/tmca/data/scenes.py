@@ -66,7 +66,7 @@ def scene_kind(source: str | Path) -> Kind:
     about = describe(source)
     if about["kind"] == "light field":
         return "light-field"
-    with_depth = about["kind"] in ("spectral-depth scene", "RGB-D scene") or bool(about.get("depth"))
+    with_depth = about["kind"] in ("spectral-depth scene", "RGB-D scene") or "pixels" in (about.get("depth") or {})
     return "spectral-depth" if with_depth else "spectral"
 
 
