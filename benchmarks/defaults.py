@@ -20,10 +20,10 @@ import xarray as xr
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_split
+from tmca.data.scenes import load_scene
 from tmca.decoders import AdaptedLMMSE, admm_tv, decode, default_weight, pnp_admm, tv_denoiser
 from tmca.decoders.iterative.subspace import subspace_denoiser
 from tmca.decoders.iterative.tikhonov import tikhonov
-from tmca.experiments.scenes import load_scene
 from tmca.metrics import psnr
 from tmca.priors import learn_prior
 from tmca.sensor import Sensor

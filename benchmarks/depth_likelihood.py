@@ -15,10 +15,10 @@ import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
+from tmca.data.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
 from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
 from tmca.decoders.patch_based.depth_posterior import DepthPosterior
-from tmca.experiments.spectral_depth.imaging import take_spectral_depth_snapshot
-from tmca.experiments.spectral_depth.scenes import depth_tensor, load_any_depth_scene, middle_of
+from tmca.experiments.spectral_depth.imaging import reading_range, take_spectral_depth_snapshot
 from tmca.priors import load_prior
 from tmca.sensor import Sensor
 from tmca.training.scenes import named_scenes
@@ -56,7 +56,7 @@ def cameras(codes: list[str]) -> Iterator[tuple[str, SpectralDepthCamera]]:
 def taken(camera: SpectralDepthCamera, scenes: tuple[str, ...]) -> Iterator[tuple[torch.Tensor, ...]]:
     """Snapshots, depths and cubes of the middles of scenes."""
     for name in scenes:
-        scene = load_any_depth_scene(name, camera, side=256, placed="random", from_rgb=True)
+        scene = load_any_depth_scene(name, **reading_range(camera), side=256, placed="random", from_rgb=True)
         scene = middle_of(scene, SIZE, name)
         cube = torch.from_numpy(scene["radiance"].values.copy())[None]
         yield take_spectral_depth_snapshot(scene, camera).values, depth_tensor(scene), cube

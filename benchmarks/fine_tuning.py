@@ -17,9 +17,9 @@ from typing import Any
 
 from tmca.data import write_json, write_text
 from tmca.data.splits import read_split
-from tmca.experiments.figures import save_figure
 from tmca.experiments.results import repository_commit
 from tmca.experiments.tuning.proof import TuningProof
+from tmca.plots.style import save_figure
 
 
 def page(found: dict[str, Any], command: str) -> str:

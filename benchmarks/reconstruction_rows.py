@@ -17,6 +17,7 @@ from torch import Tensor
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data import rendered_light_field, rendered_scene, split_rendered_light_fields
+from tmca.data.depth_scenes import depth_tensor
 from tmca.decoders import LIGHT_FIELD_METHODS, METHODS, NeuralDecoder, Weights, build_network, decode
 from tmca.decoders import decode_light_field as decode_views
 from tmca.decoders.decoding import needs_prior
@@ -26,7 +27,6 @@ from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
 from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import SettingError
 from tmca.experiments.light_field.rows import NETWORKS
-from tmca.experiments.spectral_depth.scenes import depth_tensor
 from tmca.lab.exported_decoder import FORMATS, export_decoder, load_exported
 from tmca.lab.real_captures.movie import MOVIE_METHODS, decode_movie
 from tmca.optics import DepthPlanes

@@ -12,7 +12,8 @@ FLOORS = {
     "errors": 0,
     "data": 1,
     "metrics": 1,
-    "dbd": 2,
+    "plots": 2,
+    "dbd": 3,
     "codes": 2,
     "optics": 2,
     "operators": 3,
@@ -66,6 +67,30 @@ def test_data_and_metrics_know_no_camera():
 def test_blind_deconvolution_knows_no_camera():
     for file in (SOURCE / "dbd").rglob("*.py"):
         assert set(imported_rooms(file)) <= {"errors", "data", "dbd"}, file
+
+
+def test_pictures_are_of_arrays():
+    for file in (SOURCE / "plots").rglob("*.py"):
+        assert set(imported_rooms(file)) <= {"errors", "data", "metrics", "plots"}, file
+
+
+def imports_at_run_time(node):
+    """All import statements but those for types alone."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and isinstance(child.test, ast.Name) and child.test.id == "TYPE_CHECKING":
+            continue
+        if isinstance(child, ast.Import):
+            yield from (alias.name for alias in child.names)
+        elif isinstance(child, ast.ImportFrom):
+            yield child.module or ""
+        yield from imports_at_run_time(child)
+
+
+def test_only_plots_draw():
+    exceptions = {SOURCE / "dbd" / "figures.py"}
+    for file in {*FILES} - exceptions - {*(SOURCE / "plots").rglob("*.py")}:
+        drawing = {name for name in imports_at_run_time(ast.parse(file.read_text())) if name.startswith("matplotlib")}
+        assert not drawing, file
 
 
 def test_files_fit_in_the_head():

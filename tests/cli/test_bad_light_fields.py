@@ -141,7 +141,7 @@ def test_masks_and_vignetting_of_another_size_are_refused(place, capsys, option,
     assert not list((place / "out").iterdir())
 
 
-@pytest.mark.filterwarnings("default::tmca.experiments.light_field.imaging.UnevenGrid")
+@pytest.mark.filterwarnings("default::tmca.data.light_field_scenes.UnevenGrid")
 @pytest.mark.parametrize("command", [name for name in COMMANDS if not name.startswith("compare")])
 def test_a_grid_that_is_not_square_is_used_with_a_warning(place, capsys, command):
     shutil.rmtree(place / "scene")

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 from tests.cli.refusals import refused
 from tmca.cli import main
 from tmca.data import write_dataset
-from tmca.experiments.light_field.imaging import load_light_field
+from tmca.data.light_field_scenes import load_light_field
 
 TAKE = ["--views", "3", "--slots", "2", "--period", "6", "--no-figures", "--out", "s.nc"]
 

@@ -10,7 +10,7 @@ from PIL import Image
 from tests.cli.refusals import refused
 from tests.cli.test_light_field_reading import smooth_views, write_views
 from tmca.cli import main
-from tmca.experiments.light_field.reading import Reading
+from tmca.data.light_field_scenes import Reading
 
 NAMES = ["--pattern", "r{row}c{column}end.png"]
 SWEEP = ["sweep", "light-field", "--vary", "noise=0", "--decoder", "dagger", "--views", "3", "--set", "period=6"]

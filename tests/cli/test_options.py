@@ -40,7 +40,7 @@ def test_a_coloured_aperture_and_a_moving_scene_come_from_the_command_line(folde
     assert "slots" in refused(capsys, "simulate", "spectral", "coffee", "chelsea", "--crop", "24x24")
 
 
-@pytest.mark.filterwarnings("default::tmca.experiments.scenes.DarkScene")
+@pytest.mark.filterwarnings("default::tmca.data.scenes.DarkScene")
 def test_negative_pixels_are_clipped_where_asked(folder, capsys):
     reading = ("--wavelengths", "400:700:31")
     assert "--negative clip" in refused(capsys, "simulate", "spectral", "negative.npy", *reading)

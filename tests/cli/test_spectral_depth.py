@@ -12,7 +12,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
 from tmca.data import rendered_scene, write_dataset
-from tmca.experiments.spectral_depth.scenes import load_spectral_depth
+from tmca.data.depth_scenes import load_spectral_depth
 from tmca.optics import PhaseMaskBench, mask_heights
 from tmca.priors import GaussianPrior
 

@@ -10,10 +10,11 @@ from tests.training.test_tuning import system_of
 from tmca.cameras import Snapshot
 from tmca.cli import main
 from tmca.data import rendered_light_field, write_dataset
+from tmca.data.bands import at_bands
+from tmca.data.depth_scenes import load_spectral_depth, middle_of
+from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
 from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.experiments.scenes import at_bands, load_scene
-from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
 from tmca.experiments.tuning.run import prepared
 
 SIZE = (24, 32)

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
+from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
 from tmca.design import Effort
 from tmca.errors import OutputError, SettingError
@@ -18,7 +19,6 @@ from tmca.experiments.codes.study import CORNERS, _common, _network_cells, senso
 from tmca.experiments.codes.tables import grid_rows, network_rows, scene_rows
 from tmca.experiments.codes.tables import test_rows as rows_of_tests
 from tmca.experiments.codes.task import Task, on_frame
-from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor

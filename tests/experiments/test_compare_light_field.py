@@ -8,17 +8,17 @@ import pytest
 from PIL import Image
 
 from tests.cli.refusals import refused
+from tmca.data.light_field_scenes import Reading, load_light_field
+from tmca.data.scene_names import short_names
 from tmca.decoders import Weights
 from tmca.experiments.light_field import rows
 from tmca.experiments.light_field.cells import coded_camera, measure
 from tmca.experiments.light_field.comparison import compare_light_field
 from tmca.experiments.light_field.comparison_figures import slug
-from tmca.experiments.light_field.imaging import load_light_field, reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.pages import left_out, pictures, thesis_table
-from tmca.experiments.light_field.reading import Reading
 from tmca.experiments.light_field.tables import margins, steps_between
-from tmca.experiments.scenes import short_names
 
 SIZES = rows.Sizes(views=3, period=6, frame=(30, 36), rendered=(26, 30), crop=(20, 20), patch=16)
 EFFORT = {"descents": 1, "steps": 3, "flips": 10}

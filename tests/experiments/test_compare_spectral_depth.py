@@ -10,10 +10,10 @@ import xarray as xr
 from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
+from tmca.data.depth_scenes import withheld_scene
 from tmca.experiments.spectral_depth import comparison, plan
 from tmca.experiments.spectral_depth.margin_tables import learning, margins, order
 from tmca.experiments.spectral_depth.rows import CODES, CONSTANT, Sizes, training_of
-from tmca.experiments.spectral_depth.scenes import withheld_scene
 from tmca.experiments.spectral_depth.tables import markdown
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks of two steps are rough

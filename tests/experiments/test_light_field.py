@@ -9,13 +9,9 @@ import xarray as xr
 from tests.cli.refusals import refused
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
+from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.decoders import Weights
-from tmca.experiments.light_field.imaging import (
-    load_light_field,
-    reconstruct_light_field,
-    take_light_field_snapshot,
-    true_disparity,
-)
+from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.truth import evaluate_light_field
 from tmca.priors import GaussianPrior, PatchDictionary, learn_light_field_prior
 from tmca.priors.light_field import _MIXTURE

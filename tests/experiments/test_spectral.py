@@ -10,11 +10,11 @@ import xarray as xr
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_dataset, rendered_scene, select_bands, write_dataset, write_split
+from tmca.data.scenes import load_scene
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.experiments.cells import CellsFailed
 from tmca.experiments.corner import corner_conditioning
 from tmca.experiments.demo import run_demo
-from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral.comparison import compare_spectral
 from tmca.experiments.spectral.imaging import evaluate_files, reconstruct_snapshot, take_snapshot, true_scene
 from tmca.experiments.spectral.rows import CODES, LEARNED, NOISES

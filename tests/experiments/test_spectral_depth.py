@@ -10,18 +10,19 @@ import xarray as xr
 from tests.data import rgbd_scenes
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene, write_dataset
+from tmca.data.depth_scenes import load_spectral_depth, middle_of
+from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import save_figure, spread_points
-from tmca.experiments.scenes import SceneWarning
-from tmca.experiments.spectral_depth.figures import psf_figure
+from tmca.experiments.camera_figures import psf_figure
 from tmca.experiments.spectral_depth.imaging import (
     reconstruct_spectral_depth,
     spectral_depth_pictures,
     take_spectral_depth_snapshot,
 )
-from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of, true_spectral_depth
-from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth
+from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth, true_spectral_depth
 from tmca.optics import PhaseMaskBench
+from tmca.plots.cube import spread_points
+from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
 
@@ -144,7 +145,7 @@ def test_an_unknown_decoder_is_refused(camera, prior):
 
 def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch):
     cube = np.random.default_rng(0).random((3, 60, 80))
-    monkeypatch.setattr("tmca.experiments.figures._LOOKED_AT", 1000)
+    monkeypatch.setattr("tmca.plots.cube._LOOKED_AT", 1000)
     coarse = spread_points(cube)  # 4800 pixels: every third
     assert len(set(coarse)) == 3
     assert coarse == [(3 * row, 3 * column) for row, column in spread_points(cube[:, ::3, ::3])]

@@ -7,9 +7,10 @@ import pytest
 
 from tmca.cameras import LightFieldCamera
 from tmca.data import rendered_scene, select_bands, write_dataset
+from tmca.data.light_field_scenes import load_light_field
 from tmca.errors import DataError, SettingError
 from tmca.experiments.cells import CellsFailed
-from tmca.experiments.light_field.imaging import load_light_field, reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.sweep import sweep_light_field
 from tmca.experiments.spectral.sweep import sweep_spectral
 

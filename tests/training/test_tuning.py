@@ -225,7 +225,7 @@ def spoiled_truth(folder, change):
         (spoiled_truth, lambda v: v.fill(0), "second_truth.nc: .* 0 times as bright"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::tmca.experiments.scenes.DarkScene")
+@pytest.mark.filterwarnings("ignore::tmca.data.scenes.DarkScene")
 def test_pairs_that_are_no_measurements_are_refused(run, captures, tmp_path, spoil, change, words):
     folder = copied(captures, tmp_path / "captures")
     spoil(folder, change)

@@ -85,7 +85,8 @@ class Snapshot(Generic[Kind]):
         from tmca.plots.codes import snapshot_figure
 
         title = f"{self.camera.kind}, K = {self.camera.slots}"
-        return snapshot_figure(self.values.mean((0, 1)).numpy(force=True), self.camera.full_scale, title)
+        image = self.values.mean((0, 1)).numpy(force=True)
+        return snapshot_figure(image, self.camera.full_scale, self.camera.channel, title)
 
     def __repr__(self) -> str:
         camera, noise = self.camera, self.camera.noise

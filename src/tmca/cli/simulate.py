@@ -55,7 +55,7 @@ def spectral(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.experiments.scenes import load_scene
+    from tmca.data.scenes import load_scene
     from tmca.experiments.snapshots import snapshot_files
     from tmca.experiments.spectral.imaging import take_snapshot
 
@@ -99,7 +99,8 @@ def light_field(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.experiments.light_field.imaging import load_light_field, take_light_field_snapshot
+    from tmca.data.light_field_scenes import load_light_field
+    from tmca.experiments.light_field.imaging import take_light_field_snapshot
     from tmca.experiments.snapshots import snapshot_files
 
     field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())

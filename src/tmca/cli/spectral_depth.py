@@ -50,7 +50,7 @@ class DepthSceneOptions:
 
     def load(self, source: str, camera: SpectralDepthCamera, crop: tuple[int, int] | None) -> xr.Dataset:
         """The scene at bands and depth range of a camera."""
-        from tmca.experiments.spectral_depth.scenes import load_spectral_depth
+        from tmca.data.depth_scenes import load_spectral_depth
 
         for name, value, least in (("--reduce", self.reduce, 1), ("--scene-seed", self.scene_seed, 0)):
             if value < least:
@@ -219,7 +219,7 @@ def way_back(taken: Any, how: dict[str, Any]) -> WayBack:
         spectral_depth_files,
         spectral_depth_pictures,
     )
-    from tmca.experiments.spectral_depth.scenes import true_spectral_depth
+    from tmca.experiments.spectral_depth.truth import true_spectral_depth
 
     window = how["window"]
     if window is not None and how["weights"] is not None:

@@ -107,7 +107,7 @@ def light_field(
     """
     from tmca.cli.options.numbers import size
     from tmca.data import read_split, split_rendered_light_fields
-    from tmca.experiments.light_field.reading import check_readable
+    from tmca.data.light_field_scenes import check_light_fields
     from tmca.experiments.light_field.sweep import sweep_light_field
 
     given = [*scenes, *(map(str, read_split(test)) if test else ())]
@@ -116,7 +116,7 @@ def light_field(
     examples = [str(path) for path in read_split(train)] if train else []
     asked, middle = reading.asked(), size(crop, "--crop")
     measured_as = replace(asked, scale=reading.test_scale)
-    check = partial(check_readable, examples, named, reading.views, asked, measured_as, middle)
+    check = partial(check_light_fields, examples, named, reading.views, asked, measured_as, middle)
     found = sweep_light_field(
         axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=reading.views, reading=asked,
         test_scale=reading.test_scale, size=middle, check=check, progress=cell_done, **grid.how(),

@@ -106,7 +106,7 @@ def spectral(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.scenes import load_scene
+    from tmca.data.scenes import load_scene
     from tmca.training import settings_from, train_spectral
 
     own: dict[str, Any] = {}
@@ -153,8 +153,8 @@ def light_field(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.light_field.reading import training_loader
     from tmca.training import light_field_settings, train_light_field
+    from tmca.training.light_field import training_loader
 
     files = {f"data.{name}": value for name, value in reading.files().items()}
     settings = light_field_settings(preset, config, _changes(set_, train, validation, steps, files))
@@ -194,7 +194,8 @@ def spectral_depth(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
+    from tmca.data.depth_scenes import load_any_depth_scene
+    from tmca.experiments.spectral_depth.imaging import reading_range
     from tmca.training import spectral_depth_settings, train_spectral_depth
     from tmca.training.spectral_depth.camera import training_camera
 
@@ -205,7 +206,9 @@ def spectral_depth(
     camera, data = training_camera(settings), settings.data
 
     def load(name: str) -> Any:
-        return load_any_depth_scene(name, camera, side=data.side, placed=data.placed, from_rgb=data.from_rgb)
+        return load_any_depth_scene(
+            name, **reading_range(camera), side=data.side, placed=data.placed, from_rgb=data.from_rgb
+        )
 
     _run(train_spectral_depth, settings, out, load, accelerator, json)
 

@@ -1,15 +1,17 @@
 """Reading and writing files, data sets, splits and rendered scenes."""
 
-from tmca.data.bands import nearest_bands, select_bands
+from tmca.data.bands import at_bands, nearest_bands, select_bands
 from tmca.data.checks import Negative
 from tmca.data.cubes import label, read, read_array
 from tmca.data.datasets import read_dataset
 from tmca.data.depth_maps import label_depth, read_depth_map
+from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.describe import describe
 from tmca.data.disparity import find_disparity, read_disparity
 from tmca.data.fitted_depth import fitted_depth
 from tmca.data.formats.known import KNOWN_SETS, KnownSet
 from tmca.data.formats.wavelengths import metres_to_nm, nm_to_metres
+from tmca.data.light_field_scenes import load_light_field
 from tmca.data.light_fields import label_light_field, read_light_field, write_light_field
 from tmca.data.placing import place_cube
 from tmca.data.rendering import (
@@ -21,6 +23,7 @@ from tmca.data.rendering import (
     split_rendered_light_fields,
 )
 from tmca.data.rgbd import holds_rgbd, read_rgbd, refuse_rgbd, rgbd_sources
+from tmca.data.scenes import load_scene, read_scene
 from tmca.data.shifts import view_shifts
 from tmca.data.spectral_depth import label_spectral_depth, read_spectral_depth
 from tmca.data.splits import checksum_of, read_split, write_split
@@ -41,6 +44,7 @@ __all__ = [
     "KNOWN_SETS",
     "KnownSet",
     "Negative",
+    "at_bands",
     "atomic_path",
     "check_folder",
     "check_target",
@@ -54,6 +58,9 @@ __all__ = [
     "label_depth",
     "label_light_field",
     "label_spectral_depth",
+    "load_light_field",
+    "load_scene",
+    "load_spectral_depth",
     "make_folder",
     "metres_to_nm",
     "nearest_bands",
@@ -67,6 +74,7 @@ __all__ = [
     "read_disparity",
     "read_light_field",
     "read_rgbd",
+    "read_scene",
     "read_spectral_depth",
     "read_split",
     "refuse_rgbd",

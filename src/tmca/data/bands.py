@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,3 +89,22 @@ def _require_covered(cube: xarray.DataArray, targets: NDArray[np.float64]) -> No
             f"bands that cover {wanted.min():g} to {wanted.max():g} nm",
             "ask for a range inside the cube's",
         )
+
+
+def at_bands(cube: xarray.DataArray, wavelengths: Sequence[float]) -> xarray.DataArray:
+    """The cube's nearest band for every wavelength.
+
+    Raises:
+        DataError: a wavelength farther from every band than half their spacing.
+    """
+    own = cube["wavelength"].values
+    wanted = np.asarray(wavelengths)
+    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
+        return cube
+    chosen = np.abs(own[:, None] - wanted).argmin(0)
+    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
+    worst = int(np.abs(own[chosen] - wanted).argmax())
+    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
+        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
+        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
+    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))

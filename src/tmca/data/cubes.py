@@ -23,7 +23,7 @@ from tmca.data.formats.wavelengths import (
     read_sidecar,
     sidecar_paths,
 )
-from tmca.data.light_fields import find_light_field, load_light_field
+from tmca.data.light_fields import find_light_field, load_views
 from tmca.data.rgbd import refuse_rgbd
 from tmca.errors import DataError, SettingError
 
@@ -73,7 +73,7 @@ def read(
         views = find_light_field(contents, variable)
         if views is not None:
             _no_bands(path, given, bands)
-            return load_light_field(contents, views, divide_by=scale)
+            return load_views(contents, views, divide_by=scale)
         stored = find_cube(contents, variable, None if given is None else given.size)
         sidecar = None if given is not None else read_sidecar(contents.path)
         if given is None and sidecar is None:

@@ -7,7 +7,7 @@ from typing import Any
 from tmca.data.datasets import SUFFIXES as LABELLED
 from tmca.data.disparity import find_disparity, read_disparity
 from tmca.data.formats.stored import Contents, Stored
-from tmca.data.light_fields import VIEW_DIMS, has_colour, load_light_field
+from tmca.data.light_fields import VIEW_DIMS, has_colour, load_views
 from tmca.data.shifts import shift_facts
 from tmca.errors import DataError
 
@@ -29,7 +29,7 @@ def describe_light_field(contents: Contents, stored: Stored, pattern: str | None
         "disparity": _disparity(contents, pattern),
     }
     if min(rows, columns) >= 3:
-        facts["shifts"] = shift_facts(load_light_field(contents, stored, views=3)) or None
+        facts["shifts"] = shift_facts(load_views(contents, stored, views=3)) or None
     about = {"kind": "light field", "variable": stored.name, "dims": stored.dims, "light_field": facts}
     notes = [facts["shifts"].pop("note", None)] if facts["shifts"] else []
     if rows != columns or rows % 2 == 0:

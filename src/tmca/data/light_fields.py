@@ -75,7 +75,7 @@ def read_light_field(
         stored = find_light_field(contents, variable)
         if stored is None:
             raise no_light_field(contents, variable)
-        return load_light_field(contents, stored, views=views, crop=crop, scale=scale, colour=colour)
+        return load_views(contents, stored, views=views, crop=crop, scale=scale, colour=colour)
 
 
 @contextmanager
@@ -121,7 +121,7 @@ def has_colour(stored: Stored) -> bool:
     return max(size.get("channel", 1), size.get("colour", 1)) >= len(COLOURS)
 
 
-def load_light_field(
+def load_views(
     contents: Contents,
     stored: Stored,
     *,

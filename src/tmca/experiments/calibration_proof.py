@@ -246,6 +246,6 @@ def _explained(taken: Snapshot[Any], scene: Array) -> float:
 
 def reconstructions_figure(proof: Proof) -> Figure:
     """Truth and the reconstructions of the first spectral bench."""
-    from tmca.experiments.reconstruction_figures import reconstruction_figure
+    from tmca.plots.cube import reconstruction_figure
 
     return reconstruction_figure(proof.cubes, list(proof.wavelengths), proof.scene)

@@ -18,8 +18,8 @@ from typing import Any
 from warnings import simplefilter
 
 from tmca.data import make_folder, write_json, write_text
+from tmca.data.scene_names import SceneWarning
 from tmca.errors import SettingError, TmcaError
-from tmca.experiments.scenes import SceneWarning
 
 Settings = dict[str, Any]
 Measured = dict[str, Any]

@@ -11,13 +11,13 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import find_weights
 from tmca.errors import OutputError, TmcaError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
-from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field.demo import demo_light_field
-from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import METRICS, mean_over_scenes
 from tmca.experiments.spectral.imaging import SpectralReconstruction, reconstruct_snapshot, take_snapshot
 from tmca.experiments.spectral_depth.demo import demo_spectral_depth
+from tmca.plots.cube import reconstruction_figure
+from tmca.plots.style import save_figure
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:

@@ -8,14 +8,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.cameras import Snapshot, holds_snapshot
+from tmca.data import (
+    describe,
+    read,
+    read_array,
+    read_disparity,
+    read_light_field,
+    read_rgbd,
+    read_spectral_depth,
+)
+from tmca.data.srgb import encoded
 from tmca.errors import DataError
 from tmca.experiments.camera_figures import snapshot_figure
-from tmca.experiments.figures import cube_figure, image_figure, save_figure
-from tmca.experiments.light_field.picture import light_field_picture
-from tmca.experiments.spectral_depth.maps import rgbd_picture, spectral_depth_picture
+from tmca.plots.cube import cube_figure
+from tmca.plots.depth import rgbd_figure, scene_figure
+from tmca.plots.style import image_figure, save_figure
+from tmca.plots.views import light_field_views
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_MOSAIC_PX = 1100
+"""Sides of the mosaic, about: what a picture of this width can show."""
 
 
 def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite: bool = False, **views: Any) -> Path:
@@ -31,8 +45,6 @@ def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite:
 
 
 def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
-    from tmca.data import describe, read, read_array
-
     found = describe(path, variable, **views)
     names = set(found.get("variables", {})) | set(found.get("coords", {}))
     if holds_snapshot(names):
@@ -47,11 +59,11 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
 
         return PatchDictionary.load(path).figure()
     if found["kind"] == "light field":
-        return light_field_picture(path, variable, **views)
+        return _light_field(path, variable, **views)
     if found["kind"] == "RGB-D scene":
-        return rgbd_picture(path)
+        return _rgbd(path)
     if found["kind"] == "spectral-depth scene" or (found["kind"] == "cube" and "pixels" in (found.get("depth") or {})):
-        return spectral_depth_picture(path, variable)
+        return _spectral_depth(path, variable)
     if found["kind"] == "cube":
         cube = read(path, variable=variable, negative="keep")
         return cube_figure(cube.values, cube["wavelength"].values.tolist(), path.name)
@@ -59,3 +71,42 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     if values.ndim not in (2, 3):
         raise DataError(path, f"an array of {values.ndim} dimensions", "2 or 3 for a picture")
     return image_figure(values, path.name)
+
+
+def _light_field(
+    path: Path,
+    variable: str | None = None,
+    *,
+    pattern: str | None = None,
+    lens: tuple[int, int] | None = None,
+) -> Figure:
+    """The picture of a file or folder that `tmca.data.describe`, called with the same arguments, calls a light field.
+
+    Raises:
+        DataError: it cannot be read.
+    """
+    how: dict[str, Any] = {"pattern": pattern, "lens": lens}
+    facts = describe(path, variable, **how)["light_field"]
+    most = min(facts["views"])
+    views, shortest = most - (most % 2 == 0), min(facts["size"])
+    scale = min(shortest, max(1, round(max(facts["size"]) * views / _MOSAIC_PX)))
+    small = read_light_field(path, views=views, scale=scale, colour=facts["colour"], variable=variable, **how)
+    centre = read_light_field(path, views=1, colour=facts["colour"], variable=variable, **how)
+    truth = facts["disparity"]
+    known = truth is not None and truth["min"] is not None
+    disparity = read_disparity(path, pattern=pattern).values if known else None
+    return light_field_views(centre.values, small.values, disparity, path.name)
+
+
+def _rgbd(path: Path) -> Figure:
+    """Picture and depth of an RGB-D scene."""
+    scene = read_rgbd(path)
+    picture = np.moveaxis(encoded(scene["rgb"].values), 0, -1)
+    return rgbd_figure(picture, scene["depth"].values, str(scene.attrs["name"]), bool(scene.attrs["metric"]))
+
+
+def _spectral_depth(path: Path, variable: str | None = None) -> Figure:
+    """Colour composite, depth, and spectra of a few points of a spectral scene with depth."""
+    scene = read_spectral_depth(path, variable=variable, negative="keep")
+    pair, metric = (scene["radiance"].values, scene["depth"].values), bool(scene.attrs["metric"])
+    return scene_figure(pair, scene["wavelength"].values.tolist(), path.name, metric)

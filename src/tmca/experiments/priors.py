@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.data.bands import at_bands
+from tmca.data.scenes import load_scene
 from tmca.decoders.patch_based.depth_likelihood import usual_window
 from tmca.errors import OutputError, SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.scenes import at_bands, load_scene
+from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior, load_prior
 from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor

@@ -7,8 +7,8 @@ from typing import Any
 
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.sub_images import sub_images_figure
+from tmca.plots.codes import sub_images_figure
+from tmca.plots.style import save_figure
 
 NOISE_STREAM = 0x9E3779B9
 """Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""

@@ -11,8 +11,7 @@ from pathlib import Path
 import tmca
 
 _ROOT = Path(tmca.__file__).parent
-_PICTURES = ("figures", "pictures", "composite", "corner", "animation", "refocus", "sub_images", "light_field.views")
-_NO_NUMBERS = (*_PICTURES, "demo", "report", "tables")
+_NO_NUMBERS = ("figures", "pictures", "corner", "demo", "report", "tables")
 
 
 @cache
@@ -40,7 +39,7 @@ def imported(module: str) -> set[str]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name not in found and not name.endswith(_NO_NUMBERS):
+        if name not in found and not (name.endswith(_NO_NUMBERS) or name.startswith("tmca.plots")):
             found.add(name)
             waiting += [definer for source, part in _imports(name) if (definer := _definer(source, part))]
     return found

@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import LIMITS, PAIRS, PARTS, Hardware
+from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
-from tmca.experiments.figures import save_figure
 from tmca.experiments.results import check_new, mean_over_scenes, repository_commit, write_table
-from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.source import source_digest
-from tmca.experiments.sweep_tables import csv_text, markdown, sweep_figure
+from tmca.experiments.sweep_tables import UNITS, csv_text, markdown
+from tmca.plots.curves import sweep_figure
+from tmca.plots.style import save_figure
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
           "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip
@@ -163,7 +164,7 @@ def _write(swept: Swept, found: dict[str, Any], files: Sequence[Path], overwrite
     rows, axes = found["rows"], list(found["vary"])
     write_table(found, markdown(found, axes, swept.decoders), (files[0], files[2]), overwrite)
     write_text(csv_text(rows, axes), files[1], overwrite=overwrite)
-    save_figure(sweep_figure(rows, axes, swept.decoders), files[3], overwrite=overwrite)
+    save_figure(sweep_figure(rows, axes, swept.decoders, UNITS.get(axes[0], axes[0])), files[3], overwrite=overwrite)
 
 
 def converted(swept: Swept, settings: Values, option: str) -> dict[str, list[Any]]:

@@ -5,14 +5,9 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from tmca.experiments.figures import plain_axes
 from tmca.experiments.results import DEPTH_METRICS, METRICS, markdown_table
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 UNITS = {
     "noise": "read noise σ, snapshot units",
@@ -70,35 +65,3 @@ def markdown(found: dict[str, Any], axes: Sequence[str], decoders: Mapping[str, 
     said = f"{said[0].upper()}{said[1:]}{settings}; prior and networks learned from {learned}."
     lines += [f"{said} Means over {', '.join(found['scenes'])}.{f' {units}.' if units else ''}", ""]
     return "\n".join([*lines, markdown_table(found["rows"], _columns(found["rows"], axes))])
-
-
-def sweep_figure(rows: Sequence[dict[str, Any]], axes: Sequence[str], names: Mapping[str, str]) -> Figure:
-    """PSNR, and depth error if there is one, along the first varied setting, a line for each value of the others."""
-    from matplotlib.figure import Figure
-
-    shown = [("psnr", "PSNR (dB)"), *([("depth_mae", "depth MAE (m)")] if "depth_mae" in rows[0] else [])]
-    figure = Figure(figsize=(6 * len(shown), 4), layout="constrained")
-    decoders = {names[row["decoder"]] for row in rows}
-    title = "mean over test scenes" + (f", {decoders.pop()}" if len(decoders) == 1 else "")
-    for axis, (metric, label) in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
-        _lines(axis, rows, axes, metric)
-        plain_axes(axis, title, UNITS.get(axes[0], axes[0]), label)
-    return figure
-
-
-def _lines(axis: Axes, rows: Sequence[dict[str, Any]], axes: Sequence[str], metric: str) -> None:
-    groups: dict[str, list[dict[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault(", ".join(f"{name} = {row[name]}" for name in axes[1:]), []).append(row)
-    for label, group in groups.items():
-        places = [row[axes[0]] for row in group]
-        numeric = all(isinstance(p, int | float) for p in places)
-        axis.plot(
-            places if numeric else list(map(str, places)), [row[metric] for row in group], "o-", label=label or None
-        )
-        if numeric and min(places) > 0 and max(places) >= 8 * min(places):
-            axis.set_xscale("log")
-            axis.set_xticks(places, [f"{place:g}" for place in places])
-            axis.minorticks_off()
-    if len(groups) > 1:
-        axis.legend(fontsize=8)

@@ -1,79 +1,146 @@
-"""Pictures of what was measured: depth with its confidence, reflectance with its uncertainty."""
+"""Pictures of what the bench measured and shows: depth, reflectance, spectra, calibrations, exports."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
+from tmca.lab.calibration.measurements.dispersion import MeasuredDispersion
+from tmca.lab.calibration.measurements.linearity import Linearity
+from tmca.lab.calibration.measurements.pattern_image import mapped
+from tmca.lab.calibration.measurements.psf import PsfStack
+from tmca.lab.calibration.measurements.registration import Registration, nominal_matrix
+from tmca.lab.calibration.measurements.shear import MeasuredShear
+from tmca.lab.calibration.measurements.timing import Timing
+from tmca.lab.calibration.measurements.zernike_fit import ZernikeFit
+from tmca.lab.devices.frames import read_frame
+from tmca.lab.devices.mirror import read_table
+from tmca.lab.spectral_scan.comparison import Comparison
+from tmca.plots import calibration, lab
+from tmca.plots.style import blank_figure
+
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_POINTS = ("#d1495b", "#00798c", "#edae49")
+_SLOTS = 4
 
 
 def depth_figure(measured: xr.Dataset, title: str) -> Figure:
     """Depth, its standard deviation, and why pixels have none, of `measure_depth`'s result."""
-    from matplotlib.colors import ListedColormap
-
-    axes = _panels(3, measured.sizes["y"] / measured.sizes["x"])
-    _picture(axes[0], measured["depth"].values, title, "depth (m)", cmap="turbo_r")
-    spread = measured["depth_std"].values * 1e3
-    top = float(np.nanpercentile(spread, 98))
-    _picture(axes[1], spread, "standard deviation", "mm", cmap="viridis", vmin=0, vmax=top)
-    names = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
-    colours = ListedColormap(["white", "#d1495b", "0.15", "#edae49", "#00798c", "0.6", "#8e6c8a"][: len(names)])
-    values = measured["confidence"].values
-    shown = axes[2].imshow(values, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, interpolation="nearest")
-    _bare(axes[2], f"{(values == 0).mean():.1%} known")
-    bar = axes[2].figure.colorbar(shown, ax=axes[2], ticks=range(len(names)), fraction=0.046, pad=0.03)
-    bar.ax.set_yticklabels(names, fontsize=8)
-    return axes[0].get_figure()
+    reasons = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
+    depth, deviation, reason = (measured[name].values for name in ("depth", "depth_std", "confidence"))
+    return lab.measured_depth_figure(depth, deviation, reason, reasons, title)
 
 
 def reflectance_figure(measured: xr.Dataset, title: str) -> Figure:
     """Mean reflectance, spectra of three places with two standard deviations, and the share of bands left out."""
-    cube, std = measured["reflectance"].values, measured["reflectance_std"].values
-    nm, (height, width) = measured["wavelength_nm"].values, cube.shape[1:]
-    axes = _panels(3, height / width)
-    grey = np.nan_to_num(cube).mean(axis=0)
-    _picture(axes[0], grey, title, "mean reflectance", cmap="gray", vmin=0)
-    for colour, (y, x) in zip(_POINTS, [(0.3, 0.3), (0.5, 0.7), (0.75, 0.4)], strict=True):
-        place = int(y * height), int(x * width)
-        spectrum, spread = cube[:, *place], std[:, *place]
-        axes[0].plot(place[1], place[0], "o", color=colour, markeredgecolor="white")
-        axes[1].plot(nm, spectrum, color=colour)
-        axes[1].fill_between(nm, spectrum - 2 * spread, spectrum + 2 * spread, color=colour, alpha=0.25, linewidth=0)
-    axes[1].set_title("spectra ± 2 standard deviations", fontsize=9)
-    axes[1].set_xlabel("wavelength (nm)", fontsize=8)
-    axes[1].set_ylabel("reflectance", fontsize=8)
-    axes[1].tick_params(labelsize=8)
     left_out = (measured["quality"].values > 0).mean(axis=0)
-    _picture(axes[2], left_out, "saturated or dark", "share of the bands", cmap="magma", vmin=0, vmax=1)
-    return axes[0].get_figure()
+    cube, deviation, nm = (measured[name].values for name in ("reflectance", "reflectance_std", "wavelength_nm"))
+    return lab.reflectance_figure(cube, deviation, left_out, nm, title)
 
 
-def _panels(count: int, aspect: float) -> Any:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(4.6 * count, max(2.4, 3.9 * aspect)), layout="constrained")
-    return figure.subplots(1, count)
-
-
-def _picture(axis: Axes, values: np.ndarray, title: str, bar: str, cmap: str, **limits: Any) -> None:
-    from matplotlib import colormaps
-
-    colours = colormaps[cmap].with_extremes(bad="0.75")
-    shown = axis.imshow(np.ma.masked_invalid(values), cmap=colours, interpolation="nearest", **limits)
-    _bare(axis, title)
-    colour_bar = axis.figure.colorbar(shown, ax=axis, fraction=0.046, pad=0.03)
-    colour_bar.set_label(bar, fontsize=8)
-    colour_bar.ax.tick_params(labelsize=8)
+def comparison_figure(compared: Sequence[Comparison]) -> Figure:
+    """A panel per point: measured with its spread over the box, reference, and their angle above."""
+    titles = [f"{one.name} at {one.place[0]},{one.place[1]}: SAM {one.angle:.2f}°" for one in compared]
+    arrays = [(one.nm, one.spectrum, one.spread, one.reference) for one in compared]
+    return lab.compared_spectra_figure(dict(zip(titles, arrays, strict=True)))
 
 
-def _bare(axis: Axes, title: str) -> None:
-    axis.set_title(title, fontsize=9)
-    axis.set_xticks([])
-    axis.set_yticks([])
+def export_figure(manifest: dict[str, Any], folder: Path) -> Figure:
+    """The first slots of every plane: frames as devices show them, Zernike terms as bars.
+
+    Args:
+        manifest: of the export.
+        folder: of the export.
+    """
+    slots = range(min(_SLOTS, manifest["slots"]))
+    return lab.shown_figure(
+        {
+            f"{plane['plane']}\n{plane['device']['name']}": [_shown(plane, slot, folder) for slot in slots]
+            for plane in manifest["planes"]
+        }
+    )
+
+
+def _shown(plane: dict[str, Any], slot: int, folder: Path) -> tuple[str, np.ndarray, Sequence[int] | None]:
+    """Title of a slot, its frame or Zernike terms, and their Noll indices."""
+    frame = plane["frames"][slot]
+    title, file = f"slot {slot}, from {frame['start_s'] * 1e3:g} ms", folder / frame["file"]
+    if "placement" in plane:
+        return title, read_frame(file), None
+    terms = read_table(file)
+    return title, terms.rms[slot], terms.noll
+
+
+def part_figure(part: Any, title: str, stack: PsfStack | None = None) -> Figure:
+    """The picture of a measured part of a calibration; of a wavefront beside the point spread functions it was fitted
+    to."""
+    figure = blank_figure(9.2, 3.4)
+    figure.suptitle(title, fontsize=10)
+    axes = figure.subplots(1, 2)
+    if isinstance(part, ZernikeFit):
+        calibration.draw_wavefront(axes[1], part.modes, part.coefficients, part.std, part.residual)
+        if stack is not None:
+            calibration.draw_psf(axes[0], stack.values, stack.wavelengths, stack.depths)
+    else:
+        _DRAW[type(part)](axes, part)
+    return figure
+
+
+def _dark(axes: Any, part: DarkField) -> None:
+    calibration.draw_dark(axes, part.mean, part.read_noise, part.defects > 0)
+
+
+def _flat(axes: Any, part: FlatField) -> None:
+    calibration.draw_flat(axes, part.gain, part.defects > 0, part.nonuniformity)
+
+
+def _linearity(axes: Any, part: Linearity) -> None:
+    titles = (
+        f"off a line by {part.largest_deviation:.2g} of it at most",
+        f"{part.gain:.3g} ± {part.gain_std:.1g} electrons per digital number",
+    )
+    line, transfer = part.offset + part.slope * part.exposures, (part.read_noise / part.gain) ** 2
+    predicted, used = transfer + part.levels / part.gain, np.isfinite(part.deviations)
+    calibration.draw_linearity(axes, part.exposures, part.levels, line, part.variances, predicted, used, titles)
+
+
+def _registration(axes: Any, part: Registration) -> None:
+    rows, columns = (np.linspace(0, n - 1, 9) for n in part.codes)
+    mask = np.stack([one.ravel() for one in np.meshgrid(rows, columns, indexing="ij")])
+    scale = float(np.sqrt(abs(np.linalg.det(part.matrix[:, :2]))))
+    nominal = mapped(nominal_matrix(part.codes, part.sensor, scale), *mask)
+    sensor = np.stack(mapped(part.matrix, *mask))
+    calibration.draw_registration(axes, mask, sensor, np.stack(nominal), part.sensor, part.residual)
+
+
+def _dispersion(axes: Any, part: MeasuredDispersion) -> None:
+    fine = np.linspace(part.wavelengths[0], part.wavelengths[-1], 200)
+    fitted = np.isfinite(part.residual[1])
+    title = f"{part.curve} curve {f'leaves {part.residual[1]:.3f} px rms' if fitted else 'through all of them'}"
+    calibration.draw_dispersion(axes, part.wavelengths, part.shifts, (fine, part.at(fine)), part.response, title)
+
+
+def _shear(axes: Any, part: MeasuredShear) -> None:
+    calibration.draw_shear(axes, part.places, part.shifts, part.step, part.light, part.residual)
+
+
+def _timing(axes: Any, part: Timing) -> None:
+    title = f"delay {part.delay:+.4f} slots, ratio {part.ratio:.4f}, leakage {part.leakage:.2%}"
+    calibration.draw_timing(axes, part.overlap(), part.delay, part.ratio, title)
+
+
+def _psf(axes: Any, part: PsfStack) -> None:
+    calibration.draw_psf(axes[0], part.values, part.wavelengths, part.depths)
+    axes[1].set_axis_off()
+
+
+_DRAW: dict[type, Callable[[Any, Any], None]] = {
+    DarkField: _dark, FlatField: _flat, Linearity: _linearity, Registration: _registration,
+    MeasuredDispersion: _dispersion, MeasuredShear: _shear, Timing: _timing, PsfStack: _psf,
+}  # fmt: skip

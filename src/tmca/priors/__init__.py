@@ -3,7 +3,6 @@
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.priors.expected_error import expected_mse, expected_psnr
-from tmca.priors.figures import draw_prior
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import Prior, block_for, cache_folder, learn_prior, load_prior, rendered_prior
 from tmca.priors.light_field import (
@@ -25,7 +24,6 @@ __all__ = [
     "block_for",
     "cache_folder",
     "cropped",
-    "draw_prior",
     "expected_mse",
     "expected_psnr",
     "learn_light_field_mixture",

@@ -127,9 +127,9 @@ class PatchDictionary:
 
     def figure(self, atoms: int = 48) -> Figure:
         """The most used atoms as mosaics of their views."""
-        from tmca.priors.dictionary_figures import dictionary_figure
+        from tmca.plots.priors import dictionary_figure
 
-        return dictionary_figure(self, atoms)
+        return dictionary_figure(self.atoms.numpy(), self.scales.numpy(), self.views, atoms)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the dictionary as NetCDF4, whole or not at all.

@@ -164,9 +164,9 @@ class GaussianPrior:
 
     def figure(self) -> Figure:
         """Leading eigen-blocks, mean spectrum and eigenvalues."""
-        from tmca.priors.figures import draw_prior
+        from tmca.plots.priors import gaussian_figure
 
-        return draw_prior(self)
+        return gaussian_figure(self.mean.numpy(), self.covariance.numpy(), self.wavelengths)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the prior as NetCDF4, whole or not at all.

@@ -169,9 +169,7 @@ class GaussianMixturePrior:
 
     def figure(self) -> Figure:
         """Leading eigen-blocks, mean spectrum and eigenvalues of the mixture as one Gaussian."""
-        from tmca.priors.figures import draw_prior
-
-        return draw_prior(self.gaussian())
+        return self.gaussian().figure()
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the prior as NetCDF4, whole or not at all.

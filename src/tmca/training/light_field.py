@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tmca.cameras import CodedCamera, LightFieldCamera
+from tmca.data.light_field_scenes import Reading, check_asked, load_light_field
 from tmca.errors import SettingError
 from tmca.priors import Prior, learn_light_field_prior, rendered_light_field_prior
 from tmca.training.imaging_run import prepare_imaging
 from tmca.training.patches import Load
 from tmca.training.run import Trained, train
+from tmca.training.scenes import named_scenes
 from tmca.training.settings import DataSettings, Pixels, Strict, TrainSettings, settings_of
 from tmca.training.starting_codes import starting_settings
 
@@ -160,3 +162,32 @@ def light_field_settings(
 def train_light_field(settings: LightFieldTrainSettings, folder: Path, load: Load, **how: Any) -> Trained:
     """Train a light-field camera's codes and decoder; ``train`` says what ``load`` and the other arguments are."""
     return train(partial(prepare_imaging, LightFieldApplication()), settings, folder, load, **how)
+
+
+def training_reading(settings: LightFieldTrainSettings) -> Reading:
+    """What the settings of a run ask of its files."""
+    return Reading(settings.data.scale, settings.data.pattern, settings.data.lens)
+
+
+def training_loader(settings: LightFieldTrainSettings) -> Callable[[str], xr.DataArray]:
+    """Reads the light fields of a run.
+
+    Raises:
+        SettingError: a setting that applies to none of them.
+        DataError: a split that cannot be read.
+    """
+    data, reading = settings.data, training_reading(settings)
+    names = named_scenes([*data.train, *data.validation, *data.prior])
+    if names:
+        check_asked(names, **vars(reading))
+
+    def load(name: str) -> xr.DataArray:
+        try:
+            return load_light_field(name, views=settings.camera.views, colour=data.colour, **reading.of(name))
+        except SettingError as error:
+            if error.where != "views":
+                raise
+            remedy = error.remedy and f"{error.remedy.replace('views=', 'camera.views=')} (--set)"
+            raise SettingError("camera.views", error.found, error.expected, remedy) from error
+
+    return load

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from tests.lab.calibration.test_file import PARTS
-from tmca.lab.calibration.figures import part_figure
+from tmca.lab.figures import part_figure
 
 
 @pytest.mark.parametrize("name", PARTS)

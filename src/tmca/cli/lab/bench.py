@@ -128,12 +128,13 @@ def _scene(name: str, taken: Any) -> list[Any]:
 
     application = taken.camera.kind
     if application == "light-field":
-        from tmca.experiments.light_field.imaging import as_batch
+        from tmca.data.light_field_scenes import as_batch
         from tmca.experiments.light_field.truth import true_light_field
 
         return [as_batch(true_light_field(name, taken))[:1]]
     if application == "spectral-depth":
-        from tmca.experiments.spectral_depth.scenes import depth_tensor, true_spectral_depth
+        from tmca.data.depth_scenes import depth_tensor
+        from tmca.experiments.spectral_depth.truth import true_spectral_depth
 
         scene = true_spectral_depth(name, taken)
         return [torch.from_numpy(np.array(scene["radiance"].values, np.float32))[None], depth_tensor(scene)]

@@ -132,7 +132,7 @@ def proof(
     from tmca.cli.options.output import check_figure, check_targets
     from tmca.data import write_json
     from tmca.experiments.calibration_proof import prove, reconstructions_figure
-    from tmca.experiments.figures import save_figure
+    from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
     check_targets([] if out is None else [out], overwrite)

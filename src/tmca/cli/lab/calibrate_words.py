@@ -94,9 +94,9 @@ def started(how: CalibrationOptions) -> Calibration:
 def finished(calibration: Calibration, part: str, how: CalibrationOptions) -> None:
     """Save, draw and say what a step measured."""
     from tmca.cli.options.output import warned
-    from tmca.experiments.figures import save_figure
-    from tmca.lab.calibration.figures import part_figure
     from tmca.lab.calibration.remarks import remarks
+    from tmca.lab.figures import part_figure
+    from tmca.plots.style import save_figure
 
     saved = calibration.save(how.prefix)
     if how.figures and saved.path is not None:

@@ -72,8 +72,8 @@ def export(
         overwrite=overwrite,
     ).manifest  # fmt: skip
     if figures:
-        from tmca.experiments.figures import save_figure
-        from tmca.lab.devices.figures import export_figure
+        from tmca.lab.figures import export_figure
+        from tmca.plots.style import save_figure
 
         save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
     _say(manifest, out, json)

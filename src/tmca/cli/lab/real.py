@@ -115,9 +115,9 @@ def movie(
     """
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
-    from tmca.experiments.figures import save_figure
     from tmca.experiments.real.figures import movie_figure
     from tmca.lab.real_captures.movie import decode_movie, frame_dataset
+    from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite, snapshot)
     check_targets([out], overwrite, snapshot)

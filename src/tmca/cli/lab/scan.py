@@ -94,10 +94,10 @@ def depth(
     """
     from tmca.cli.lab.scan_words import said_depth
     from tmca.data import read_depth_map, write_dataset
-    from tmca.experiments.figures import save_figure
     from tmca.lab.figures import depth_figure
     from tmca.lab.structured_light import load_calibration, load_plan, measure_depth, read_capture
     from tmca.lab.structured_light.depth import depth_error
+    from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
     check_targets([out], overwrite, captures)

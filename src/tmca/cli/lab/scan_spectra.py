@@ -50,10 +50,10 @@ def spectra(
     from tmca.cli.lab.scan_words import said_spectra
     from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
-    from tmca.experiments.figures import save_figure
     from tmca.lab.figures import reflectance_figure
     from tmca.lab.spectral_scan import measure_reflectance, read_scan
     from tmca.lab.spectral_scan.reflectance import white_of
+    from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
     check_targets([out], overwrite, scene)
@@ -96,10 +96,10 @@ def compare(
         json: print JSON instead of text.
     """
     from tmca.cli.lab.scan_words import places, said_comparison
-    from tmca.experiments.figures import save_figure
+    from tmca.lab.figures import comparison_figure
     from tmca.lab.ground_truth import open_cube
     from tmca.lab.spectral_scan import compare_spectra, read_spectra
-    from tmca.lab.spectral_scan.comparison import comparison_figure
+    from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite, spectra)
     responses = None if filters is None else read_spectra(filters)

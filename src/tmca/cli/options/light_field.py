@@ -11,7 +11,7 @@ from tmca.cli.options.numbers import whole
 from tmca.cli.options.scenes import ViewFilesOptions
 
 if TYPE_CHECKING:
-    from tmca.experiments.light_field.reading import Reading
+    from tmca.data.light_field_scenes import Reading
 
 _SCENE = Group("Reading the scene", sort_key=0)
 
@@ -28,7 +28,7 @@ class LightFieldsOptions(ViewFilesOptions):
 
     def asked(self) -> Reading:
         """What is asked of files, of which several light fields take what applies to each."""
-        from tmca.experiments.light_field.reading import Reading
+        from tmca.data.light_field_scenes import Reading
 
         return Reading(scale=self.scale, **self.files())
 

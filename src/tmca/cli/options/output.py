@@ -38,7 +38,7 @@ def warned(line: str) -> None:
 def check_figure(figure: Path | None, overwrite: bool, source: str | Path = "") -> None:
     """Refuse a picture that could not be written, before the work is done."""
     if figure is not None:
-        from tmca.experiments.figures import check_picture
+        from tmca.plots.style import check_picture
 
         check_picture(figure)
         check_targets([figure], overwrite, source)

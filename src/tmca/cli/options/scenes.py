@@ -108,7 +108,7 @@ def assumed(cube: xr.DataArray) -> None:
 
 def centre_assumed(light_field: xr.DataArray) -> None:
     """Say on standard error which views were taken of a square grid that has no centre view."""
-    from tmca.experiments.light_field.imaging import taken_views
+    from tmca.data.light_field_scenes import taken_views
 
     rows, columns = light_field.attrs.get("grid", (1, 1))
     if rows == columns and rows % 2 == 0:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.experiments.codes.tables import grid_rows, network_rows, test_rows
-from tmca.experiments.figures import add_bar, grid, plain_axes, save_figure
+from tmca.plots.style import add_bar, grid, plain_axes, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

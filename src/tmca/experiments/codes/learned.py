@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.data.scene_names import identity_of
+from tmca.data.scenes import load_scene
 from tmca.design import design_model, designable, learn_examples
 from tmca.experiments.cells import cell_key
 from tmca.experiments.codes.task import save_examples
-from tmca.experiments.scenes import identity_of, load_scene
 from tmca.experiments.source import source_digest
 
 if TYPE_CHECKING:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from tmca.cameras import CodedCamera
+from tmca.data.scenes import load_scene
 from tmca.design import Design
 from tmca.design.search import decibels
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, camera_arguments, mean, on_frame
-from tmca.experiments.scenes import load_scene
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 

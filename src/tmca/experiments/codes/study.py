@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tmca.data.scene_names import identity_of
 from tmca.design import Effort
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
@@ -17,7 +18,6 @@ from tmca.experiments.codes.searches import design_ahead, grid, in_the_light, on
 from tmca.experiments.codes.tables import study_markdown
 from tmca.experiments.design.checks import check_size
 from tmca.experiments.results import check_new, repository_commit, write_table
-from tmca.experiments.scenes import identity_of
 from tmca.experiments.source import source_digest
 
 SLOTS = (2, 4, 8, 16)
@@ -178,7 +178,7 @@ def _common(train: Sequence[str], work: Path, bands: int, period: tuple[int, int
 
 def _light(scenes: Sequence[str], bands: int) -> float:
     """Mean irradiance of scenes, share of white, to which the examples are dimmed."""
-    from tmca.experiments.scenes import load_scene
+    from tmca.data.scenes import load_scene
 
     return sum(float(load_scene(name, bands=bands).mean()) for name in scenes) / len(scenes)
 

@@ -15,8 +15,8 @@ from tmca.experiments.cells import Measured, Timed
 from tmca.experiments.dbd.claims import claims_table
 from tmca.experiments.dbd.study import TOLD, Study, run_studies
 from tmca.experiments.dbd.tables import study_figure, study_table
-from tmca.experiments.figures import plain_axes, save_figure
 from tmca.experiments.results import repository_commit
+from tmca.plots.style import blank_figure, plain_axes, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -229,9 +229,7 @@ def _cost_lines(data: dict[str, Any], out: Path, overwrite: bool) -> list[str]:
 
 
 def _cost_figure(sizes: Any, seconds: Any, exponent: float, offset: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.2, 3.8), layout="constrained")
+    figure = blank_figure(5.2, 3.8)
     axis = figure.subplots()
     axis.loglog(sizes, seconds, "o-", color="#00798c", label="median of 5")
     axis.loglog(sizes[-4:], np.exp(offset) * sizes[-4:] ** exponent, "--", color="0.5", label=f"power {exponent:.2f}")

@@ -15,7 +15,7 @@ from tmca.data import check_target, write_json, write_text
 from tmca.dbd.arrays import Mask
 from tmca.experiments.cells import Measured
 from tmca.experiments.dbd.study import DEFAULTS, Study, beyond
-from tmca.experiments.figures import save_figure
+from tmca.plots.style import blank_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,9 +67,7 @@ def _text(kind: str, value: float | None) -> str:
 
 def study_figure(study: Study, rows: Sequence[Measured]) -> Figure:
     """Success over the first two varied settings: a map, or lines; where convex methods cannot succeed is drawn in."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    figure = blank_figure(6.4, 4.4)
     axis = figure.subplots()
     names = list(study.axes)
     numeric = [all(isinstance(value, int | float) for value in study.axes[name]) for name in names]

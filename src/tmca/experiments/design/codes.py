@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.design import (
     Advice,
+    Candidate,
     Effort,
     Examples,
     SensorSheet,
@@ -24,10 +25,13 @@ from tmca.design import (
 )
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design.checks import check_search, check_size
-from tmca.experiments.design.figures import gains_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import check_new, repository_commit
 from tmca.lab.codes_date import CODES_DATE, now
+from tmca.plots.curves import Gain, gains_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc")
 COLUMNS = (
@@ -210,7 +214,21 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
     return [
         Section("Advice", about, final, COLUMNS),
         Section("Every number of slots", survey, found["surveyed"], COLUMNS,
-                {"Gain over the static code, and its spread over the scenes": gains_figure(advice)}),
+                {"Gain over the static code, and its spread over the scenes": _gains(advice)}),
         Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
         Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera, found["period"])}),
     ]  # fmt: skip
+
+
+def _gains(advice: Advice) -> Figure:
+    surveyed: dict[str, list[Gain]] = {}
+    for candidate in advice.surveyed:
+        if candidate.design.kind != "static":
+            surveyed.setdefault(candidate.design.kind, []).append(_gain(candidate))
+    label = ("recommended, " if advice.multiplex else "") + "searched longer, over its own static code"
+    chosen = None if advice.chosen is None else (label, _gain(advice.chosen))
+    return gains_figure({kind: sorted(gains) for kind, gains in surveyed.items()}, chosen)
+
+
+def _gain(candidate: Candidate) -> Gain:
+    return candidate.design.slots, candidate.gain, candidate.spread or 0.0

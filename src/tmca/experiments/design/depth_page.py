@@ -8,19 +8,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras.phase_codes import write_phase_codes
-from tmca.design.mask_advice import MaskAdvice
+from tmca.design.mask_advice import MaskAdvice, MaskCandidate
 from tmca.design.mask_search import MaskEffort, MaskTask
-from tmca.experiments.design.depth_figures import distances_figure, fisher_figure
-from tmca.experiments.figures import save_figure
+from tmca.design.spectral_depth import bhattacharyya, kullback_leibler
+from tmca.experiments.camera_figures import phase_codes_figure, psf_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import repository_commit
-from tmca.experiments.spectral_depth.figures import phase_codes_figure, psf_figure
 from tmca.lab.codes_date import CODES_DATE, now
+from tmca.plots.curves import distances_figure, fisher_figure
+from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_SURE = 20.0
+"""Nats from which distances are drawn alike: a chance of confusion below 1e-9."""
 COLUMNS = (
     ("slots", "K", "d"),
     ("judged", "error on example scenes (bins)", ".3f"),
@@ -84,7 +87,7 @@ def write_design(advice: MaskAdvice, found: dict[str, Any], out: Path, overwrite
     """Write a folder; everything is drawn before anything is written."""
     from tmca.data import make_folder, write_json
 
-    figures = {"fisher.png": fisher_figure(advice.candidates), "distances.png": distances_figure(advice.candidates)}
+    figures = {"fisher.png": _fisher(advice.candidates), "distances.png": _distances(advice.candidates)}
     for own in advice.candidates:
         figures |= {
             f"masks_k{own.slots}.png": phase_codes_figure(own.camera),
@@ -101,6 +104,30 @@ def write_design(advice: MaskAdvice, found: dict[str, Any], out: Path, overwrite
     write_json(found, out / "design.json", overwrite=overwrite)
     title = "Phase masks for a spectral-depth camera"
     write_report(out / "design.html", title, _sections(advice, found, figures), overwrite=overwrite)
+
+
+def _named(candidate: MaskCandidate) -> str:
+    return f"K = {candidate.slots}" if candidate.slots > 1 else "static"
+
+
+def _fisher(candidates: Sequence[MaskCandidate]) -> Figure:
+    both = {_named(own): (own.random_information.numpy(), own.information.numpy()) for own in candidates}
+    return fisher_figure(both, candidates[0].camera.planes.metres.numpy())
+
+
+def _distances(candidates: Sequence[MaskCandidate]) -> Figure:
+    """Kullback–Leibler and Bhattacharyya distances of all pairs of planes: random and designed masks of every K."""
+    covariances = {
+        f"{_named(own)}, {name}": covariance
+        for own in candidates
+        for name, covariance in (("random", own.random_covariance), ("designed", own.covariance))
+    }
+    kinds = (("Kullback–Leibler", kullback_leibler, 10 * _SURE), ("Bhattacharyya", bhattacharyya, _SURE))
+    distances = {
+        kind: (top, {name: distance(covariance).numpy() for name, covariance in covariances.items()})
+        for kind, distance, top in kinds
+    }
+    return distances_figure(distances, candidates[0].camera.planes.metres.numpy())
 
 
 def _sections(advice: MaskAdvice, found: Mapping[str, Any], figures: Mapping[str, Figure]) -> list[Section]:

@@ -12,7 +12,8 @@ from tmca.codes import read_codes
 from tmca.design import SensorSheet
 from tmca.design.measures import CodeMeasures, measures
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import plain_axes, save_figure
+from tmca.plots.codes import measures_figure
+from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,7 +62,7 @@ def judge_codes(
     elif sheet is not None:
         raise SettingError("sensor", "given", "none without --prior, under which its error is expected")
     if figure is not None:
-        save_figure(measures_figure(found, known), figure, overwrite=overwrite)
+        save_figure(_measures(found, known), figure, overwrite=overwrite)
     return told
 
 
@@ -99,19 +100,11 @@ def _expected(camera: CodedCamera, prior: str | Path, sheet: SensorSheet | None)
     return expected_psnr(known, camera.taps(), noise.read, noise.shot)
 
 
-def measures_figure(found: CodeMeasures, camera: CodedCamera) -> Figure:
-    """Levels of the code, correlation of its bands or views, and singular values of its blocks."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 3.4), layout="constrained")
-    axes = figure.subplots(1, 3)
-    levels = list(found.levels)
-    axes[0].bar(levels, list(found.levels.values()), width=0.6 / max(camera.slots, 2))
-    plain_axes(axes[0], f"levels, K = {camera.slots}, {found.throughput:.1%} of the light", "value of T̂", "share")
-    shown = axes[1].imshow(found.band_correlation.numpy(), vmin=-1, vmax=1, cmap="RdBu_r", interpolation="nearest")
-    axes[1].set_title(f"correlation of {camera.channel}s", fontsize=9)
-    figure.colorbar(shown, ax=axes[1], shrink=0.8)
+def _measures(found: CodeMeasures, camera: CodedCamera) -> Figure:
+    titles = (
+        f"levels, K = {camera.slots}, {found.throughput:.1%} of the light",
+        f"correlation of {camera.channel}s",
+        f"singular values of blocks, coherence {found.coherence:.2f}",
+    )
     values = np.asarray(found.singular_values)
-    axes[2].semilogy(np.arange(1, len(values) + 1), values.clip(1e-6 * values.max()), ".-", markersize=3)
-    plain_axes(axes[2], f"singular values of blocks, coherence {found.coherence:.2f}", "number", "value")
-    return figure
+    return measures_figure(found.levels, found.band_correlation.numpy(), values, camera.slots, titles)

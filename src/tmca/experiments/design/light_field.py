@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import LightFieldCamera
+from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, read_middle
 from tmca.design import Advice, SensorSheet, design_model, designable, learn_examples
 from tmca.errors import SettingError
 from tmca.experiments.design.checks import named_once
 from tmca.experiments.design.codes import Learned, Told, design_codes
-from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked, read
 from tmca.optics import view_grid
 from tmca.priors.light_field import views_of
 
@@ -63,6 +63,6 @@ def _light_fields(names: Sequence[str], views: int, reading: Reading, told: Told
     found: dict[str, Any] = {}
     for place, name in enumerate(names):
         told(0.2 * place / len(names), f"reading {name}")
-        field = read(name, views, reading)
+        field = read_middle(name, views, reading)
         found[Path(name).stem if Path(name).stem not in found else name] = views_of(field)[0].flatten(0, 1)
     return found

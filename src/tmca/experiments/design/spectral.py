@@ -10,11 +10,11 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 import torch
 
+from tmca.data.scenes import DarkScene, load_scene
 from tmca.design import Advice, Examples, SensorSheet, design_model, designable, learn_examples
 from tmca.errors import DataError
 from tmca.experiments.design.checks import named_once
 from tmca.experiments.design.codes import Learned, Told, design_codes
-from tmca.experiments.scenes import DarkScene, load_scene
 
 _RENDERED_SIZE = (256, 256)
 

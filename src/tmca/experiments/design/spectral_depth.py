@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.data.bands import at_bands
 from tmca.design import SensorSheet
 from tmca.design.mask_advice import MaskAdvice
 from tmca.design.mask_search import MaskEffort, MaskTask, Told, search_masks
@@ -19,7 +20,6 @@ from tmca.experiments.design.checks import named_once
 from tmca.experiments.design.depth_page import described, design_files, write_design
 from tmca.experiments.design.example_scenes import JUDGING, judge_on
 from tmca.experiments.results import check_new
-from tmca.experiments.scenes import at_bands
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block

@@ -9,18 +9,15 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from tmca.cameras import LightFieldCamera
+from tmca.data.light_field_scenes import Reading, read_middle, true_disparity
 from tmca.data.light_fields import centre_window
 from tmca.decoders.decoding import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.codes.task import Task, on_frame
-from tmca.experiments.light_field.imaging import (
-    reconstruct_light_field,
-    take_light_field_snapshot,
-    true_disparity,
-)
-from tmca.experiments.light_field.reading import Reading, read, training_reading
+from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.rows import CODES, LEARNED, NETWORKS, NOISES, search_of
 from tmca.sensor import Sensor
+from tmca.training.light_field import training_reading
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,7 +53,7 @@ def train(cell: Settings) -> Measured:
 
     settings = light_field_settings(None, None, cell["training"])
     reading = training_reading(settings)
-    found = train_light_field(settings, Path(cell["folder"]), lambda name: read(name, cell["views"][0], reading))
+    found = train_light_field(settings, Path(cell["folder"]), lambda name: read_middle(name, cell["views"][0], reading))
     return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
 
 
@@ -104,7 +101,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
 
 
 def _scene(cell: Settings) -> xr.DataArray:
-    return read(cell["path"], cell["views"][0], Reading(**cell["reading"]), cell["size"])
+    return read_middle(cell["path"], cell["views"][0], Reading(**cell["reading"]), cell["size"])
 
 
 def _shape(estimate: xr.DataArray, maps: str) -> dict[str, float]:

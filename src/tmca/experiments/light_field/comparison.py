@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, check_light_fields
+from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed
 from tmca.experiments.light_field import plan
@@ -15,11 +17,9 @@ from tmca.experiments.light_field.cells import measure
 from tmca.experiments.light_field.comparison_figures import comparison_pictures, picture_files, slug
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.plan import Table
-from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked, check_readable
 from tmca.experiments.light_field.rows import DECODER_NAMES, EFFORT, Sizes
 from tmca.experiments.light_field.tables import markdown, results
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
-from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.source import source_digest
 from tmca.optics import view_grid
 
@@ -151,7 +151,7 @@ def _check_readable(
             found, wanted = "×".join(map(str, sizes.frame)), "×".join(map(str, sizes.crop))
             raise SettingError("frame", f"{found} pixels", f"at least {wanted}, the crop that the dictionary decodes")
     try:
-        check_readable(examples, real, sizes.views, reading, measured_as, sizes.frame)
+        check_light_fields(examples, real, sizes.views, reading, measured_as, sizes.frame)
     except SettingError as error:
         where = "frame" if error.where == "crop" else error.where
         raise SettingError(where, error.found, error.expected, error.remedy) from error

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tmca.data.light_field_scenes import Reading, read_middle
 from tmca.experiments.cells import Measured
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.figures import centre_view, light_field_figure
-from tmca.experiments.light_field.map_figures import disparity_figure, view_psnr_figure
-from tmca.experiments.light_field.reading import Reading, read
 from tmca.experiments.light_field.rows import DECODER_NAMES, SHOWN, STATIC_CODES
-from tmca.experiments.light_field.views import brightest
+from tmca.plots.light_field import centre_view, disparity_figure, light_field_figure, view_psnr_figure
+from tmca.plots.style import save_figure
+from tmca.plots.views import brightest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +63,7 @@ def _pictures(cells: dict[str, Measured]) -> list[Figure]:
     from tmca.metrics import estimate_disparity
 
     first = next(iter(cells.values()))
-    truth = read(first["path"], first["views"][0], Reading(**first["reading"]), first["size"]).values
+    truth = read_middle(first["path"], first["views"][0], Reading(**first["reading"]), first["size"]).values
     estimates = {name: np.load(cell["kept"]).astype(np.float32) for name, cell in cells.items()}
     known = dict(np.load(first["disparity"]))
     seen = {name: estimate_disparity(estimate) for name, estimate in estimates.items()}

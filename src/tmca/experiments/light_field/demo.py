@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import LightFieldCamera
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.animation import views_gif
-from tmca.experiments.light_field.figures import light_field_figure
+from tmca.data.light_field_scenes import load_light_field
 from tmca.experiments.light_field.imaging import (
     LightFieldReconstruction,
-    load_light_field,
     reconstruct_light_field,
     take_light_field_snapshot,
 )
-from tmca.experiments.light_field.refocus import refocus_strip
 from tmca.experiments.light_field.truth import geometry
 from tmca.experiments.report import Section
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.style import save_figure
+from tmca.plots.views import refocus_strip, views_gif
 from tmca.sensor import Sensor
 
 SCENE, VIEWS, PERIOD = "coffee:1", 5, 16

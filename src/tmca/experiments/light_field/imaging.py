@@ -2,39 +2,29 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from warnings import warn
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from tmca.cameras import Hardware, LightFieldCamera, Snapshot, imperfect, moving_scenes
+from tmca.data.light_field_scenes import as_batch
+from tmca.data.scene_names import READING
 from tmca.decoders import Decoded, Weights, decode_light_field
-from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.animation import views_gif
-from tmca.experiments.light_field.figures import light_field_figure
-from tmca.experiments.light_field.refocus import focus_steps, refocus_strip
+from tmca.errors import SettingError
 from tmca.experiments.reconstructions import Reconstruction
-from tmca.experiments.scenes import SceneWarning
 from tmca.experiments.snapshots import NOISE_STREAM
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.style import save_figure
+from tmca.plots.views import focus_steps, refocus_strip, views_gif
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.priors import GaussianPrior, PatchDictionary, Prior
-
-READING = "scene_reading"
-"""Attribute of light fields, snapshots and estimates: how the scene was read, as JSON."""
-
-
-class UnevenGrid(SceneWarning):
-    """A light field whose grid of views is not square, as when some are missing."""
 
 
 @dataclass
@@ -52,104 +42,6 @@ class LightFieldReconstruction(Reconstruction):
     def parts(self) -> Mapping[str, xr.DataArray | None]:
         """``estimate`` and ``deviation``."""
         return {"estimate": self.light_field, "deviation": self.deviation}
-
-
-def load_light_field(
-    source: str,
-    *,
-    views: int | None = 5,
-    size: tuple[int, int] | None = None,
-    scale: int | None = None,
-    colour: bool = False,
-    pattern: str | None = None,
-    lens: tuple[int, int] | None = None,
-) -> xr.DataArray:
-    """A light field from files, or a rendered one.
-
-    Args:
-        source: what ``tmca.data.read_light_field`` reads, or the name of a rendered scene, ``coffee`` or with the seed
-            of its arrangement ``coffee:3``.
-        views: n for the centre n×n views; all if None.
-        size: (H, W) centre crop.
-        scale: whole number of pixels per axis that are averaged into one.
-        colour: red, green and blue instead of their luminance.
-        pattern: of the file names of a folder.
-        lens: (rows, columns) of the views under a lens of a lenslet picture; 14×14 without.
-
-    Returns:
-        (view_v, view_u, y, x), or (colour, view_v, view_u, y, x), with an attribute ``name``, and ``scene_reading``: a
-        JSON object with ``source`` and these arguments.
-
-    Raises:
-        DataError, SettingError: no such light field, or one that cannot be used so.
-
-    Warns:
-        UnevenGrid: the centre of views that stand on no square grid was taken.
-    """
-    from tmca.data import read_light_field, rendered_names
-
-    asked: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
-    if Path(source).exists():
-        found = read_light_field(source, crop=size, **asked)
-        rows, columns = found.attrs["grid"]
-        if rows != columns:
-            odd = f"{rows}×{columns} views are no square, some may be missing"
-            warn(f"{source}: {odd}; taken are {taken_views(found)}", UnevenGrid, stacklevel=2)
-    elif source.partition(":")[0] in rendered_names():
-        _refuse_files(pattern=pattern, lens=lens)
-        found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
-    else:
-        wanted = f"a path, or one of {', '.join(rendered_names())}"
-        raise DataError(source, "no such file, folder or rendered scene", wanted)
-    noted = {"source": source, "size": size, **asked, "scale": scale or 1}
-    return found.assign_attrs({READING: json.dumps(noted, default=int)})
-
-
-def taken_views(light_field: xr.DataArray) -> str:
-    """Which rows and columns of its files' grid a light field is."""
-    taken = light_field.sizes["view_v"], light_field.sizes["view_u"]
-    first = [(int(n) - k + 1) // 2 for n, k in zip(light_field.attrs["grid"], taken, strict=True)]
-    rows, columns = (f"{top} to {top + k - 1}" for top, k in zip(first, taken, strict=True))
-    return f"rows {rows} and columns {columns}, counted from 0"
-
-
-def _refuse_files(**asked: Any) -> None:
-    """Refuse what only files have."""
-    for name, value in asked.items():
-        if value is not None:
-            text = "×".join(map(str, value)) if isinstance(value, tuple) else value
-            raise SettingError(name, f"{text} of a rendered scene", "a light field from files", "leave it out")
-
-
-def true_disparity(
-    source: str, like: xr.DataArray, scale: int | None = None, pattern: str | None = None
-) -> xr.DataArray | None:
-    """Disparity (y, x) of the centre view in px per view step, brought to the pixels of ``like``; None without."""
-    from tmca.data import find_disparity, read_disparity
-
-    size = (like.sizes["y"], like.sizes["x"])
-    if not Path(source).exists():
-        return _rendered(source, like.sizes["view_v"], size, scale or 1, False)["disparity"]
-    if find_disparity(source) is None:
-        return None
-    return read_disparity(source, crop=size, scale=scale, pattern=pattern)
-
-
-def _rendered(source: str, views: int, size: tuple[int, int] | None, scale: int, colour: bool) -> xr.Dataset:
-    from tmca.data import rendered_light_field
-
-    name, _, seed = source.partition(":")
-    if seed and not seed.isdigit():
-        raise SettingError(source, f"seed {seed!r}", "a whole number, such as coffee:3")
-    if scale != 1:
-        raise SettingError("scale", f"{scale} of a rendered scene", "1: choose its size instead", "leave it out")
-    return rendered_light_field(name, views=views, size=size, seed=int(seed or 0), colour=colour)
-
-
-def as_batch(light_field: xr.DataArray) -> Tensor:
-    """(B, V, U, H, W), B the colours."""
-    values = torch.from_numpy(np.ascontiguousarray(light_field.values, dtype=np.float32))
-    return values if values.ndim == 5 else values[None]
 
 
 def take_light_field_snapshot(

@@ -7,9 +7,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.data.light_field_scenes import Reading, read_middle
+from tmca.data.scene_names import identity_of, short_names
 from tmca.experiments.cells import Settings, cell_key
-from tmca.experiments.light_field.reading import Reading, read
-from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.source import source_digest
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class Learned:
     @cached_property
     def light_fields(self) -> list[xr.DataArray]:
         """All of them."""
-        return [read(name, self.views, self.reading) for name in self.names]
+        return [read_middle(name, self.views, self.reading) for name in self.names]
 
     @cached_property
     def identity(self) -> Settings:

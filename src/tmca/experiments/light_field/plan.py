@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tmca.data.light_field_scenes import Reading
+from tmca.data.scene_names import identity_of
 from tmca.experiments.cells import Measured, Settings, cell_key
-from tmca.experiments.light_field.reading import Reading
 from tmca.experiments.light_field.rows import (
     DECODER_NAMES,
     DESIGNED,
@@ -23,7 +24,6 @@ from tmca.experiments.light_field.rows import (
     search_of,
     training_of,
 )
-from tmca.experiments.scenes import identity_of
 
 DICTIONARY = "dictionary"
 

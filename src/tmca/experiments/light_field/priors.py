@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, load_light_field
 from tmca.errors import SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.imaging import load_light_field
-from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked
+from tmca.plots.style import save_figure
 from tmca.priors import (
     GaussianMixturePrior,
     GaussianPrior,

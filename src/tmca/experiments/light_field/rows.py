@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-RENDERED = (128, 160)
-"""Pixels of rendered light fields that networks learn from."""
+from tmca.data.light_field_scenes import RENDERED
+
 EFFORT = {"descents": 2, "steps": 120, "flips": 2000}
 """Of every search, static or not."""
 

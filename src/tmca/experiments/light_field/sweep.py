@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Hardware, LightFieldCamera
+from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, read_middle
 from tmca.design import KINDS, designable
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.learned import Learned
-from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked, read
 from tmca.experiments.light_field.rows import EFFORT, Sizes
 from tmca.experiments.sweep import Swept, Values, sweep
 from tmca.optics import view_grid
@@ -25,7 +25,7 @@ _DECODERS = {"lmmse": "patch LMMSE", "mixture": "patch mixture", "admm-tv": "ADM
 
 def measure(cell: Settings) -> Measured:
     """One combination on one scene."""
-    scene = read(cell["path"], cell["views"], Reading(**cell["reading"]), cell["size"])
+    scene = read_middle(cell["path"], cell["views"], Reading(**cell["reading"]), cell["size"])
     camera = _camera(cell, (scene.sizes["y"], scene.sizes["x"]))
     faults = Hardware.of(cell.get("faults", {}))
     snapshot = take_light_field_snapshot(scene, camera, cell["camera"].get("seed", 0), faults)

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import LightFieldCamera, Snapshot
+from tmca.data.light_field_scenes import load_light_field, true_disparity
+from tmca.data.scene_names import READING
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.figures import light_field_figure
-from tmca.experiments.light_field.imaging import READING, load_light_field, true_disparity
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -165,7 +166,7 @@ def stored_estimate(path: str | Path) -> xr.DataArray:
         if stored is None:
             raise light_fields.no_light_field(contents)
         kept, colour = 1.0 if stored.dtype.kind == "f" else None, light_fields.has_colour(stored)
-        found = light_fields.load_light_field(contents, stored, colour=colour, divide_by=kept)
+        found = light_fields.load_views(contents, stored, colour=colour, divide_by=kept)
         noted = {READING: contents.attrs[READING]} if READING in contents.attrs else {}
     return found.assign_attrs(noted)
 

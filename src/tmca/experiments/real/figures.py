@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.experiments.figures import bare, grid, image, plain_axes
 from tmca.experiments.real.colour import linear_srgb, shown_level, srgb_picture
+from tmca.plots.style import bare, grid, image, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,6 @@ from typing import Any
 from tmca.data import make_folder
 from tmca.decoders import Weights
 from tmca.errors import SettingError
-from tmca.experiments.figures import save_figure
 from tmca.experiments.real.control import check_known, study_control
 from tmca.experiments.real.decoding import REAL_DECODERS, check_real_decoders
 from tmca.experiments.real.figures import geometry_figure, movie_figure, scene_figure
@@ -26,6 +25,7 @@ from tmca.experiments.real.study import (
     study_scene,
 )
 from tmca.experiments.results import check_new, repository_commit, write_table
+from tmca.plots.style import save_figure
 
 
 def report_files(out: Path) -> list[Path]:

@@ -10,9 +10,9 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from tmca.cameras import Hardware, SpectralCamera
+from tmca.data.scenes import load_scene
 from tmca.decoders.decoding import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
-from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral.rows import CODES, NETWORKS, NOISES, POOL, scenes_of
 from tmca.sensor import Sensor
 

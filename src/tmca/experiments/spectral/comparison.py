@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tmca.data.scenes import check_readable
 from tmca.experiments.cells import Grid, Measured, Timed, cell_key
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
-from tmca.experiments.scenes import check_readable
 from tmca.experiments.source import source_digest
 from tmca.experiments.spectral import plan
 from tmca.experiments.spectral.cells import measure
@@ -97,7 +97,7 @@ def compare_spectral(
 def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[str]) -> dict[str, Path]:
     """Files of the priors that the decoders need, learned where they are not yet kept."""
     from tmca.data import checksum_of
-    from tmca.experiments.scenes import load_scene
+    from tmca.data.scenes import load_scene
     from tmca.priors import learn_prior
 
     kept: dict[str, Path] = {}

@@ -11,16 +11,16 @@ import numpy as np
 import torch
 
 from tmca.cameras import Hardware, Snapshot, SpectralCamera, imperfect, moving_scene
+from tmca.data.scenes import centre_crop, load_scene
 from tmca.decoders.decoding import Decoded, needs_prior
 from tmca.decoders.networks.neural import Weights
 from tmca.decoders.networks.shipped import find_weights
 from tmca.decoders.spectral import decode
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.reconstructions import Reconstruction
-from tmca.experiments.scenes import centre_crop, load_scene
 from tmca.experiments.snapshots import NOISE_STREAM
+from tmca.plots.cube import reconstruction_figure
+from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.cameras import Snapshot
+from tmca.data.scenes import load_scene
 from tmca.errors import DataError
-from tmca.experiments.scenes import load_scene
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralCamera
-from tmca.experiments.scenes import check_readable
+from tmca.data.scenes import check_readable
 from tmca.experiments.spectral.cells import sweep_cell, sweep_training
 from tmca.experiments.spectral.rows import DECODER_NAMES, NETWORKS
 from tmca.experiments.sweep import Swept, Values, sweep

@@ -11,17 +11,18 @@ import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
+from tmca.data.depth_scenes import load_any_depth_scene, middle_of, with_surroundings
 from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
 from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
+    reading_range,
     reconstruct_spectral_depth,
     spectral_depth_metrics,
     take_spectral_depth_snapshot,
 )
 from tmca.experiments.spectral_depth.rows import CODES, CONSTANT
-from tmca.experiments.spectral_depth.scenes import load_any_depth_scene, middle_of, with_surroundings
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def examples_of(cell: Settings) -> list[torch.Tensor]:
 def _examples(preset: str, names: tuple[str, ...], **how: Any) -> list[torch.Tensor]:
     """Read once for all the cells of a process."""
     camera = SpectralDepthCamera.from_preset(preset, size=SIZE)
-    scenes = (load_any_depth_scene(name, camera, **how) for name in names)
+    scenes = (load_any_depth_scene(name, **how, **reading_range(camera)) for name in names)
     return [torch.from_numpy(scene["radiance"].values.copy()) for scene in scenes]
 
 
@@ -121,7 +122,7 @@ def train(cell: Settings, folder: Path) -> Measured:
     how = _reading(cell)
 
     def load(name: str) -> Any:
-        return load_any_depth_scene(name, camera, **how)
+        return load_any_depth_scene(name, **how, **reading_range(camera))
 
     found = train_spectral_depth(settings, Path(cell["folder"]), load)
     return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
@@ -134,7 +135,9 @@ def scenes_of(cell: Settings, camera: SpectralDepthCamera) -> dict[str, xr.Datas
     """
     how, size = {**_reading(cell), "materials": "test"}, _crop(cell)
     return {
-        name: with_surroundings(load_any_depth_scene(path, camera, **how), size, path, camera.tile_size)
+        name: with_surroundings(
+            load_any_depth_scene(path, **how, **reading_range(camera)), size, path, camera.tile_size
+        )
         for path, name in cell["scenes"].items()
     }
 

@@ -8,18 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.data.depth_scenes import check_depth_scenes, load_any_depth_scene, withheld_scene
+from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, timed
 from tmca.experiments.design.example_scenes import some_of
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
-from tmca.experiments.scenes import identity_of, short_names
 from tmca.experiments.source import source_digest
 from tmca.experiments.spectral_depth import plan
 from tmca.experiments.spectral_depth.cells import measure
 from tmca.experiments.spectral_depth.comparison_figures import comparison_pictures, picture_files
+from tmca.experiments.spectral_depth.imaging import reading_range
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
 from tmca.experiments.spectral_depth.rows import DECODER_NAMES, NETWORKS, Sizes
-from tmca.experiments.spectral_depth.scenes import check_readable, load_any_depth_scene, withheld_scene
 from tmca.experiments.spectral_depth.tables import markdown, results
 
 EFFORT = {"starts": 3, "steps": 40, "rate": 0.003}
@@ -87,7 +88,7 @@ def compare_spectral_depth(
     check_new([*files, *picture_files(list(names.values()), out)], overwrite)
     how: Settings = {"side": own.side, "placed": placed, "from_rgb": from_rgb}
     probe = SpectralDepthCamera.from_preset(own.preset, size=own.crop)
-    check_readable(learned, measured, probe, own.crop, **how)
+    check_depth_scenes(learned, measured, own.crop, **how, **reading_range(probe))
     grid = Grid(partial(measure, folder=str(work)), work, jobs, cluster, progress)
     common = _common(learned, names, work, own, how, progress)
     make_folder(out)
@@ -99,7 +100,9 @@ def compare_spectral_depth(
         split |= _of_networks(table, split["train"])
     told = results(found, split, {**vars(own), "effort": dict(table.effort), "steps": steps}, command)
     write_table(told, markdown(told), files, overwrite)
-    scenes = {n: load_any_depth_scene(path, probe, materials="test", **how) for path, n in names.items()}
+    scenes = {
+        n: load_any_depth_scene(path, materials="test", **how, **reading_range(probe)) for path, n in names.items()
+    }
     comparison_pictures([c for c in found if c["seed"] == seed], scenes, probe, out, overwrite=overwrite)
     grid.failures.check()
     return told

@@ -7,17 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.data.depth_scenes import load_spectral_depth, middle_of
 from tmca.decoders.patch_based.depth_prior import find_depth_prior
-from tmca.experiments.figures import save_figure
+from tmca.experiments.camera_figures import psf_figure
 from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS
-from tmca.experiments.spectral_depth.figures import depth_figure, psf_figure
 from tmca.experiments.spectral_depth.imaging import (
     SpectralDepthReconstruction,
+    reading_range,
     reconstruct_spectral_depth,
+    reconstruction_picture,
     take_spectral_depth_snapshot,
 )
-from tmca.experiments.spectral_depth.scenes import load_spectral_depth, middle_of
+from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
@@ -64,8 +66,7 @@ def demo_spectral_depth(
         for code, settings in CODES.items()
     }
     first = cameras[_STATIC]
-    near, far = first.planes.near, first.planes.far
-    scene = load_spectral_depth(SCENE, first.wavelengths, near=near, far=far, reduce=_REDUCE)
+    scene = load_spectral_depth(SCENE, **reading_range(first), reduce=_REDUCE)
     truth = middle_of(scene, size, SCENE)
     told(0.1, "the prior of rendered scenes at these bands")
     prior = find_depth_prior(None, first, WINDOW)
@@ -100,10 +101,9 @@ def _figures(
     overwrite: bool,
 ) -> dict[str, Figure]:
     """Pictures by their captions, kept as files too."""
-    figures: dict[str, Figure] = {
-        f"Colours, depth in metres, probability within a bin, and spectra: {code}; the truth above.": depth_figure(
-            result, cameras[code].planes, truth
-        )
+    caption = "Colours, depth in metres, probability within a bin, and spectra: {}; the truth above."
+    figures = {
+        caption.format(code): reconstruction_picture(result, cameras[code].planes, truth)
         for code, result in found.items()
     }
     figures["Point spread functions of the four slots over depth, and what points leave behind the shutter."] = (

@@ -13,23 +13,25 @@ import torch
 
 from tmca.cameras import Hardware, Snapshot, SpectralDepthCamera, imperfect
 from tmca.cameras.checks import check_holds
+from tmca.data.depth_scenes import depth_tensor, middle_of
+from tmca.data.scene_names import READING
 from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
 from tmca.decoders.networks.neural import same_bands
 from tmca.decoders.patch_based.depth_likelihood import DepthDecoded, PatchLikelihood, check_window, usual_window
 from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import SettingError
-from tmca.experiments.camera_figures import snapshot_figure
-from tmca.experiments.figures import save_figure
+from tmca.experiments.camera_figures import phase_codes_figure, psf_figure, snapshot_figure
 from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.snapshots import NOISE_STREAM
-from tmca.experiments.spectral_depth.figures import depth_figure, phase_codes_figure, psf_figure
-from tmca.experiments.spectral_depth.scenes import READING, depth_tensor, middle_of
 from tmca.experiments.spectral_depth.unknown import check_depth_known, unknown_depth
 from tmca.optics import DepthPlanes, check_mask
+from tmca.plots.depth import depth_figure
+from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from tmca.priors import GaussianPrior
 
@@ -57,6 +59,11 @@ class SpectralDepthReconstruction(Reconstruction):
     def parts(self) -> Mapping[str, xr.DataArray | None]:
         """``radiance``, ``depth`` and ``confidence``."""
         return {"radiance": self.cube, "depth": self.depth, "confidence": self.confidence}
+
+
+def reading_range(camera: SpectralDepthCamera) -> dict[str, Any]:
+    """Bands and depth range of a camera, as `tmca.data.load_spectral_depth` takes them."""
+    return {"wavelengths": camera.wavelengths, "near": camera.planes.near, "far": camera.planes.far}
 
 
 def take_spectral_depth_snapshot(
@@ -221,6 +228,16 @@ def spectral_depth_metrics(
     return {**all_metrics(cube, truth["radiance"].values), **found, "known_depth": float(known.double().mean())}
 
 
+def reconstruction_picture(
+    result: SpectralDepthReconstruction, planes: DepthPlanes, truth: xr.Dataset | None = None
+) -> Figure:
+    """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own."""
+    wavelengths, limits = result.cube["wavelength"].values.tolist(), (planes.near, planes.far)
+    real = None if truth is None else (truth["radiance"].values, truth["depth"].values)
+    estimate = result.cube.values, result.depth.values
+    return depth_figure(result.decoder, estimate, result.confidence.values, wavelengths, limits, real)
+
+
 def spectral_depth_files(path: Path, figures: bool) -> list[Path]:
     """What a reconstruction and its picture will be called."""
     return [path, path.with_suffix(".png")] if figures else [path]
@@ -235,7 +252,7 @@ def spectral_depth_pictures(
     overwrite: bool = False,
 ) -> list[Path]:
     """Colour composites, depth maps, confidence and spectra beside a reconstruction file."""
-    figure = depth_figure(result, snapshot.camera.planes, truth)
+    figure = reconstruction_picture(result, snapshot.camera.planes, truth)
     return [save_figure(figure, spectral_depth_files(path, figures=True)[1], overwrite=overwrite)]
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.data.depth_scenes import load_any_depth_scene
+from tmca.data.scene_names import identity_of
 from tmca.experiments.cells import Progress, Settings, cell_key
-from tmca.experiments.scenes import identity_of
 from tmca.experiments.source import source_digest
-from tmca.experiments.spectral_depth.scenes import load_any_depth_scene
+from tmca.experiments.spectral_depth.imaging import reading_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +38,7 @@ def learned_depth_prior(
     file = make_folder(work) / f"prior-{cell_key({**about, 'source': source_digest(__name__)})}.nc"
 
     def load(name: str) -> xr.DataArray:
-        return load_any_depth_scene(name, probe, **reading)["radiance"]
+        return load_any_depth_scene(name, **reading, **reading_range(probe))["radiance"]
 
     if not file.exists():
         learn_depth_prior(train, load, window, probe.bench.window, progress).save(file)

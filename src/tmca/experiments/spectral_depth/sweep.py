@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 from tmca.cameras import Hardware, SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import PROBE
+from tmca.data.depth_scenes import check_depth_scenes, load_any_depth_scene, with_surroundings
+from tmca.data.scene_names import identity_of
 from tmca.decoders.patch_based.depth_likelihood import check_window, usual_window
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
-from tmca.experiments.scenes import identity_of
 from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
+    reading_range,
     reconstruct_spectral_depth,
     take_spectral_depth_snapshot,
 )
 from tmca.experiments.spectral_depth.priors import learned_depth_prior
-from tmca.experiments.spectral_depth.scenes import check_readable, load_any_depth_scene, with_surroundings
 from tmca.experiments.sweep import Swept, Values, parts, sweep
 from tmca.sensor import Sensor
 
@@ -35,7 +36,7 @@ def measure(cell: Settings) -> Measured:
     size = (int(cell["size"][0]), int(cell["size"][1]))
     probe = _camera(cell["preset"], cell["camera"], cell["sensor"], size)
     how = {**{name: cell[name] for name in ("side", "placed", "from_rgb")}, "materials": "test"}
-    scene = load_any_depth_scene(cell["path"], probe, **how)
+    scene = load_any_depth_scene(cell["path"], **how, **reading_range(probe))
     scene = with_surroundings(scene, size, cell["path"], probe.tile_size)
     scene = of_contrast(scene, float(cell["camera"].get("contrast", 1.0)))
     camera = _camera(cell["preset"], cell["camera"], cell["sensor"], (scene.sizes["y"], scene.sizes["x"]))
@@ -142,7 +143,8 @@ def sweep_spectral_depth(
     swept, size = spectral_depth_swept(preset), size or (96, 128)
 
     def check() -> None:
-        check_readable(train, scenes, SpectralDepthCamera.from_preset(preset, size=PROBE), size, **reading)
+        probe = SpectralDepthCamera.from_preset(preset, size=PROBE)
+        check_depth_scenes(train, scenes, size, **reading, **reading_range(probe))
 
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
         files = {str(point["codes"]) for point in points if "codes" in point}

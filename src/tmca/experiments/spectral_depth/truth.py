@@ -6,15 +6,23 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.data.depth_scenes import load_spectral_depth
+from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError, SettingError
-from tmca.experiments.figures import save_figure
-from tmca.experiments.spectral_depth.figures import depth_figure
-from tmca.experiments.spectral_depth.imaging import PLANES, SpectralDepthReconstruction, spectral_depth_metrics
-from tmca.experiments.spectral_depth.scenes import READING, compare_source, load_spectral_depth
+from tmca.experiments.spectral_depth.imaging import (
+    PLANES,
+    SpectralDepthReconstruction,
+    reading_range,
+    reconstruction_picture,
+    spectral_depth_metrics,
+)
 from tmca.optics import DepthPlanes
+from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from tmca.cameras import Snapshot, SpectralDepthCamera
 
 _PARTS = ("radiance", "depth", "confidence")
 
@@ -44,7 +52,7 @@ def evaluate_spectral_depth(
     scene = load_spectral_depth(truth, wavelengths, near=planes.near, far=planes.far, size=size, **how)
     found = spectral_depth_metrics(own.cube.values, own.depth.values, scene, planes)
     if figure is not None:
-        save_figure(depth_figure(own, planes, scene), figure, overwrite=overwrite)
+        save_figure(reconstruction_picture(own, planes, scene), figure, overwrite=overwrite)
     return found
 
 
@@ -73,3 +81,10 @@ def _reading(notes: dict[str, Any], where: str | Path) -> dict[str, Any]:
     except (TypeError, ValueError) as error:
         found = repr(notes[READING])
         raise DataError(where, f"attribute {READING} {found}", "JSON as `tmca simulate` writes it") from error
+
+
+def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.Dataset:
+    """The true scene of a snapshot, read as it was for the snapshot."""
+    camera, how = taken.camera, json.loads(str(taken.notes.get(READING, "{}")))
+    compare_source(how.pop("source", truth), truth)
+    return load_spectral_depth(truth, **reading_range(camera), size=camera.size, **how)

@@ -119,7 +119,7 @@ def _check_level(where: Path, truth: NDArray[np.float32], taken: Snapshot[Any]) 
 def _true_cube(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
     """(1, L, H, W)."""
     from tmca.data import nearest_bands
-    from tmca.experiments.scenes import load_scene
+    from tmca.data.scenes import load_scene
 
     cube = load_scene(path, bands=None, negative="keep")
     check_size(path, cube, taken.camera.size)
@@ -147,7 +147,7 @@ def check_scale(where: Path, scene: xr.DataArray) -> None:
 
 def _true_views(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
     """(B, V·U, H, W), B the colours."""
-    from tmca.experiments.light_field.imaging import as_batch, load_light_field
+    from tmca.data.light_field_scenes import as_batch, load_light_field
 
     camera = taken.camera
     field = load_light_field(str(path), views=None, colour=len(taken.values) > 1)
@@ -162,7 +162,7 @@ def _true_views(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
 
 def _true_depth(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
     """(1, L + 1, H, W), the last channel inverse depth."""
-    from tmca.experiments.spectral_depth.scenes import load_spectral_depth
+    from tmca.data.depth_scenes import load_spectral_depth
     from tmca.training.spectral_depth.run import channels_of
 
     camera = taken.camera

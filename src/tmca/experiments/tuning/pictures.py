@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera, SpectralDepthCamera
 from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder
 from tmca.decoders.networks.neural import NeuralDecoder, Weights
-from tmca.experiments.figures import save_figure
-from tmca.experiments.light_field.figures import light_field_figure
-from tmca.experiments.reconstruction_figures import reconstruction_figure
 from tmca.experiments.training_figures import training_pictures
-from tmca.experiments.tuning.depth_picture import depth_before_after
 from tmca.operators import TapOperator
+from tmca.plots.cube import reconstruction_figure
+from tmca.plots.depth import before_after as depth_before_after
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.style import save_figure
 from tmca.training.tuning.captured import Pair
 
 if TYPE_CHECKING:
@@ -43,7 +44,10 @@ def before_after(prepared: Prepared, folder: Path) -> Figure:
         networks = {"before": was.network, "fine-tuned": tuned.network}
         camera.sensor, prior = pair.sensor, tuned.load_prior()
         found = {name: TwoHeadedDecoder(one, camera, prior)(pair.values) for name, one in networks.items()}  # type: ignore[arg-type]
-        return depth_before_after(found, camera, pair.truth[0])
+        truth, planes = pair.truth[0], camera.planes
+        real = truth[:-1], planes.depth_of(torch.from_numpy(truth[-1])).numpy()
+        pairs = {name: (one.estimate[0].numpy(), one.depth[0, 0].numpy()) for name, one in found.items()}
+        return depth_before_after(pairs, real, list(camera.wavelengths), (planes.near, planes.far))
     own = Weights.load(folder)
     prior_of_cubes = own.load_prior()
     estimates = {

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.cameras import Snapshot
+from tmca.data.bands import at_bands
+from tmca.data.scenes import load_scene
 from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.errors import SettingError
 from tmca.experiments.calibration_proof import calibrate_bench
-from tmca.experiments.reconstruction_figures import reconstruction_figure
-from tmca.experiments.scenes import at_bands, load_scene
 from tmca.experiments.spectral.own_camera import training_of
 from tmca.experiments.tuning.pairs import read_pair
 from tmca.experiments.tuning.pictures import decoded
@@ -23,6 +23,7 @@ from tmca.lab.calibration.calibration_file import Calibration, find_calibration,
 from tmca.lab.calibration.rendered.bench import write_bench
 from tmca.lab.calibration.rendered.cameras import nominal_spectral
 from tmca.lab.calibration.sensor_scale import measured_sensor
+from tmca.plots.cube import reconstruction_figure
 from tmca.training import settings_from, train_spectral
 
 if TYPE_CHECKING:

@@ -16,7 +16,6 @@ from tmca.metrics import sam
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -116,22 +115,3 @@ def _compared(
 def _through(response: Array, spectrum: Array) -> float:
     total = response.sum()
     return float(response @ spectrum / total) if total > 0 else float("nan")
-
-
-def comparison_figure(compared: list[Comparison]) -> Figure:
-    """A panel per point: measured with its spread over the box, reference, and their angle above."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(3.4 * len(compared), 2.9), layout="constrained")
-    for axis, one in zip(figure.subplots(1, len(compared), squeeze=False)[0], compared, strict=True):
-        low, high = one.spectrum - one.spread, one.spectrum + one.spread
-        axis.fill_between(one.nm, low, high, color="#00798c", alpha=0.2, linewidth=0)
-        axis.plot(one.nm, one.spectrum, color="#00798c", label="scan")
-        axis.plot(one.nm, one.reference, "--", color="0.2", label="spectrometer")
-        axis.set_title(f"{one.name} at {one.place[0]},{one.place[1]}: SAM {one.angle:.2f}°", fontsize=9)
-        axis.set_ylim(0, 1.15 * max(high.max(), one.reference.max()))
-        axis.set_xlabel("wavelength (nm)", fontsize=8)
-        axis.tick_params(labelsize=8)
-        axis.legend(fontsize=8, loc="upper left")
-    figure.axes[0].set_ylabel("reflectance", fontsize=8)
-    return figure

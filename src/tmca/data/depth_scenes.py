@@ -1,4 +1,4 @@
-"""Spectral scenes with depth for experiments: brought to bands, size and depth range of a camera."""
+"""Spectral scenes with depth to work with: of any kind of file or rendered, at given bands and depth range."""
 
 from __future__ import annotations
 
@@ -6,23 +6,25 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from warnings import warn
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from tmca.errors import DataError
-from tmca.experiments.scenes import SceneWarning, at_bands
+from tmca.data.bands import at_bands
+from tmca.data.cubes import read
+from tmca.data.describe import describe
+from tmca.data.fitted_depth import fitted_depth
+from tmca.data.light_fields import centre_window
+from tmca.data.placing import place_cube
+from tmca.data.rendering import rendered_names, rendered_scene
+from tmca.data.rendering.pictures import Materials
+from tmca.data.scene_names import READING
+from tmca.data.spectral_depth import read_spectral_depth, reduced_scene
+from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
+    from torch import Tensor
 
-    from tmca.cameras import Snapshot, SpectralDepthCamera
-    from tmca.data.rendering.pictures import Materials
-
-READING = "scene_reading"
-"""Attribute of a snapshot, JSON: how its scene was read."""
 SURROUNDINGS = 64
 """Pixels beside what is measured, more than what reaches it: half of a point spread function of 31, the patch
 likelihood's reach of 24 and its window of 12; most of what a two-headed network sees."""
@@ -31,10 +33,10 @@ _ASKED = {"placed": "has no depth", "from_rgb": "has no spectra"}
 
 def load_spectral_depth(
     source: str,
-    wavelengths: Sequence[float],
+    wavelengths: Sequence[float] | None = None,
     *,
-    near: float,
-    far: float,
+    near: float | None = None,
+    far: float | None = None,
     size: tuple[int, int] | None = None,
     reduce: int = 1,
     placed: str | None = None,
@@ -48,8 +50,8 @@ def load_spectral_depth(
     Args:
         source: a rendered scene, a file or folder of ``tmca.data.read_spectral_depth``, an RGB-D scene with
             ``from_rgb``, or a spectral cube with ``placed``.
-        wavelengths: (L,) of the camera, metres.
-        near, far: its depth range, metres.
+        wavelengths: (L,) of the camera, metres; the scene's own bands without.
+        near, far: its depth range, metres; without, metres stay metres.
         size: (H, W) centre crop, of a scene whose depth is fitted as a whole.
         reduce: pixels per axis that are averaged into one.
         placed: how a cube without depth is put at drawn depths: a kind of ``tmca.data.place_cube``.
@@ -65,14 +67,14 @@ def load_spectral_depth(
     Raises:
         DataError, SettingError: no such scene, or one that cannot be used so.
     """
-    from tmca.data import fitted_depth
-
+    fitted = fitted and near is not None and far is not None
     how = {"source": source, "reduce": reduce, "placed": placed, "from_rgb": from_rgb, "materials": materials}
     how |= {"fitted": fitted, "seed": seed}
     scene = _read(source, wavelengths, near, far, reduce, placed, from_rgb, materials, seed)
-    scene = scene.drop_dims("wavelength").assign(radiance=at_bands(scene["radiance"], wavelengths))
+    if wavelengths is not None:
+        scene = scene.drop_dims("wavelength").assign(radiance=at_bands(scene["radiance"], wavelengths))
     if placed is None and fitted:
-        scene["depth"], about = fitted_depth(scene["depth"], near, far)
+        scene["depth"], about = fitted_depth(scene["depth"], near, far)  # type: ignore[arg-type]
         scene.attrs.update(about)
     scene = scene if size is None else middle_of(scene, size, source)
     return scene.assign_attrs({"name": Path(source).stem, READING: json.dumps(how)})
@@ -80,9 +82,9 @@ def load_spectral_depth(
 
 def _read(
     source: str,
-    wavelengths: Sequence[float],
-    near: float,
-    far: float,
+    wavelengths: Sequence[float] | None,
+    near: float | None,
+    far: float | None,
     reduce: int,
     placed: str | None,
     from_rgb: bool,
@@ -90,9 +92,6 @@ def _read(
     seed: int,
 ) -> xr.Dataset:
     """A scene of any kind with ``reduce`` pixels per axis in one."""
-    from tmca.data import place_cube, read, read_spectral_depth, rendered_names, rendered_scene
-    from tmca.data.spectral_depth import reduced_scene
-
     by = None if reduce == 1 else reduce
     if not Path(source).exists() and source in rendered_names():
         _refuse(source, "a rendered scene, which has spectra and depth", placed=placed, from_rgb=from_rgb)
@@ -101,7 +100,9 @@ def _read(
     if placed is not None:
         if _kind_and_side(source)[0] != "cube":
             _refuse(source, "a scene with depth of its own", placed=placed)
-        cube = at_bands(read(source), wavelengths)
+        if near is None or far is None:
+            raise SettingError("near", "no depth range", "near and far, metres, between which the cube is placed")
+        cube = read(source) if wavelengths is None else at_bands(read(source), wavelengths)
         return reduced_scene(place_cube(cube, near, far, seed, placed), by, source)  # type: ignore[arg-type]
     how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed, "materials": materials} if from_rgb else {}
     try:
@@ -119,8 +120,10 @@ def _refuse(source: str, found: str, **asked: Any) -> None:
 
 def load_any_depth_scene(
     source: str,
-    camera: SpectralDepthCamera,
+    wavelengths: Sequence[float],
     *,
+    near: float,
+    far: float,
     side: int,
     placed: str | None,
     from_rgb: bool,
@@ -130,7 +133,8 @@ def load_any_depth_scene(
 
     Args:
         source: as for `load_spectral_depth`.
-        camera: whose bands and range.
+        wavelengths: (L,) of the bands, metres.
+        near, far: the depth range, metres.
         side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
         placed: how cubes without depth are put at drawn depths.
         from_rgb: make up spectra for RGB-D scenes.
@@ -139,35 +143,30 @@ def load_any_depth_scene(
     Raises:
         DataError: no scene, or one whose kind asks for ``placed`` or ``from_rgb``.
     """
-    from tmca.data import rendered_names
-
-    how: dict[str, Any] = {"near": camera.planes.near, "far": camera.planes.far, "materials": materials}
+    how: dict[str, Any] = {"near": near, "far": far, "materials": materials}
     if Path(source).exists() or source not in rendered_names():
         kind, least = check_depth_scene(source, placed, from_rgb)
         how |= {"reduce": max(1, least // side)}
         how |= {"placed": placed} if kind == "cube" else {"from_rgb": from_rgb and kind != "spectral-depth scene"}
-    return load_spectral_depth(source, camera.wavelengths, **how)
+    return load_spectral_depth(source, wavelengths, **how)
 
 
-def check_readable(
-    learned: Sequence[str], measured: Sequence[str], camera: SpectralDepthCamera, size: tuple[int, int], **how: Any
-) -> None:
+def check_depth_scenes(learned: Sequence[str], measured: Sequence[str], size: tuple[int, int], **how: Any) -> None:
     """Read every scene as cells will, so that one that cannot be used is named before anything is made.
 
     Args:
         learned: scenes to learn from.
         measured: scenes whose middle (H, W) is measured.
-        camera: whose bands and range.
         size: (H, W).
-        how: ``side``, ``placed`` and ``from_rgb`` of `load_any_depth_scene`.
+        how: ``wavelengths``, ``near``, ``far``, ``side``, ``placed`` and ``from_rgb`` of `load_any_depth_scene`.
 
     Raises:
         DataError, SettingError: as `load_any_depth_scene`; a measured scene smaller than its middle.
     """
     for name in dict.fromkeys(learned):
-        load_any_depth_scene(name, camera, **how)
+        load_any_depth_scene(name, **how)
     for name in dict.fromkeys(measured):
-        middle_of(load_any_depth_scene(name, camera, materials="test", **how), size, name)
+        middle_of(load_any_depth_scene(name, materials="test", **how), size, name)
 
 
 def check_depth_scene(source: str, placed: str | None, from_rgb: bool) -> tuple[str, int]:
@@ -193,8 +192,6 @@ def withheld_scene(sources: Sequence[str]) -> str | None:
 
 def _kind_and_side(source: str) -> tuple[str, int]:
     """Kind of a scene, as `tmca.data.describe` says it, and its shorter side in pixels."""
-    from tmca.data import describe
-
     about = describe(source)
     shape = about.get("shape") or about["variables"].get("rgb", {}).get("shape")
     if not shape:
@@ -206,32 +203,12 @@ def _kind_and_side(source: str) -> tuple[str, int]:
     return kind, min(sides)
 
 
-def true_spectral_depth(truth: str, taken: Snapshot[SpectralDepthCamera]) -> xr.Dataset:
-    """The true scene of a snapshot, read as it was for the snapshot."""
-    camera, how = taken.camera, json.loads(str(taken.notes.get(READING, "{}")))
-    compare_source(how.pop("source", truth), truth)
-    near, far = camera.planes.near, camera.planes.far
-    return load_spectral_depth(truth, camera.wavelengths, near=near, far=far, size=camera.size, **how)
-
-
-def compare_source(source: str, truth: str) -> None:
-    """Warns where a truth is another scene than the one that was read for the snapshot.
-
-    Warns:
-        SceneWarning: their names differ.
-    """
-    if Path(source).stem != Path(truth).stem:
-        warn(f"truth: {truth} is beside a snapshot of {source}; is that the same scene?", SceneWarning, stacklevel=3)
-
-
 def middle_of(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:
     """(H, W) pixels in the middle of a scene.
 
     Raises:
         DataError: a smaller scene.
     """
-    from tmca.data.light_fields import centre_window
-
     rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), size, None, source)
     return scene.isel(y=rows, x=columns)
 
@@ -255,4 +232,6 @@ def with_surroundings(scene: xr.Dataset, size: tuple[int, int], source: str, til
 
 def depth_tensor(scene: xr.Dataset) -> Tensor:
     """(1, 1, H, W) metres."""
+    import torch
+
     return torch.from_numpy(np.array(scene["depth"].values, dtype=np.float32))[None, None]

@@ -7,17 +7,26 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tmca.data import label_light_field
+from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError, ShapeError
-from tmca.experiments.light_field.animation import _enlargement, border_walk, views_gif
 from tmca.experiments.light_field.comparison_figures import in_pairs
-from tmca.experiments.light_field.figures import light_field_figure
-from tmca.experiments.light_field.imaging import load_light_field, true_disparity
-from tmca.experiments.light_field.map_figures import disparity_figure, error_top, view_psnr_figure
-from tmca.experiments.light_field.refocus import focus_steps, refocus, refocus_strip
 from tmca.experiments.light_field.rows import SHOWN, STATIC_CODES
-from tmca.experiments.light_field.sub_images import sub_images, sub_images_figure
-from tmca.experiments.light_field.views import colour_views, horizontal_slice, liveliest, vertical_slice, zoom_window
 from tmca.metrics import light_field_metrics, psnr_per_view
+from tmca.plots.codes import sub_images, sub_images_figure
+from tmca.plots.light_field import disparity_figure, error_top, light_field_figure, view_psnr_figure
+from tmca.plots.views import (
+    _enlargement,
+    border_walk,
+    colour_views,
+    focus_steps,
+    horizontal_slice,
+    liveliest,
+    refocus,
+    refocus_strip,
+    vertical_slice,
+    views_gif,
+    zoom_window,
+)
 
 
 def dot_field(views=(3, 5), size=(15, 21), disparity=1, place=(7, 10)):

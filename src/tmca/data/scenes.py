@@ -1,29 +1,73 @@
-"""Scenes for experiments: files, or rendered ones by name, brought to the bands and the size of a camera."""
+"""`read_scene`: scenes of every camera, from files or rendered ones by name; and spectral cubes of so many bands."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
 
-import numpy as np
-
+from tmca.data.bands import select_bands
+from tmca.data.checks import Negative
+from tmca.data.cubes import read
+from tmca.data.depth_scenes import load_spectral_depth
+from tmca.data.describe import describe
+from tmca.data.light_field_scenes import load_light_field
+from tmca.data.rendering import rendered_names, rendered_scene
+from tmca.data.rgbd import refuse_rgbd, rgbd_sources
+from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tmca.data import Negative
-
-
-class SceneWarning(UserWarning):
-    """What is odd about a scene, said when it is read."""
+Kind = Literal["spectral", "light-field", "spectral-depth"]
 
 
 class DarkScene(SceneWarning):
     """A scene without light."""
+
+
+def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> xr.DataArray | xr.Dataset:
+    """A scene for any camera.
+
+    Args:
+        source: a file or folder, or the name of a rendered scene (``coffee``).
+        kind: of the camera: ``"spectral"``, ``"light-field"`` or ``"spectral-depth"``; without, what the file is: a
+            light field, a scene with depth, or else a cube, as rendered scenes are.
+        reading: further arguments of `load_scene`, `load_light_field` or `load_spectral_depth`.
+
+    Returns:
+        (wavelength, y, x) relative irradiance; (view_v, view_u, y, x) or with colours first; or a dataset of
+        ``radiance`` and ``depth`` in metres.
+
+    Raises:
+        DataError: no such file or scene, or one that cannot be used.
+        SettingError: an unknown kind, or an argument that the scene does not allow.
+    """
+    readers: dict[str, Callable[..., xr.DataArray | xr.Dataset]] = {
+        "spectral": load_scene, "light-field": load_light_field, "spectral-depth": load_spectral_depth,
+    }  # fmt: skip
+    chosen = scene_kind(source) if kind is None else kind
+    if chosen not in readers:
+        raise SettingError("kind", repr(kind), f"one of {', '.join(readers)}")
+    return readers[chosen](str(source), **reading)
+
+
+def scene_kind(source: str | Path) -> Kind:
+    """Which camera a scene is for, as `describe` says of its files.
+
+    Raises:
+        DataError: a file that cannot be described.
+    """
+    rendered = str(source) in rendered_names() and not Path(source).exists()
+    if rendered or not (Path(source).exists() or rgbd_sources(source)):
+        return "spectral"
+    about = describe(source)
+    if about["kind"] == "light field":
+        return "light-field"
+    with_depth = about["kind"] in ("spectral-depth scene", "RGB-D scene") or "pixels" in (about.get("depth") or {})
+    return "spectral-depth" if with_depth else "spectral"
 
 
 def load_scene(
@@ -54,8 +98,6 @@ def load_scene(
         DataError: no such file or scene, or a file that cannot be used.
         SettingError: a crop larger than the scene.
     """
-    from tmca.data import read, refuse_rgbd, rendered_names, rendered_scene, select_bands
-
     name = str(source)
     if not Path(name).exists() and name in rendered_names():
         cube = rendered_scene(name)["radiance"]
@@ -87,57 +129,6 @@ def check_readable(scenes: Iterable[str | Path], bands: int, size: tuple[int, in
     """
     for scene in dict.fromkeys(map(str, scenes)):
         load_scene(scene, bands=bands, size=size)
-
-
-def at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
-    """The cube's nearest band for every wavelength.
-
-    Raises:
-        DataError: a wavelength farther from every band than half their spacing.
-    """
-    own = cube["wavelength"].values
-    wanted = np.asarray(wavelengths)
-    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
-        return cube
-    chosen = np.abs(own[:, None] - wanted).argmin(0)
-    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
-    worst = int(np.abs(own[chosen] - wanted).argmax())
-    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
-        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
-        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
-    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))
-
-
-def identity_of(source: str) -> str | None:
-    """Checksum of a scene's file, of a folder's files, or of an RGB-D scene's, which a stem may name; of every scene of
-    a split; None for a rendered scene, or one that is not there."""
-    from tmca.data import checksum_of, read_split, rendered_names, rgbd_sources
-
-    path = Path(source)
-    if path.suffix == ".txt" and path.is_file():
-        return " ".join(str(identity_of(str(scene))) for scene in read_split(path))
-    if not path.exists() and source in rendered_names():
-        return None
-    files = sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else rgbd_sources(path)
-    if path.is_dir() or files:
-        parts = [f"{file.name} {checksum_of(file)}" for file in files]
-        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-    return checksum_of(path) if path.is_file() else None
-
-
-def short_names(scenes: Sequence[str]) -> dict[str, str]:
-    """A short name for every scene, longer where two would be the same.
-
-    Raises:
-        SettingError: a scene that is named twice.
-    """
-    if len(set(scenes)) < len(scenes):
-        raise SettingError("scenes", "one that is named twice", "different scenes")
-    stems = [Path(scene).name if Path(scene).is_dir() else Path(scene).stem for scene in scenes]
-    return {
-        scene: stem if stems.count(stem) == 1 else str(Path(scene).with_suffix(""))
-        for scene, stem in zip(scenes, stems, strict=True)
-    }
 
 
 def centre_crop(cube: xr.DataArray, size: tuple[int, int], where: str) -> xr.DataArray:

@@ -1,0 +1,211 @@
+"""What a camera records and shows: snapshots, codes and masks, point spread functions, measures of a code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tmca.plots.style import BLUE, add_bar, bare, evenly, grid, image, panels, plain_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+CORNER = 48
+
+
+def snapshot_figure(snapshot: np.ndarray, full_scale: float, channel: str, title: str) -> Figure:
+    """The recorded image ``(H, W')`` and how its values fill the sensor's range.
+
+    Args:
+        snapshot: in units of one channel of a white scene.
+        full_scale: value at which the sensor saturates.
+        channel: what its channels are called: ``"band"`` or ``"view"``.
+        title: of the image.
+    """
+    figure, axes = grid(1, 2, width=6.0, aspect=snapshot.shape[0] / snapshot.shape[1])
+    shown = axes[0, 0].imshow(snapshot, cmap="gray", vmin=0)
+    bare(axes[0, 0], title)
+    add_bar(axes[0, 0], shown, f"snapshot (1 = one {channel} of a white scene)")
+    share = np.clip(np.asarray(snapshot).ravel() / full_scale, -0.05, 1.1)
+    axes[0, 1].hist(share, bins=120, color=BLUE)
+    axes[0, 1].set_yscale("log")
+    plain_axes(axes[0, 1], "levels", "share of full scale", "pixels")
+    return figure
+
+
+def codes_figure(
+    aperture: np.ndarray,
+    shutter: np.ndarray,
+    code: np.ndarray,
+    channels: Sequence[str],
+    title: str,
+    corner: int = CORNER,
+) -> Figure:
+    """Aperture T, shutter S and the code cube T̂ (thesis figure 19), a corner of ``corner`` pixels of each.
+
+    Args:
+        aperture: ``(K, Ha, Wa)``.
+        shutter: ``(K, H, W')``.
+        code: ``(L, H, W')``.
+        channels: (L,) names of the code's channels.
+        title: above all of them.
+        corner: pixels along each side that are shown.
+    """
+    slots = [f"slot {k + 1} of {len(aperture)}" for k in range(len(aperture))]
+    names = [f"T̂, {name}" for name in channels]
+    rows = [(aperture, [f"T, {s}" for s in slots]), (shutter, [f"S, {s}" for s in slots]), (code, names)]
+    if len(aperture) == 1:
+        # one of them is larger: it holds the dispersed light, or the shear of the views
+        height, width = (min(corner, aperture.shape[axis], shutter.shape[axis]) for axis in (1, 2))
+        both = np.stack([plane[0, :height, :width] for plane in (aperture, shutter)])
+        chosen = evenly(len(code), 6)
+        few = code[chosen, :height, :width]
+        rows = [(np.concatenate((both, few)), ["T", "S", *(names[index] for index in chosen)])]
+    columns = min(8, max(len(planes) for planes, _ in rows))
+    figure, axes = grid(len(rows), columns, width=1.5, aspect=1.0)
+    for row, (planes, titles) in zip(axes, rows, strict=True):
+        chosen = evenly(len(planes), columns)
+        for axis, index in zip(row, chosen, strict=False):
+            image(axis, planes[index, :corner, :corner], titles[index], "gray", max(float(planes.max()), 1e-9))
+        for axis in row[len(chosen) :]:
+            axis.set_axis_off()
+    add_bar(axes[-1, len(evenly(len(rows[-1][0]), columns)) - 1], axes[-1, 0].images[0], "transmittance")
+    figure.suptitle(title, fontsize=9)
+    return figure
+
+
+def phase_codes_figure(
+    heights: np.ndarray,
+    shutter: np.ndarray,
+    cells: np.ndarray,
+    filters: np.ndarray,
+    response: np.ndarray,
+    wavelengths: Sequence[float],
+) -> Figure:
+    """Height maps and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass.
+
+    Args:
+        heights: ``(K, Ha, Wa)`` metres.
+        shutter: ``(K, H, W)``.
+        cells: ``(h, w)`` number of the filter over each pixel of a tile.
+        filters: ``(F, L)`` transmittance.
+        response: ``(C, L)`` of the sensor.
+        wavelengths: (L,) metres.
+    """
+    figure, axes = grid(2, len(heights) + 1, width=2.2, aspect=1.0)
+    limits, side = (float(heights.min()) * 1e9, float(heights.max()) * 1e9), 3 * cells.shape[0]
+    for slot, (height, shown) in enumerate(zip(heights, shutter, strict=True)):
+        drawn = axes[0, slot].imshow(height * 1e9, cmap="coolwarm", vmin=limits[0], vmax=limits[1])
+        bare(axes[0, slot], f"heights, slot {slot}")
+        image(axes[1, slot], shown[:side, :side], f"shutter, slot {slot}", "gray", 1.0)
+    add_bar(axes[0, len(heights) - 1], drawn, "nm")
+    axes[0, -1].imshow(cells, cmap="tab10", vmin=0, vmax=9)
+    bare(axes[0, -1], f"filters of a tile of {cells.shape[0]} pixels")
+    nanometres = np.asarray(wavelengths) * 1e9
+    for index, values in enumerate(filters):
+        axes[1, -1].plot(nanometres, values, color=f"C{index}")
+    for values in response:
+        axes[1, -1].plot(nanometres, values, color="0.4", linestyle=":")
+    axes[1, -1].set_ylim(0, 1.05)
+    plain_axes(axes[1, -1], "filters; dotted: sensor", "wavelength (nm)", "transmittance")
+    return figure
+
+
+def psf_figure(rows: Mapping[str, np.ndarray], metres: Sequence[float]) -> Figure:
+    """Point spread functions over depth (thesis figure 26), square roots.
+
+    Args:
+        rows: slot or pixel → ``(D, h, w)``.
+        metres: (D,) depths.
+    """
+    height, width = next(iter(rows.values())).shape[-2:]
+    figure, axes = grid(len(rows), len(metres), width=1.3, aspect=0.8 * height / width)
+    for line, (row, (name, values)) in enumerate(zip(axes, rows.items(), strict=True)):
+        for axis, value, z in zip(row, values, metres, strict=True):
+            axis.imshow(np.sqrt(value), cmap="inferno", interpolation="nearest")
+            bare(axis, "" if line else f"{z:.2f} m")
+        row[0].set_ylabel(name, fontsize=8)
+    return figure
+
+
+def sub_images(code: np.ndarray) -> np.ndarray:
+    """A code at the mask ``(V, U, H, W)`` as an array of sub-images, one of V × U pixels for each mask point.
+
+    Returns:
+        ``(H·(V+1) - 1, W·(U+1) - 1)``, not a number between the sub-images.
+    """
+    v, u, height, width = code.shape
+    sheet = np.full((height, v + 1, width, u + 1), np.nan)
+    sheet[:, :v, :, :u] = np.transpose(code, (2, 0, 3, 1))
+    return sheet.reshape(height * (v + 1), width * (u + 1))[:-1, :-1]
+
+
+def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figure:
+    """Sub-images of mask points in the middle of each code, on one scale (thesis figure 15).
+
+    A static code answers alike to all rays through a mask point; a time-multiplexed one tells their angles apart. The
+    ticks name the views of the first sub-image, from which its rays come.
+
+    Args:
+        codes: name → ``(V, U, Hm, Wm)`` transmittance seen from the mask.
+        corner: mask points shown along each side.
+    """
+    sheets = {name: sub_images(_middle(np.asarray(code), corner)) for name, code in codes.items()}
+    height, width = next(iter(sheets.values())).shape
+    figure, axes = grid(1, len(sheets), width=4.4, aspect=min(max(height / width, 0.6), 2.5))
+    top = max(float(np.nanmax(sheet)) for sheet in sheets.values()) or 1.0
+    for axis, (name, sheet) in zip(axes[0], sheets.items(), strict=True):
+        axis.set_facecolor("#8fb8de")
+        drawn = axis.imshow(sheet, cmap="gray", vmin=0, vmax=top, interpolation="nearest")
+        views, points = codes[name].shape[:2], [min(corner, n) for n in codes[name].shape[2:]]
+        bare(axis, f"{name}\n{points[0]} × {points[1]} mask points, {views[0]} × {views[1]} angles each")
+        _name_angles(axis, views)
+    add_bar(axes[0, -1], drawn, "transmittance over the exposure")
+    return figure
+
+
+def _name_angles(axis: Axes, views: tuple[int, ...]) -> None:
+    """Ticks at the outer views of the first sub-image, and at the centre's where there is room."""
+    for count, ticks in zip(views, (axis.set_yticks, axis.set_xticks), strict=True):
+        places = sorted({0, count - 1, *([count // 2] if count > 4 else [])})
+        ticks(places, [f"{place - count // 2}" for place in places], fontsize=6)
+    axis.set_xlabel("mask columns, in each the angles of views u", fontsize=8)
+    axis.set_ylabel("mask rows, in each the angles of views v", fontsize=8)
+
+
+def _middle(code: np.ndarray, corner: int) -> np.ndarray:
+    """The middle mask points, whose rays meet the sensor in every view."""
+    top, left = ((length - min(corner, length)) // 2 for length in code.shape[2:])
+    return code[:, :, top : top + corner, left : left + corner]
+
+
+def measures_figure(
+    levels: Mapping[float, float],
+    correlation: np.ndarray,
+    singular_values: np.ndarray,
+    slots: int,
+    titles: tuple[str, str, str],
+) -> Figure:
+    """Levels of the code, correlation of its bands or views, and singular values of its blocks.
+
+    Args:
+        levels: value of T̂ → share.
+        correlation: ``(L, L)``.
+        singular_values: falling.
+        slots: K, of which the levels are multiples of 1/K.
+        titles: of the three.
+    """
+    figure, axes = panels(3, 11 / 3, 3.4)
+    axes[0].bar(list(levels), list(levels.values()), width=0.6 / max(slots, 2))
+    plain_axes(axes[0], titles[0], "value of T̂", "share")
+    shown = axes[1].imshow(correlation, vmin=-1, vmax=1, cmap="RdBu_r", interpolation="nearest")
+    axes[1].set_title(titles[1], fontsize=9)
+    figure.colorbar(shown, ax=axes[1], shrink=0.8)
+    axes[2].semilogy(
+        np.arange(1, len(singular_values) + 1), singular_values.clip(1e-6 * singular_values.max()), ".-", markersize=3
+    )
+    plain_axes(axes[2], titles[2], "number", "value")
+    return figure

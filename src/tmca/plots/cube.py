@@ -1,0 +1,240 @@
+"""Spectral cubes: colour composites, bands, spectra of points, reconstructions beside the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isqrt
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.metrics import psnr
+from tmca.plots.style import BLUE, RED, SMALL, evenly, grid, image, montage, plain_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+RGB_WAVELENGTHS = (650e-9, 550e-9, 480e-9)
+"""Bands shown as red, green and blue, metres (thesis section 4.2)."""
+_POINT_COLOURS = (RED, BLUE, "#edae49", "#66a182")
+_LOOKED_AT = 2**20
+_UNIT = "relative irradiance"
+_TOGETHER = 2
+"""Estimates whose spectra still read well in one panel."""
+_COLUMNS, _BANDS, _POINTS, _LINES = 4, 6, 3, 5
+
+
+def rgb_bands(wavelengths: Sequence[float]) -> tuple[int, int, int]:
+    """Indices of the bands nearest to 650, 550 and 480 nm."""
+    axis = np.asarray(wavelengths)
+    red, green, blue = (int(np.abs(axis - w).argmin()) for w in RGB_WAVELENGTHS)
+    return red, green, blue
+
+
+def white_level(cube: np.ndarray, wavelengths: Sequence[float]) -> float:
+    """Irradiance shown as white: the 99.5 % quantile of the three bands."""
+    level = float(np.quantile(cube[list(rgb_bands(wavelengths))], 0.995))
+    return level if level > 0 else 1.0
+
+
+def rgb_composite(cube: np.ndarray, wavelengths: Sequence[float], white: float | None = None) -> np.ndarray:
+    """(L, H, W) cube → (H, W, 3) picture in [0, 1], gamma 2.2.
+
+    Args:
+        cube: relative irradiance.
+        wavelengths: (L,) metres.
+        white: irradiance shown as white; pass the truth's ``white_level`` to compare estimates.
+    """
+    level = white_level(cube, wavelengths) if white is None else white
+    picture = np.clip(cube[list(rgb_bands(wavelengths))] / level, 0, 1) ** (1 / 2.2)
+    return np.moveaxis(picture, 0, -1)
+
+
+def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> Figure:
+    """A cube: colour composite, the spectra of a few points, and bands from the first to the last."""
+    figure, axes = grid(1, 3, width=4.2, aspect=cube.shape[1] / cube.shape[2])
+    picture, points, chosen = rgb_composite(cube, wavelengths), spread_points(cube), evenly(len(cube), 12)
+    image(axes[0, 0], picture, title)
+    mark(axes[0, 0], points)
+    spectra(axes[0, 1], {"": cube}, wavelengths, points)
+    image(axes[0, 2], montage(cube, chosen), f"{len(chosen)} of {len(cube)} bands", colours="gray")
+    for place, band in enumerate(chosen):
+        y, x = divmod(place, min(4, len(chosen)))
+        label = f"{wavelengths[band] * 1e9:.0f} nm"
+        spot = (x * cube.shape[2] + 0.04 * cube.shape[2], (y + 1) * cube.shape[1] - 0.06 * cube.shape[1])
+        axes[0, 2].text(*spot, label, color="#ffd166", fontsize=6)
+    return figure
+
+
+def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
+    """A few lit pixels (row, column), each of a spectrum whose shape is farthest from those before; of a large picture
+    every second pixel, or third, … is looked at."""
+    from scipy.ndimage import uniform_filter
+
+    apart = 1 + isqrt(cube.shape[1] * cube.shape[2] // _LOOKED_AT)
+    if apart > 1:
+        return [(apart * row, apart * column) for row, column in spread_points(cube[:, ::apart, ::apart], count)]
+    smooth = np.stack([uniform_filter(band, 7) for band in cube]).reshape(len(cube), -1)
+    strength = np.linalg.norm(smooth, axis=0)
+    shape = smooth / np.maximum(strength, 0.3 * strength.max() + 1e-12)
+    shape[:, strength < 0.3 * strength.max()] = shape[:, [int(strength.argmax())]]
+    inside = np.zeros(cube.shape[1:], dtype=bool)
+    rows, columns = cube.shape[1] // 12, cube.shape[2] // 12
+    inside[rows : cube.shape[1] - rows, columns : cube.shape[2] - columns] = True
+    strength = np.where(inside.ravel(), strength, 0)
+    chosen = [int(strength.argmax())]
+    distance = np.full(shape.shape[1], np.inf)
+    while len(chosen) < count:
+        distance = np.minimum(distance, ((shape - shape[:, [chosen[-1]]]) ** 2).sum(0))
+        chosen.append(int(distance.argmax()))
+    return [(index // cube.shape[2], index % cube.shape[2]) for index in chosen]
+
+
+def mark(axis: Axes, points: Sequence[tuple[int, int]]) -> None:
+    for colour, (row, column) in zip(_POINT_COLOURS, points, strict=False):
+        axis.plot(column, row, "o", markersize=7, markerfacecolor=colour, markeredgecolor="white")
+
+
+def spectra(
+    axis: Axes, cubes: Mapping[str, np.ndarray], wavelengths: Sequence[float], points: Sequence[tuple[int, int]]
+) -> None:
+    """Solid: the first cube (the truth); the others with dashes and dots."""
+    nanometres = np.asarray(wavelengths) * 1e9
+    styles: tuple[Any, ...] = ("-", "--", ":", "-.", (0, (6, 2)), (0, (3, 1, 1, 1)))
+    for style, (name, cube) in zip(styles, cubes.items(), strict=False):
+        for index, (row, column) in enumerate(points):
+            label = name if index == 0 and name else None
+            axis.plot(
+                nanometres,
+                cube[:, row, column],
+                linestyle=style,
+                color=_POINT_COLOURS[index],
+                label=label,
+                linewidth=1.4,
+            )
+    plain_axes(axis, "spectra at the points", "wavelength (nm)", "relative irradiance")
+    if any(cubes):
+        axis.legend(fontsize=SMALL)
+
+
+def reconstruction_figure(
+    estimates: Mapping[str, np.ndarray],
+    wavelengths: Sequence[float],
+    truth: np.ndarray | None = None,
+    deviations: Mapping[str, np.ndarray] | None = None,
+) -> Figure:
+    """Colour composites, error and uncertainty maps of one or more reconstructions, and spectral signatures at points:
+    one panel for all of them, or one for each where they are more than two.
+
+    Args:
+        estimates: name → (L, H, W).
+        wavelengths: (L,) metres.
+        truth: (L, H, W), if it is known.
+        deviations: name → (L, H, W) predicted standard deviation.
+    """
+    deviations = deviations or {}
+    reference = truth if truth is not None else next(iter(estimates.values()))
+    white, points = white_level(reference, wavelengths), spread_points(reference)
+    many = len(estimates) > _TOGETHER
+    rows = 1 + (truth is not None) + bool(deviations) + many
+    columns = len(estimates) + 1 + (rows == 1)
+    figure, axes = grid(rows, columns, width=3.6, aspect=reference.shape[1] / reference.shape[2])
+    image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
+    mark(axes[0, 0], points)
+    errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
+    spreads = {name: _rms(deviations[name]) for name in estimates if name in deviations}
+    maps = [values.ravel() for values in (*errors.values(), *spreads.values())]
+    top = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
+    for column, (name, cube) in enumerate(estimates.items(), start=1):
+        image(axes[0, column], rgb_composite(cube, wavelengths, white), _caption(name, cube, truth))
+        if name in errors:
+            image(axes[1, column], errors[name], "error (rms over bands)", colours="magma", top=top, bar=_UNIT)
+        if name in spreads:
+            place = axes[rows - 1 - many, column]
+            image(place, spreads[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
+        elif spreads:
+            _say(axes[rows - 1 - many, column], "no error predicted")
+    known = {"truth": truth} if truth is not None else {}
+    if many:
+        for axis in axes[1:, 0]:
+            axis.set_axis_off()
+        for axis, (name, cube) in zip(axes[-1, 1:], estimates.items(), strict=False):
+            spectra(axis, {**known, name: cube}, wavelengths, points)
+    else:
+        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**known, **estimates}, wavelengths, points)
+    return figure
+
+
+def _say(axis: Axes, text: str) -> None:
+    axis.set_axis_off()
+    axis.text(0.5, 0.5, text, ha="center", va="center", transform=axis.transAxes, color="#777777")
+
+
+def _tall(figure: Figure, axes: np.ndarray) -> Axes:
+    """One axis in the place of several that stand above each other."""
+    place = axes[0].get_gridspec()[1 : 1 + len(axes), 0]
+    for axis in axes:
+        axis.remove()
+    return figure.add_subplot(place)
+
+
+def _caption(name: str, cube: np.ndarray, truth: np.ndarray | None) -> str:
+    if truth is None:
+        return name
+    return f"{name}\n{psnr(cube, truth):.2f} dB"
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.sqrt((values**2).mean(0))
+
+
+def composites(
+    truth: np.ndarray, estimates: Mapping[str, np.ndarray], wavelengths: Sequence[float], conditions: str
+) -> Figure:
+    """Colour composites (650, 550, 480 nm) with their PSNR beside the truth, under ``conditions`` (figure 20)."""
+    rows = -(-(1 + len(estimates)) // _COLUMNS)
+    figure, axes = grid(rows, _COLUMNS, width=3.2, aspect=truth.shape[1] / truth.shape[2] + 0.06)
+    white = white_level(truth, wavelengths)
+    titles = {f"truth\n{conditions}": truth, **estimates}
+    for axis in axes.flat:
+        axis.set_axis_off()
+    for axis, (name, cube) in zip(axes.flat, titles.items(), strict=False):
+        axis.set_axis_on()
+        quality = "" if cube is truth else f": {psnr(cube, truth):.2f} dB"
+        image(axis, rgb_composite(cube, wavelengths, white), name + quality)
+    return figure
+
+
+def signatures(truth: np.ndarray, estimates: Mapping[str, np.ndarray], wavelengths: Sequence[float]) -> Figure:
+    """Spectra of the truth and of some rows at a few points (figure 21)."""
+    points = spread_points(truth, _POINTS)
+    figure, axes = grid(1, 1 + _POINTS, width=3.6, aspect=0.85)
+    image(axes[0, 0], rgb_composite(truth, wavelengths), "truth")
+    mark(axes[0, 0], points)
+    nanometres = np.asarray(wavelengths) * 1e9
+    for axis, (row, column) in zip(axes[0, 1:], points, strict=True):
+        axis.plot(nanometres, truth[:, row, column], "k-", linewidth=2, label="truth")
+        for name in _some(list(estimates), _LINES):
+            axis.plot(nanometres, estimates[name][:, row, column], linewidth=1, label=name.replace("\n", " + "))
+        plain_axes(axis, f"row {row}, column {column}", "wavelength (nm)", "relative irradiance")
+    axes[0, -1].legend(fontsize=6)
+    return figure
+
+
+def bands(truth: np.ndarray, estimates: Mapping[str, np.ndarray], wavelengths: Sequence[float]) -> Figure:
+    """Six bands of the truth and of some rows (figure 22)."""
+    chosen, names = evenly(len(truth), _BANDS), _some(list(estimates), _LINES - 1)
+    figure, axes = grid(1 + len(names), len(chosen), width=2.2, aspect=truth.shape[1] / truth.shape[2])
+    for row, (name, cube) in zip(axes, {"truth": truth, **{n: estimates[n] for n in names}}.items(), strict=True):
+        for axis, band in zip(row, chosen, strict=True):
+            top = float(np.quantile(truth[band], 0.995)) or 1.0
+            title = f"{wavelengths[band] * 1e9:.0f} nm" if cube is truth else ""
+            image(axis, cube[band].clip(0), title, colours="gray", top=top)
+        row[0].set_ylabel(name, fontsize=7)
+    return figure
+
+
+def _some(names: list[str], count: int) -> list[str]:
+    """The first, the last and names evenly between."""
+    return [names[i] for i in evenly(len(names), count)]

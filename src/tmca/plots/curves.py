@@ -1,0 +1,164 @@
+"""Results as curves: trainings, sweeps, designs of codes and of masks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.plots.style import COLOURS, add_bar, bare, blank_figure, grid, panels, plain_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def training_figure(rows: Sequence[Mapping[str, str]], loss: str = "mean loss") -> Figure:
+    """Validation PSNR (each sensor), loss in words, and light throughput over the steps.
+
+    Args:
+        rows: of a training's log.
+        loss: what was minimised.
+    """
+    steps = [int(row["step"]) for row in rows]
+    sensors = [name for name in (rows[0] if rows else {}) if name.startswith("psnr_")]
+    shown = [
+        (["psnr", *sensors], "validation", "PSNR (dB)"),
+        (["loss"], "training", loss),
+        (["throughput", "transmittance", "duty"], "codes", "share"),
+    ]
+    if any(row.get("depth_mae") for row in rows):
+        shown.insert(1, (["depth_mae"], "validation", "depth, mean absolute error (m)"))
+    figure, axes = panels(len(shown), 3.7, 3.2)
+    for axis, (names, title, unit) in zip(axes, shown, strict=True):
+        for name in names:
+            points = [(step, float(row[name])) for step, row in zip(steps, rows, strict=True) if row.get(name)]
+            if points:
+                axis.plot(*zip(*points, strict=True), "o-", markersize=3, label=_label(name))
+        plain_axes(axis, title, "step", unit)
+        axis.xaxis.get_major_locator().set_params(integer=True)
+        if axis.lines and len(names) > 1:
+            axis.legend(fontsize=8)
+    return figure
+
+
+def _label(name: str) -> str:
+    if name == "psnr":
+        return "mean over sensors"
+    return f"sensor {int(name[5:]) + 1}" if name.startswith("psnr_") else name
+
+
+def sweep_figure(
+    rows: Sequence[Mapping[str, Any]], axes: Sequence[str], decoders: Mapping[str, str], unit: str
+) -> Figure:
+    """PSNR, and depth error if there is one, along the first varied setting, a line for each value of the others.
+
+    Args:
+        rows: of the sweep's table.
+        axes: the varied settings.
+        decoders: their names for people.
+        unit: of the first setting.
+    """
+    shown = [("psnr", "PSNR (dB)"), *([("depth_mae", "depth MAE (m)")] if "depth_mae" in rows[0] else [])]
+    figure, places = panels(len(shown), 6, 4)
+    names = {decoders[row["decoder"]] for row in rows}
+    title = "mean over test scenes" + (f", {names.pop()}" if len(names) == 1 else "")
+    for axis, (metric, label) in zip(places, shown, strict=True):
+        _lines(axis, rows, axes, metric)
+        plain_axes(axis, title, unit, label)
+    return figure
+
+
+def _lines(axis: Axes, rows: Sequence[Mapping[str, Any]], axes: Sequence[str], metric: str) -> None:
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault(", ".join(f"{name} = {row[name]}" for name in axes[1:]), []).append(row)
+    for label, group in groups.items():
+        places = [row[axes[0]] for row in group]
+        numeric = all(isinstance(p, int | float) for p in places)
+        axis.plot(
+            places if numeric else list(map(str, places)), [row[metric] for row in group], "o-", label=label or None
+        )
+        if numeric and min(places) > 0 and max(places) >= 8 * min(places):
+            axis.set_xscale("log")
+            axis.set_xticks(places, [f"{place:g}" for place in places])
+            axis.minorticks_off()
+    if len(groups) > 1:
+        axis.legend(fontsize=8)
+
+
+Gain = tuple[int, float, float]
+"""Slots K, gain over the static code in dB, and its standard deviation over the scenes."""
+
+
+def gains_figure(surveyed: Mapping[str, Sequence[Gain]], chosen: tuple[str, Gain] | None = None) -> Figure:
+    """Gain over the static code against the number of slots, a line for each kind; bars are the scenes' spread.
+
+    Args:
+        surveyed: kind of codes → gains, by rising K.
+        chosen: label and gain of the code that was searched longer.
+    """
+    figure = blank_figure(6, 3.6)
+    axis = figure.add_subplot()
+    axis.axhline(0, color="#999999", linewidth=0.8)
+    for place, (kind, gains) in enumerate(surveyed.items()):
+        slots, heights, bars = zip(*gains, strict=True)
+        x = [k * 1.03 ** (place - (len(surveyed) - 1) / 2) for k in slots]
+        look: dict[str, Any] = {"color": COLOURS[place % len(COLOURS)], "linewidth": 1.2, "markersize": 4}
+        axis.errorbar(x, heights, bars, fmt="o-", capsize=3, label=kind, **look)
+    if chosen is not None:
+        label, (k, height, bar) = chosen
+        axis.errorbar(k, height, bar, fmt="k*", capsize=3, markersize=11, label=label)
+    ticks = sorted({gain[0] for gains in surveyed.values() for gain in gains}) or [1]
+    axis.set_xscale("log", base=2)
+    axis.set_xlim(ticks[0] / 1.5, ticks[-1] * 1.5)
+    axis.set_xticks(ticks, [str(k) for k in ticks])
+    axis.minorticks_off()
+    if surveyed:
+        figure.legend(fontsize=8, loc="outside lower center", ncols=len(surveyed) + 1)
+    plain_axes(axis, "each scene under the prior of the others", "slots K", "gain over the static code (dB)")
+    return figure
+
+
+def fisher_figure(information: Mapping[str, tuple[np.ndarray, np.ndarray]], metres: np.ndarray) -> Figure:
+    """Fisher information of a window about inverse depth, over depth: a colour for each K, random masks dashed.
+
+    Args:
+        information: name of the design → (D,) of random and of designed masks, m².
+        metres: (D,) depths of the planes.
+    """
+    figure, inverse = blank_figure(6.4, 3.8), 1 / metres
+    axis = figure.add_subplot()
+    for colour, (design, both) in zip(COLOURS, information.items(), strict=False):
+        for values, style, name in zip(both, ("--", "-"), ("random", "designed"), strict=True):
+            look: dict[str, Any] = {"marker": "o", "markersize": 3, "linewidth": 1.3, "color": colour}
+            axis.plot(inverse, values, style, label=f"{design}, {name}", **look)
+    axis.set_yscale("log")
+    top = axis.secondary_xaxis("top")
+    top.set_xticks(inverse.tolist(), [f"{z:.2g}" for z in metres], fontsize=7)
+    top.set_xlabel("depth (m)", fontsize=8)
+    plain_axes(axis, "", "inverse depth (1/m)", "Fisher information of a window (m²)")
+    figure.legend(fontsize=8, loc="outside lower center", ncols=len(information))
+    return figure
+
+
+def distances_figure(distances: Mapping[str, tuple[float, Mapping[str, np.ndarray]]], metres: np.ndarray) -> Figure:
+    """Distances of all pairs of planes, a row for each kind of distance, a column for each design.
+
+    Args:
+        distances: kind of distance → nats from which all are drawn alike, and design → ``(D, D)`` nats.
+        metres: (D,) depths of the planes.
+    """
+    columns = len(next(iter(distances.values()))[1])
+    figure, axes = grid(len(distances), columns, width=1.9, aspect=1.0)
+    ticks = [0, len(metres) - 1]
+    names = [f"{metres[t]:.2g} m" for t in ticks]
+    for row, (kind, (top, designs)) in zip(axes, distances.items(), strict=True):
+        for axis, (name, values) in zip(row, designs.items(), strict=True):
+            shown = axis.imshow(np.sqrt(values.clip(0, top)), vmin=0, vmax=top**0.5)
+            bare(axis, name)
+            axis.set_xticks(ticks, names, fontsize=7)
+        row[0].set_yticks(ticks, names, fontsize=7)
+        add_bar(row[-1], shown, f"√ {kind} (nats)")
+    return figure

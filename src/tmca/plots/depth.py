@@ -1,0 +1,204 @@
+"""Scenes with depth: depth maps in metres, reconstructions beside the truth, what codes tell about depth."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.metrics import psnr
+from tmca.plots.cube import mark, rgb_composite, spectra, spread_points, white_level
+from tmca.plots.style import add_bar, bare, grid, image, panels, plain_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Pair = tuple[np.ndarray, np.ndarray]
+"""Cube ``(L, H, W)`` and depth ``(H, W)``, metres."""
+Limits = tuple[float | None, float | None]
+
+
+def rgbd_figure(picture: np.ndarray, depth: np.ndarray, title: str, metric: bool = True) -> Figure:
+    """A picture ``(H, W, 3)`` in [0, 1] and its depth map ``(H, W)``; ``metric`` as in `depth_map`."""
+    figure, axes = grid(1, 2, width=5.0, aspect=depth.shape[0] / depth.shape[1])
+    axes[0, 0].imshow(picture)
+    bare(axes[0, 0], title)
+    depth_map(axes[0, 1], depth, metric)
+    return figure
+
+
+def scene_figure(scene: Pair, wavelengths: Sequence[float], title: str, metric: bool = True) -> Figure:
+    """Colour composite, depth, and spectra of a few points; ``metric`` as in `depth_map`."""
+    cube, depth = scene
+    figure, axes = grid(1, 3, width=4.6, aspect=depth.shape[0] / depth.shape[1])
+    points = spread_points(cube)
+    axes[0, 0].imshow(rgb_composite(cube, wavelengths))
+    bare(axes[0, 0], title)
+    mark(axes[0, 0], points)
+    depth_map(axes[0, 1], depth, metric)
+    spectra(axes[0, 2], {"": cube}, wavelengths, points)
+    return figure
+
+
+def depth_figure(
+    name: str,
+    estimate: Pair,
+    confidence: np.ndarray,
+    wavelengths: Sequence[float],
+    limits: Limits,
+    truth: Pair | None = None,
+) -> Figure:
+    """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own.
+
+    Args:
+        name: of the estimate.
+        estimate: cube and depth.
+        confidence: ``(H, W)`` probability that depth is right within a bin.
+        wavelengths: (L,) metres.
+        limits: near and far end of the colours, metres.
+        truth: cube and depth.
+    """
+    reference = estimate[0] if truth is None else truth[0]
+    white, points = white_level(reference, wavelengths), spread_points(reference)
+    rows = [] if truth is None else [("truth", *truth)]
+    rows.append((name, *estimate))
+    figure, axes = grid(len(rows), 3, width=3.6, aspect=reference.shape[1] / reference.shape[2])
+    for row, (title, cube, depth) in zip(axes, rows, strict=True):
+        row[0].imshow(rgb_composite(cube, wavelengths, white))
+        bare(row[0], title)
+        mark(row[0], points)
+        depth_map(row[1], depth, title=f"depth, {title}", limits=limits)
+    image(axes[-1, 2], confidence, "probability within a bin", top=1.0, bar="probability")
+    if truth is not None:
+        spectra(axes[0, 2], {"truth": truth[0], name: estimate[0]}, wavelengths, points)
+    return figure
+
+
+def before_after(
+    estimates: Mapping[str, Pair], truth: Pair, wavelengths: Sequence[float], limits: tuple[float, float]
+) -> Figure:
+    """A column for the truth and every estimate: colour composite and depth; errors in the titles."""
+    cube, metres = truth
+    white = white_level(cube, wavelengths)
+    figure, axes = grid(2, 1 + len(estimates), width=3.6, aspect=cube.shape[1] / cube.shape[2])
+    image(axes[0, 0], rgb_composite(cube, wavelengths, white), "truth")
+    _near_is_light(axes[1, 0], metres, "depth", limits)
+    for column, (name, (estimate, depth)) in zip(axes[:, 1:].T, estimates.items(), strict=True):
+        away = np.nanmean(np.abs(depth - metres))
+        image(column[0], rgb_composite(estimate, wavelengths, white), f"{name}\n{psnr(estimate, cube):.2f} dB")
+        _near_is_light(column[1], depth, f"{away:.3f} m off", limits)
+    return figure
+
+
+def _near_is_light(axis: Axes, metres: np.ndarray, title: str, limits: tuple[float, float]) -> None:
+    shown = axis.imshow(metres, cmap="viridis_r", vmin=limits[0], vmax=limits[1], interpolation="nearest")
+    bare(axis, title)
+    add_bar(axis, shown, "m")
+
+
+def rows_figure(
+    rows: Mapping[str, Mapping[str, Pair]],
+    decoders: Sequence[str],
+    truth: Pair,
+    wavelengths: Sequence[float],
+    limits: tuple[float, float],
+) -> Figure:
+    """The truth, then a row for every code: colours and depth in metres by every decoder, and their spectra.
+
+    Args:
+        rows: code → decoder → estimate.
+        decoders: all of them, in the order of the columns.
+        truth: cube and depth.
+        wavelengths: (L,) metres.
+        limits: near and far end of the colours, metres.
+    """
+    cube = truth[0]
+    figure, axes = grid(1 + len(rows), 2 * len(decoders) + 1, width=2.8, aspect=cube.shape[1] / cube.shape[2])
+    for axis in axes.ravel():
+        axis.set_axis_off()
+    points = spread_points(cube)
+    look: dict[str, Any] = {"wavelengths": wavelengths, "white": white_level(cube, wavelengths), "limits": limits}
+    _pair(axes[0], 0, truth, "truth", **look)
+    mark(axes[0, 0], points)
+    for row, (code, estimates) in zip(axes[1:], rows.items(), strict=True):
+        for decoder, estimate in estimates.items():
+            _pair(row, 2 * decoders.index(decoder), estimate, f"{_wrapped(code)}\n{decoder}", **look)
+        row[-1].set_axis_on()
+        missing = np.full_like(cube, np.nan)
+        cubes = {name: estimates[name][0] if name in estimates else missing for name in decoders}
+        spectra(row[-1], {"truth": cube, **cubes}, wavelengths, points)
+        row[-1].get_legend().remove()
+    axes[0, -1].legend(*axes[-1, -1].get_legend_handles_labels(), loc="center", fontsize=8)
+    return figure
+
+
+def _wrapped(code: str) -> str:
+    """A long name over two lines, which fit over a picture."""
+    return textwrap.fill(code, 36)
+
+
+def _pair(
+    row: np.ndarray,
+    first: int,
+    scene: Pair,
+    label: str,
+    wavelengths: Sequence[float],
+    white: float,
+    limits: tuple[float, float],
+) -> None:
+    """Colours and depth side by side."""
+    for axis in row[first : first + 2]:
+        axis.set_axis_on()
+    row[first].imshow(rgb_composite(scene[0], wavelengths, white))
+    bare(row[first], label)
+    depth_map(row[first + 1], scene[1], title="depth", limits=limits)
+
+
+def predicted_depth_figure(predictions: Mapping[str, Mapping[str, Mapping[str, Any]]], metres: np.ndarray) -> Figure:
+    """Fisher information about inverse depth, and the distance of every plane from its nearest rival.
+
+    Args:
+        predictions: code → ``optimised`` and ``random`` → ``fisher`` (D,) and ``kullback_leibler`` (D, D).
+        metres: (D,) depths of the planes.
+    """
+    figure, axes = panels(2, 5.0, 4.1)
+    for index, (code, masks) in enumerate(predictions.items()):
+        for style, part in (("-", "optimised"), (":", "random")):
+            label = code if part == "optimised" else None
+            rivals = np.array(masks[part]["kullback_leibler"]) + np.diag(np.full(len(metres), np.inf))
+            for axis, values in zip(axes, (masks[part]["fisher"], rivals.min(1)), strict=True):
+                axis.semilogy(metres, values, style, marker="o", markersize=3, color=f"C{index}", label=label)
+    plain_axes(axes[0], "Fisher information (dotted: random masks)", "depth (m)", "information (m²)")
+    plain_axes(axes[1], "Kullback–Leibler distance from the nearest rival", "depth (m)", "nats")
+    figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
+    return figure
+
+
+def depth_map(
+    axis: Axes,
+    depth: np.ndarray,
+    metric: bool = True,
+    title: str = "depth",
+    limits: Limits = (None, None),
+) -> None:
+    """A depth map ``(H, W)`` in metres with its colour bar; what is near is warm, unknown pixels are grey.
+
+    Args:
+        axis: to draw on.
+        depth: NaN where unknown.
+        metric: whether the metres are more than a name.
+        title: above it.
+        limits: of the colours, metres; those of the map without.
+    """
+    from matplotlib import colormaps
+
+    shown = axis.imshow(
+        np.ma.masked_invalid(depth), cmap=colormaps["turbo_r"].with_extremes(bad="0.75"), interpolation="nearest",
+        vmin=limits[0], vmax=limits[1],
+    )  # fmt: skip
+    bare(axis, title)
+    label = "depth (m)" if metric else "depth (m up to an affine map of 1/depth)"
+    add_bar(axis, shown, label if np.isfinite(depth).all() else f"{label}, grey: unknown")

@@ -1,0 +1,132 @@
+"""What the bench measures: depth with its confidence, reflectance with its uncertainty, spectra; what devices show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.plots.style import BLUE, RED, add_bar, bare, blank_figure, panels, plain_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_POINTS = {(0.3, 0.3): RED, (0.5, 0.7): BLUE, (0.75, 0.4): "#edae49"}
+"""Colours of places whose spectra are shown, shares of height and width."""
+_REASONS = ("white", RED, "0.15", "#edae49", BLUE, "0.6", "#8e6c8a")
+
+
+def measured_depth_figure(
+    depth: np.ndarray, deviation: np.ndarray, reason: np.ndarray, reasons: Sequence[str], title: str
+) -> Figure:
+    """Depth, its standard deviation, and why pixels have none.
+
+    Args:
+        depth: ``(H, W)`` metres, NaN where unknown.
+        deviation: ``(H, W)`` metres.
+        reason: ``(H, W)`` index of the reason why a pixel has no depth; 0 where it has one.
+        reasons: their names.
+        title: of the depth map.
+    """
+    from matplotlib.colors import ListedColormap
+
+    figure, axes = _pictures(depth.shape)
+    _picture(axes[0], depth, title, "depth (m)", cmap="turbo_r")
+    top = float(np.nanpercentile(deviation * 1e3, 98))
+    _picture(axes[1], deviation * 1e3, "standard deviation", "mm", cmap="viridis", vmin=0, vmax=top)
+    colours = ListedColormap(_REASONS[: len(reasons)])
+    shown = axes[2].imshow(reason, cmap=colours, vmin=-0.5, vmax=len(reasons) - 0.5, interpolation="nearest")
+    bare(axes[2], f"{(reason == 0).mean():.1%} known")
+    bar = figure.colorbar(shown, ax=axes[2], ticks=range(len(reasons)), fraction=0.046, pad=0.03)
+    bar.ax.set_yticklabels(reasons, fontsize=8)
+    return figure
+
+
+def reflectance_figure(
+    cube: np.ndarray, deviation: np.ndarray, left_out: np.ndarray, wavelengths_nm: np.ndarray, title: str
+) -> Figure:
+    """Mean reflectance, spectra of three places with two standard deviations, and the share of bands left out.
+
+    Args:
+        cube: ``(L, H, W)`` reflectance, NaN where unknown.
+        deviation: ``(L, H, W)``.
+        left_out: ``(H, W)`` share of the bands that were saturated or dark.
+        wavelengths_nm: (L,).
+        title: of the picture.
+    """
+    height, width = cube.shape[1:]
+    figure, axes = _pictures((height, width))
+    _picture(axes[0], np.nan_to_num(cube).mean(axis=0), title, "mean reflectance", cmap="gray", vmin=0)
+    for (y, x), colour in _POINTS.items():
+        row, column = int(y * height), int(x * width)
+        spectrum, spread = cube[:, row, column], 2 * deviation[:, row, column]
+        axes[0].plot(column, row, "o", color=colour, markeredgecolor="white")
+        axes[1].plot(wavelengths_nm, spectrum, color=colour)
+        low, high = spectrum - spread, spectrum + spread
+        axes[1].fill_between(wavelengths_nm, low, high, color=colour, alpha=0.25, linewidth=0)
+    plain_axes(axes[1], "spectra ± 2 standard deviations", "wavelength (nm)", "reflectance")
+    _picture(axes[2], left_out, "saturated or dark", "share of the bands", cmap="magma", vmin=0, vmax=1)
+    return figure
+
+
+def _pictures(size: tuple[int, ...]) -> tuple[Figure, np.ndarray]:
+    return panels(3, 4.6, max(2.4, 3.9 * size[0] / size[1]))
+
+
+def _picture(axis: Axes, values: np.ndarray, title: str, bar: str, cmap: str, **limits: Any) -> None:
+    """An image whose unknown pixels are grey."""
+    from matplotlib import colormaps
+
+    colours = colormaps[cmap].with_extremes(bad="0.75")
+    shown = axis.imshow(np.ma.masked_invalid(values), cmap=colours, interpolation="nearest", **limits)
+    bare(axis, title)
+    add_bar(axis, shown, bar)
+
+
+def compared_spectra_figure(spectra: Mapping[str, tuple[np.ndarray, ...]]) -> Figure:
+    """A panel per point: measured with its spread over the box, and the reference.
+
+    Args:
+        spectra: title → wavelengths in nm, mean spectrum, standard deviation over the box, reference, all ``(L,)``.
+    """
+    figure, axes = panels(len(spectra), 3.4, 2.9)
+    for axis, (title, (nm, spectrum, spread, reference)) in zip(axes, spectra.items(), strict=True):
+        low, high = spectrum - spread, spectrum + spread
+        axis.fill_between(nm, low, high, color=BLUE, alpha=0.2, linewidth=0)
+        axis.plot(nm, spectrum, color=BLUE, label="scan")
+        axis.plot(nm, reference, "--", color="0.2", label="spectrometer")
+        axis.set_ylim(0, 1.15 * max(high.max(), reference.max()))
+        plain_axes(axis, title, "wavelength (nm)", "reflectance" if axis is axes[0] else "")
+        axis.legend(fontsize=8, loc="upper left")
+    return figure
+
+
+def shown_figure(rows: Mapping[str, Sequence[tuple[str, np.ndarray, Sequence[int] | None]]]) -> Figure:
+    """What devices show in the first slots: frames, or Zernike terms as bars.
+
+    Args:
+        rows: plane and device → for every slot its title, the frame ``(H, W)`` or the terms ``(N,)`` in metres rms of
+            surface, and of terms their Noll indices.
+    """
+    columns = max(len(slots) for slots in rows.values())
+    figure = blank_figure(2.6 * columns, 2.4 * len(rows))
+    axes = figure.subplots(len(rows), columns, squeeze=False)
+    for row, (name, slots) in zip(axes, rows.items(), strict=True):
+        for axis, (title, values, noll) in zip(row, slots, strict=True):
+            if noll is None:
+                axis.imshow(values, cmap="gray", interpolation="nearest")
+                bare(axis, title)
+            else:
+                _draw_terms(axis, values, noll)
+            axis.set_title(title, fontsize=8)
+        row[0].set_ylabel(name, fontsize=8)
+    return figure
+
+
+def _draw_terms(axis: Axes, terms: np.ndarray, noll: Sequence[int]) -> None:
+    axis.bar(np.arange(len(noll)), terms * 1e9, color="tab:blue")
+    axis.set_xticks(np.arange(len(noll)), [str(index) for index in noll], fontsize=6)
+    axis.tick_params("y", labelsize=6)
+    axis.set_xlabel("Noll index; nm rms of surface", fontsize=7)

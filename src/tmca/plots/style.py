@@ -1,0 +1,122 @@
+"""What every figure is made of: axes, images, colour bars, labels; and how a figure is written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.errors import OutputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PICTURES = (".png", ".pdf", ".svg")
+TITLE, SMALL = 9, 8
+"""Sizes of texts, points."""
+BLUE, RED = "#00798c", "#d1495b"
+COLOURS = (BLUE, RED, "#edae49", "#66a182", "#8d6a9f")
+_BAR = 0.12
+"""Inches across a colour bar, at least."""
+
+
+def save_figure(figure: Figure, path: str | Path, *, overwrite: bool = False, dpi: int = 110) -> Path:
+    """Write a figure as PNG, PDF or SVG, by its suffix, whole or not at all.
+
+    Raises:
+        OutputError: another suffix, the file exists, or it cannot be written.
+    """
+    from tmca.data import atomic_path
+
+    check_picture(path)
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        figure.savefig(temporary, dpi=dpi, format=Path(path).suffix[1:].lower(), facecolor="white")
+    return Path(path)
+
+
+def check_picture(path: str | Path) -> None:
+    """Raises OutputError unless pictures can be written under this suffix."""
+    if Path(path).suffix.lower() not in PICTURES:
+        raise OutputError(path, f"the suffix {Path(path).suffix!r}", " ".join(PICTURES), "rename the picture")
+
+
+def blank_figure(width: float, height: float) -> Figure:
+    """An empty figure of so many inches, whose axes and texts keep clear of each other."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def panels(count: int, width: float, height: float) -> tuple[Figure, np.ndarray]:
+    """A figure of ``count`` axes in a row, ``(count,)``, each so many inches wide and high."""
+    figure = blank_figure(width * count, height)
+    return figure, figure.subplots(1, count, squeeze=False)[0]
+
+
+def grid(rows: int, columns: int, width: float, aspect: float = 0.8) -> tuple[Figure, np.ndarray]:
+    """Axes for pictures ``width`` inches wide whose height is ``aspect`` times that."""
+    figure = blank_figure(width * columns, (width * aspect + 0.35) * rows)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def image(
+    axis: Axes, values: np.ndarray, title: str, colours: str = "viridis", top: float | None = None, bar: str = ""
+) -> None:
+    """An image without ticks; ``bar`` is the label of a colour bar."""
+    shown = axis.imshow(values, cmap=colours, vmin=0, vmax=top, interpolation="nearest")
+    bare(axis, title)
+    if bar:
+        add_bar(axis, shown, bar)
+
+
+def add_bar(axis: Axes, shown: Any, label: str) -> None:
+    """A colour bar as high as the picture, with its label in the size of the other texts."""
+    inches = axis.bbox.width / axis.figure.dpi
+    bar = axis.figure.colorbar(shown, cax=axis.inset_axes((1.02, 0, max(0.04, _BAR / inches), 1)))
+    bar.set_label(label, fontsize=SMALL)
+    bar.ax.tick_params(labelsize=SMALL)
+
+
+def plain_axes(axis: Axes, title: str, x: str, y: str) -> None:
+    """Title and labels of a plot, in the size of all texts."""
+    axis.set_title(title, fontsize=TITLE)
+    axis.set_xlabel(x, fontsize=SMALL)
+    axis.set_ylabel(y, fontsize=SMALL)
+    axis.tick_params(labelsize=SMALL)
+
+
+def bare(axis: Axes, title: str) -> None:
+    axis.set_title(title, fontsize=TITLE)
+    axis.set_xticks([])
+    axis.set_yticks([])
+
+
+def image_figure(values: np.ndarray, title: str) -> Figure:
+    """A 2-D image, or planes of a 3-D stack (smallest axis first), in grey."""
+    figure, axes = grid(1, 1, width=7.0)
+    planes = values[None] if values.ndim == 2 else np.moveaxis(values, int(np.argmin(values.shape)), 0)
+    chosen = evenly(len(planes), 16)
+    shown = axes[0, 0].imshow(montage(planes, chosen), cmap="gray", interpolation="nearest")
+    bare(axes[0, 0], title if len(planes) == 1 else f"{title}: planes {', '.join(map(str, chosen))} of {len(planes)}")
+    add_bar(axes[0, 0], shown, "stored value")
+    return figure
+
+
+def montage(planes: np.ndarray, chosen: Sequence[int]) -> np.ndarray:
+    """The chosen planes side by side in up to four columns; places without one are not a number, and stay white."""
+    columns = min(4, len(chosen))
+    rows = -(-len(chosen) // columns)
+    height, width = planes.shape[1:]
+    sheet = np.full((rows * height, columns * width), np.nan, dtype=np.float32)
+    for place, index in enumerate(chosen):
+        y, x = divmod(place, columns)
+        sheet[y * height : (y + 1) * height, x * width : (x + 1) * width] = planes[index]
+    return sheet
+
+
+def evenly(count: int, most: int) -> list[int]:
+    """At most ``most`` indices, evenly from the first of ``count`` to the last."""
+    return [int(i) for i in np.linspace(0, count - 1, min(most, count)).round()]

@@ -1,0 +1,300 @@
+"""Light fields as pictures: a view, slices through space and angle, all views, photographs refocused, animations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, isqrt
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tmca.errors import OutputError, ShapeError
+from tmca.plots.style import add_bar, bare, grid, image
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+_ZOOMED, _LEAST = 0.25, 48
+"""Share of each side that is enlarged, and pixels of the shorter side that it has at least."""
+_SEARCHED = 160
+_STRETCH = 1.0
+"""Px per view step, from the first step to the last: with less all pictures of a strip look alike."""
+_AROUND, _TEXTURE = 7, 0.02
+_PIXELS, _REPEATED = 2.4e6, 4e6
+"""Of all frames together, about a megabyte; repeated pixels take half as many bytes."""
+_SIDE = 360
+"""Pixels along the longer side that small views are enlarged to."""
+_COLOURS = 64
+
+
+def colour_views(light_field: np.ndarray) -> np.ndarray:
+    """``(V, U, H, W)`` or ``(3, V, U, H, W)`` with colours first → ``(V, U, H, W, C)``, C = 1 or 3.
+
+    Raises:
+        ShapeError: another shape, or V or U even.
+    """
+    values = np.asarray(light_field)
+    values = values[None] if values.ndim == 4 else values
+    if values.ndim != 5 or len(values) not in (1, 3) or values.size == 0 or not (values.shape[1] & values.shape[2] & 1):
+        expected = "(V, U, H, W) or (3, V, U, H, W), V and U odd"
+        raise ShapeError("light_field", f"shape {np.shape(light_field)}", expected)
+    return np.moveaxis(values, 0, -1)
+
+
+def brightest(light_field: np.ndarray) -> float:
+    """Irradiance shown as white: the 99.5 % quantile of the centre view."""
+    views = colour_views(light_field)
+    level = float(np.quantile(views[views.shape[0] // 2, views.shape[1] // 2], 0.995))
+    return level if level > 0 else 1.0
+
+
+def shown(values: np.ndarray, white: float) -> np.ndarray:
+    """``(..., C)`` irradiance → ``(..., 3)`` picture in [0, 1]."""
+    return np.broadcast_to(np.clip(values / white, 0, 1), (*values.shape[:-1], 3))
+
+
+def horizontal_slice(views: np.ndarray, row: int) -> np.ndarray:
+    """Epipolar image of a row: the centre row of views ``(V, U, H, W, C)`` → ``(U, W, C)``."""
+    return views[views.shape[0] // 2, :, row]
+
+
+def vertical_slice(views: np.ndarray, column: int) -> np.ndarray:
+    """Epipolar image of a column: the centre column of views ``(V, U, H, W, C)`` → ``(H, V, C)``."""
+    return np.moveaxis(views[:, views.shape[1] // 2, :, column], 0, 1)
+
+
+def liveliest(light_field: np.ndarray) -> tuple[int, int]:
+    """The row and the column, away from the border, where the views differ most."""
+    from scipy.ndimage import uniform_filter1d
+
+    views = colour_views(light_field)
+    rows, columns = views.shape[0] // 2, views.shape[1] // 2
+    across, along = views[rows].std(axis=0).mean(axis=-1), views[:, columns].std(axis=0).mean(axis=-1)
+    found = []
+    for activity in (across.mean(axis=1), along.mean(axis=0)):
+        smooth, edge = uniform_filter1d(activity.astype(np.float64), 5), len(activity) // 8
+        inner = smooth[edge : len(activity) - edge]
+        # alike everywhere, as in a single view: the middle
+        found.append(edge + int(inner.argmax()) if np.ptp(inner) > 0 else len(activity) // 2)
+    return found[0], found[1]
+
+
+def zoom_window(light_field: np.ndarray) -> tuple[slice, slice]:
+    """The part of the views that is worth enlarging: where they differ most.
+
+    Returns:
+        Rows and columns: a quarter of each side, more of views below 192 pixels, all of those below 48.
+    """
+    from scipy.ndimage import uniform_filter
+
+    views = colour_views(light_field)
+    v, u, height, width, _ = views.shape
+    share = min(1.0, max(_ZOOMED, _LEAST / min(height, width)))
+    h, w = round(share * height), round(share * width)
+    activity = (views[v // 2].std(axis=0) + views[:, u // 2].std(axis=0)).mean(axis=-1).astype(np.float64)
+    means = uniform_filter(activity, (h, w), mode="constant")
+    centres = means[h // 2 : h // 2 + height - h + 1, w // 2 : w // 2 + width - w + 1]
+    top, left = (int(place) for place in np.unravel_index(centres.argmax(), centres.shape))
+    return slice(top, top + h), slice(left, left + w)
+
+
+def light_field_views(centre: np.ndarray, mosaic: np.ndarray, disparity: np.ndarray | None, title: str) -> Figure:
+    """Centre view, mosaic of views and disparity beside one another.
+
+    Args:
+        centre: a light field whose middle view is shown, ``(V, U, H, W)`` or ``(3, V, U, H, W)`` with colours first.
+        mosaic: a light field of which every view is shown.
+        disparity: ``(H, W)``, px per view step, or None.
+        title: of the centre view.
+    """
+    height, width = centre.shape[-2:]
+    figure, axes = grid(1, 2 if disparity is None else 3, width=4.6, aspect=height / width)
+    views = as_pictures(centre)
+    axes[0, 0].imshow(views[views.shape[0] // 2, views.shape[1] // 2], cmap="gray", vmin=0, vmax=1)
+    bare(axes[0, 0], title)
+    sheet = mosaic_of(as_pictures(mosaic))
+    rows, columns = mosaic.shape[-4:-2]
+    axes[0, 1].imshow(sheet, cmap="gray", vmin=0, vmax=1)
+    bare(axes[0, 1], f"{rows}×{columns} views")
+    if disparity is not None:
+        shown = axes[0, 2].imshow(disparity, cmap="turbo")
+        bare(axes[0, 2], "true disparity")
+        add_bar(axes[0, 2], shown, "px per view, nearer is positive")
+    return figure
+
+
+def as_pictures(light_field: np.ndarray) -> np.ndarray:
+    """``(V, U, H, W)`` grey or ``(V, U, H, W, 3)`` colour, in [0, 1]."""
+    values = np.clip(light_field, 0, 1)
+    return np.moveaxis(values, 0, -1) if values.ndim == 5 else values
+
+
+def mosaic_of(views: np.ndarray, gap: int = 2) -> np.ndarray:
+    """All views of ``(V, U, H, W[, 3])`` in one picture, white gaps between them."""
+    edges = [(0, 0), (0, 0), (0, gap), (0, gap), *((0, 0) for _ in views.shape[4:])]
+    padded = np.pad(views, edges, constant_values=1.0)
+    rows, columns, height, width = padded.shape[:4]
+    sheet = np.moveaxis(padded, 2, 1).reshape(rows * height, columns * width, *views.shape[4:])
+    return np.asarray(sheet[: rows * height - gap, : columns * width - gap])
+
+
+def refocus(light_field: np.ndarray, disparity: float) -> np.ndarray:
+    """The photograph focused on a disparity: all views moved onto the centre, then their mean.
+
+    At (y, x) it takes view (v, u) at (y - v·disparity, x - u·disparity), between pixels by cubic interpolation.
+    Views that do not reach a border pixel do not count there. Source: Ng et al., Stanford CSTR 2005-02.
+
+    Args:
+        light_field: ``(V, U, H, W)``, or ``(3, V, U, H, W)`` with colours first.
+        disparity: px per view step.
+
+    Returns:
+        ``(H, W)``, or ``(3, H, W)``, float32.
+
+    Raises:
+        ShapeError: not a light field.
+    """
+    from tmca.metrics import moved_view
+
+    views = np.moveaxis(colour_views(light_field), -1, 2).astype(np.float32)
+    rows, columns, *shape = views.shape
+    total, count = np.zeros(shape, dtype=np.float32), np.zeros(shape[-2:], dtype=np.float32)
+    for v in range(rows):
+        for u in range(columns):
+            place = (v - rows // 2, u - columns // 2)
+            moved, (y, x) = moved_view(views[v, u], place, disparity)
+            total[:, y, x] += moved
+            count[y, x] += 1
+    # the centre view reaches every pixel
+    total /= count
+    return total if np.ndim(light_field) == 5 else total[0]
+
+
+def focus_steps(light_field: xr.DataArray, count: int = 5) -> list[float]:
+    """Disparities to focus on, px per view step, evenly over the range that the views show where there is texture.
+
+    The estimator of `tmca.metrics` looks at views made smaller, to about 160 pixels along the shorter side.
+
+    Args:
+        light_field: (view_v, view_u, y, x), or with colours first.
+        count: how many.
+
+    Returns:
+        From far to near, from the 5 % to the 95 % quantile and at least 1 wide; from -2 to 2 where there is a single
+        view, fewer than 4 × 4 pixels, or no texture.
+    """
+    from tmca.metrics import estimate_disparity
+
+    grey = light_field.mean("colour") if "colour" in light_field.dims else light_field
+    scale = max(1, round(min(grey.shape[2:]) / _SEARCHED))
+    small = grey.coarsen(y=scale, x=scale, boundary="trim").mean().values
+    low, high = -2.0, 2.0
+    if max(small.shape[:2]) > 1 and min(small.shape[2:]) >= 4 and (textured := _textured(small)).any():
+        most = min(grey.shape[2:]) / (2 * max(grey.shape[:2]))  # beyond it views hardly overlap
+        found = scale * estimate_disparity(small)[textured]
+        low, high = (float(end) for end in np.quantile(found, (0.05, 0.95)).clip(-most, most))
+    wider = max(0.0, (_STRETCH - (high - low)) / 2)
+    return [float(step) for step in np.linspace(low - wider, high + wider, count)]
+
+
+def _textured(views: np.ndarray) -> np.ndarray:
+    """Where the centre view varies within a few pixels, so that its disparity is more than a guess."""
+    from scipy.ndimage import uniform_filter
+
+    view = views[views.shape[0] // 2, views.shape[1] // 2].astype(np.float64)
+    variance = uniform_filter(view**2, _AROUND) - uniform_filter(view, _AROUND) ** 2
+    return np.asarray(variance > (_TEXTURE * brightest(views)) ** 2)
+
+
+def refocus_strip(light_field: np.ndarray, disparities: Sequence[float], title: str = "") -> Figure:
+    """The photograph focused on a few disparities, from far to near.
+
+    Args:
+        light_field: as in :func:`refocus`.
+        disparities: px per view step.
+        title: what stands above the strip.
+    """
+    white = brightest(light_field)
+    height, width = np.shape(light_field)[-2:]
+    figure, axes = grid(1, len(disparities), width=3.0, aspect=min(height / width, 2.5))
+    for axis, disparity in zip(axes[0], sorted(disparities), strict=True):
+        photograph = refocus(light_field, disparity)
+        picture = np.moveaxis(photograph if photograph.ndim == 3 else photograph[None], 0, -1)
+        image(axis, shown(picture, white), f"focus at {disparity:+.2f} px per view step")
+    if title:
+        figure.set_figheight(figure.get_figheight() + 0.3)
+        figure.set_layout_engine("constrained", h_pad=0.1)
+        figure.suptitle(title, fontsize=10)
+    return figure
+
+
+def border_walk(rows: int, columns: int) -> list[tuple[int, int]]:
+    """Views along the border, one step at a time and back to the first; to and fro where there is only one line."""
+    if min(rows, columns) == 1:
+        line = [(v, u) for v in range(rows) for u in range(columns)]
+        return line + line[-2:0:-1]
+    top = [(0, u) for u in range(columns)]
+    right = [(v, columns - 1) for v in range(1, rows)]
+    bottom = [(rows - 1, u) for u in range(columns - 2, -1, -1)]
+    left = [(v, 0) for v in range(rows - 2, 0, -1)]
+    return top + right + bottom + left
+
+
+def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6, overwrite: bool = False) -> Path:
+    """Write an animated GIF that goes once round the border views and starts again.
+
+    The views share 64 colours without dithering. They are made smaller where they have more than 2.4 million pixels in
+    all, and small ones are enlarged by a whole factor towards 360 pixels along the longer side: the file stays near a
+    megabyte.
+
+    Args:
+        light_field: ``(V, U, H, W)``, or ``(3, V, U, H, W)`` with colours first.
+        path: ends in ``.gif``.
+        seconds: of one round.
+        overwrite: replace an earlier file.
+
+    Raises:
+        OutputError: another suffix, the file exists, or it cannot be written.
+        ShapeError: not a light field.
+    """
+    from PIL import Image
+
+    from tmca.data import atomic_path
+
+    if Path(path).suffix.lower() != ".gif":
+        raise OutputError(path, f"the suffix {Path(path).suffix!r}", ".gif", "rename the animation")
+    views, white = colour_views(light_field), brightest(light_field)
+    walk = border_walk(*views.shape[:2])
+    pixels = len(walk) * views[0, 0, ..., 0].size
+    scale, times = min(1.0, (_PIXELS / pixels) ** 0.5), _enlargement(pixels, max(views.shape[2:4]))
+    frames = [_frame(views[place], white, scale) for place in walk]
+    palette = Image.fromarray(np.hstack([np.asarray(f) for f in frames[:: max(1, len(frames) // 4)]]))
+    palette = palette.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
+    drawn = [_enlarged(frame.quantize(palette=palette, dither=Image.Dither.NONE), times) for frame in frames]
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        duration = max(20, round(1000 * seconds / len(drawn)))
+        drawn[0].save(temporary, format="GIF", save_all=True, append_images=drawn[1:], duration=duration, loop=0)
+    return Path(path)
+
+
+def _enlargement(pixels: int, side: int) -> int:
+    """Whole factor for views with so many pixels in all and along the longer side; 1 leaves them."""
+    return max(1, min(ceil(_SIDE / side), isqrt(int(_REPEATED / pixels))))
+
+
+def _enlarged(frame: Image.Image, times: int) -> Image.Image:
+    from PIL import Image
+
+    return frame.resize((times * frame.width, times * frame.height), Image.Resampling.NEAREST)
+
+
+def _frame(view: np.ndarray, white: float, scale: float) -> Image.Image:
+    """A view ``(H, W, C)`` as an 8-bit image, made smaller by ``scale``."""
+    from PIL import Image
+
+    frame = Image.fromarray((255 * shown(view, white)).round().astype(np.uint8))
+    size = (max(1, round(scale * frame.width)), max(1, round(scale * frame.height)))
+    return frame if scale == 1 else frame.resize(size, Image.Resampling.LANCZOS)
