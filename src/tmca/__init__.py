@@ -1,39 +1,93 @@
 """Time-multiplexed coded aperture cameras: spectral, light field, spectral-depth; and dual blind deconvolution.
 
-``import tmca`` loads no third-party package: the rooms (``tmca.cameras``, ``tmca.decoders``, …) load on first use.
+>>> import tmca
+>>> scene = tmca.read("coffee", size=(48, 64))
+>>> sensor = tmca.Sensor(full_well=10_000, read_noise_electrons=3)
+>>> camera = tmca.SpectralCamera(slots=2, shutter="one-hot", sensor=sensor)
+>>> snapshot = tmca.simulate(scene, camera)
+>>> estimate = tmca.reconstruct(snapshot, "admm-tv")
+>>> tmca.evaluate(estimate, scene)["psnr"] > 20
+True
+
+``import tmca`` loads no third-party package: everything loads on first use.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tmca.applications import evaluate, reconstruct, simulate
+    from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+    from tmca.data import read_scene as read
+    from tmca.decoders import Decoder, Estimate
+    from tmca.experiments.face import design_codes, train
+    from tmca.sensor import Sensor
 
 __version__ = "0.1.0"
 
+_FACE = {
+    "read": "data:read_scene",
+    "simulate": "applications:simulate",
+    "reconstruct": "applications:reconstruct",
+    "evaluate": "applications:evaluate",
+    "design_codes": "experiments.face:design_codes",
+    "train": "experiments.face:train",
+    "SpectralCamera": "cameras:SpectralCamera",
+    "LightFieldCamera": "cameras:LightFieldCamera",
+    "SpectralDepthCamera": "cameras:SpectralDepthCamera",
+    "Sensor": "sensor:Sensor",
+    "Snapshot": "cameras:Snapshot",
+    "Decoder": "decoders:Decoder",
+    "Estimate": "decoders:Estimate",
+}
+"""Names of the package's face and where they live."""
 _ROOMS = (
+    "applications",
     "cameras",
     "codes",
     "data",
     "dbd",
     "decoders",
+    "design",
     "errors",
     "experiments",
     "metrics",
     "operators",
     "optics",
+    "plots",
     "priors",
     "sensor",
     "training",
 )
 
-__all__ = ["__version__", *_ROOMS]
+__all__ = [
+    "Decoder",
+    "Estimate",
+    "LightFieldCamera",
+    "Sensor",
+    "Snapshot",
+    "SpectralCamera",
+    "SpectralDepthCamera",
+    "__version__",
+    "design_codes",
+    "evaluate",
+    "read",
+    "reconstruct",
+    "simulate",
+    "train",
+]
 
 
-def __getattr__(name: str) -> ModuleType:
+def __getattr__(name: str) -> Any:
+    if name in _FACE:
+        room, _, part = _FACE[name].partition(":")
+        return getattr(import_module(f"tmca.{room}"), part)
     if name in _ROOMS:
         return import_module(f"tmca.{name}")
     raise AttributeError(f"module 'tmca' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted({*__all__, *_ROOMS})

@@ -355,7 +355,8 @@ class SpectralDepthCamera(Camera):
         does not repeat, ``filters`` (filter, wavelength), ``cells`` (y_tile, x_tile), the index of the filter over
         every pixel, and ``response`` (channel, wavelength).
 
-        Attributes: exposure, bench, depth planes, energy, sensor."""
+        Attributes: exposure, bench, depth planes, energy, sensor.
+        """
         import xarray as xr
 
         tile = ("y_tile", "x_tile")

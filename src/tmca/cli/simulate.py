@@ -140,8 +140,8 @@ def spectral_depth(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
+    from tmca.applications.unknown_depth import TOTAL, said_unknown
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_pictures
-    from tmca.experiments.spectral_depth.unknown import TOTAL, said_unknown
 
     taken, target = take(scene, crop, reading, camera, bench, sensor, hardware, output, calibration)
     counts = {name: count for name, count in taken.notes.items() if name.startswith("unknown_")}

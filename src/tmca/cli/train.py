@@ -106,22 +106,17 @@ def spectral(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.data.scenes import load_scene
-    from tmca.training import settings_from, train_spectral
+    from tmca.experiments.face import training_of
 
     own: dict[str, Any] = {}
+    read: Any = None
     if snapshot is not None:
-        from tmca.experiments.spectral.own_camera import training_of
+        from tmca.experiments.spectral.own_camera import training_of as training_of_capture
 
-        own, load = training_of(snapshot)
-    settings = settings_from(preset, config, own | _changes(set_, train, validation, steps))
-    if snapshot is None:
-        bands = settings.data.bands
-
-        def load(name: str) -> Any:
-            return load_scene(name, bands=bands)
-
-    _run(train_spectral, settings, out, load, accelerator, json)
+        own, read = training_of_capture(snapshot)
+    changes = own | _changes(set_, train, validation, steps)
+    settings, engine, load = training_of("spectral", preset, config, changes)
+    _run(engine, settings, out, read or load, accelerator, json)
 
 
 @app.command
@@ -153,12 +148,12 @@ def light_field(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.training import light_field_settings, train_light_field
-    from tmca.training.light_field import training_loader
+    from tmca.experiments.face import training_of
 
     files = {f"data.{name}": value for name, value in reading.files().items()}
-    settings = light_field_settings(preset, config, _changes(set_, train, validation, steps, files))
-    _run(train_light_field, settings, out, training_loader(settings), accelerator, json)
+    changes = _changes(set_, train, validation, steps, files)
+    settings, engine, load = training_of("light-field", preset, config, changes)
+    _run(engine, settings, out, load, accelerator, json)
 
 
 @app.command
@@ -194,23 +189,13 @@ def spectral_depth(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.data.depth_scenes import load_any_depth_scene
-    from tmca.experiments.spectral_depth.imaging import reading_range
-    from tmca.training import spectral_depth_settings, train_spectral_depth
-    from tmca.training.spectral_depth.camera import training_camera
+    from tmca.experiments.face import training_of
 
     changes = _changes(set_, train, validation, steps)
     changes |= {"data.from_rgb": True} if from_rgb else {}
     changes |= {"data.placed": placed} if placed else {}
-    settings = spectral_depth_settings(preset, config, changes)
-    camera, data = training_camera(settings), settings.data
-
-    def load(name: str) -> Any:
-        return load_any_depth_scene(
-            name, **reading_range(camera), side=data.side, placed=data.placed, from_rgb=data.from_rgb
-        )
-
-    _run(train_spectral_depth, settings, out, load, accelerator, json)
+    settings, engine, load = training_of("spectral-depth", preset, config, changes)
+    _run(engine, settings, out, load, accelerator, json)
 
 
 def _changes(

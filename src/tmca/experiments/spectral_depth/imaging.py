@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from tmca.applications.unknown_depth import check_depth_known, unknown_depth
 from tmca.cameras import Hardware, Snapshot, SpectralDepthCamera, imperfect
 from tmca.cameras.checks import check_holds
 from tmca.data.depth_scenes import depth_tensor, middle_of
@@ -24,7 +25,6 @@ from tmca.errors import SettingError
 from tmca.experiments.camera_figures import phase_codes_figure, psf_figure, snapshot_figure
 from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.snapshots import NOISE_STREAM
-from tmca.experiments.spectral_depth.unknown import check_depth_known, unknown_depth
 from tmca.optics import DepthPlanes, check_mask
 from tmca.plots.depth import depth_figure
 from tmca.plots.style import save_figure

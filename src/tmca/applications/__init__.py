@@ -1,0 +1,19 @@
+"""What each camera is to the rest of the package: how its scenes are read, imaged and measured."""
+
+from tmca.applications.base import APPLICATIONS, Application, application_of
+from tmca.applications.imaging import evaluate, reconstruct, simulate
+from tmca.applications.light_field import LightFieldApplication
+from tmca.applications.spectral import SpectralApplication
+from tmca.applications.spectral_depth import SpectralDepthApplication
+
+__all__ = [
+    "APPLICATIONS",
+    "Application",
+    "LightFieldApplication",
+    "SpectralApplication",
+    "SpectralDepthApplication",
+    "application_of",
+    "evaluate",
+    "reconstruct",
+    "simulate",
+]
