@@ -112,8 +112,8 @@ def in_tiles(monkeypatch):
     """Sensors are imaged in tiles of a size, or whole again."""
 
     def begin(tile):
-        monkeypatch.setattr("tmca.cameras.spectral_depth.TOGETHER", 0 if tile else 2**29)
-        monkeypatch.setattr("tmca.cameras.spectral_depth.TILE", tile or (256, 256))
+        monkeypatch.setattr("tmca.cameras.sensor_tiles.TOGETHER", 0 if tile else 2**29)
+        monkeypatch.setattr("tmca.cameras.sensor_tiles.TILE", tile or (256, 256))
 
     return begin
 

@@ -8,7 +8,11 @@ from itertools import product
 import torch
 from torch import Tensor
 
+from tmca.operators.spectral_depth import framed
+
 Size = tuple[int, int]
+TILE, TOGETHER = (256, 256), 2**29
+"""Pixels of a tile of the sensor, and bytes of transfer functions above which it is imaged in tiles."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,17 @@ class SensorTile:
         """The tile of what was cut, padded and blurred."""
         (above, left), height, width = self.margin, self.rows.stop - self.rows.start, self.columns.stop
         return image[..., above : above + height, left : left + width - self.columns.start]
+
+
+def bounded_tiles(size: Size, window: Size, spectra: int) -> tuple[list[SensorTile], Size]:
+    """Tiles of a sensor (H, W) seen through windows (h, w) of blur, and the frame in which they are blurred.
+
+    One tile, the whole sensor, where so many transfer functions of it do not take much memory.
+    """
+    height, width = frame = framed(size, window)
+    if 8 * spectra * height * (width // 2 + 1) <= TOGETHER:
+        return sensor_tiles(size, size, (0, 0)), frame
+    return sensor_tiles(size, TILE, (window[0] // 2, window[1] // 2)), framed(TILE, window)
 
 
 def sensor_tiles(size: Size, tile: Size, margin: Size) -> list[SensorTile]:

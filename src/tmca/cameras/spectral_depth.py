@@ -15,7 +15,7 @@ from tmca.cameras.camera import Camera
 from tmca.cameras.checks import band_wavelengths, choice, learned_parts
 from tmca.cameras.phase_parts import filter_array, mask_maps, shutter_plane
 from tmca.cameras.presets import SPECTRAL_DEPTH
-from tmca.cameras.sensor_tiles import SensorTile, sensor_tiles
+from tmca.cameras.sensor_tiles import SensorTile, bounded_tiles
 from tmca.cameras.specs import SpectralDepthSpec
 from tmca.cameras.stored import (
     check_complete,
@@ -56,8 +56,6 @@ IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
 _SHARED = ("size", "exposure", "image_formation", "sensor", "shutter", "filters")
 """Parts that leave the optics as they are."""
-TILE, TOGETHER = (256, 256), 2**29
-"""Pixels of a tile of the sensor, and bytes of transfer functions above which it is imaged in tiles."""
 MEANING_OF_HEIGHTS = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
 
 
@@ -293,7 +291,8 @@ class SpectralDepthCamera(Camera):
         if depth is None:
             raise SettingError("depth", "none", "a depth map (B, 1, H, W) in metres, for a spectral-depth camera")
         self._check(scene, depth)
-        tiles, frame = self._tiles()
+        spectra = self.slots * self.planes.count * self.bands
+        tiles, frame = bounded_tiles(self.size, self.bench.window, spectra)
         transfer, snapshot = self._transfer(frame), scene.new_empty(0)
         for count, tile in enumerate(tiles):
             part = self._exposed(scene, depth, transfer, frame, tile)
@@ -304,13 +303,6 @@ class SpectralDepthCamera(Camera):
             if progress is not None:
                 progress((count + 1) / len(tiles))
         return snapshot
-
-    def _tiles(self) -> tuple[list[SensorTile], tuple[int, int]]:
-        """Tiles of the sensor, one where that does not take much memory, and the frame in which they are blurred."""
-        (height, width), window = self.frame, self.bench.window
-        if 8 * self.slots * self.planes.count * self.bands * height * (width // 2 + 1) <= TOGETHER:
-            return sensor_tiles(self.size, self.size, (0, 0)), self.frame
-        return sensor_tiles(self.size, TILE, (window[0] // 2, window[1] // 2)), framed(TILE, window)
 
     def _exposed(
         self, scene: Tensor, depth: Tensor, transfer: Tensor, frame: tuple[int, int], tile: SensorTile
