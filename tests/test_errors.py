@@ -79,7 +79,7 @@ def test_other_numbers_are_refused(value, bounds):
 
 
 def test_a_range_error_says_value_bounds_and_unit():
-    with pytest.raises(SettingError, match=r"^pitch: found -1 m, expected a number > 0 m$"):
+    with pytest.raises(SettingError, match=r"^pitch: found -1 m, expected above 0 m$"):
         check_range("pitch", -1.0, above=0, unit="m")
-    with pytest.raises(SettingError, match=r"^slots: found 0, expected a whole number ≥ 1 and ≤ 9$"):
+    with pytest.raises(SettingError, match=r"^slots: found 0, expected a whole number, 1 to 9$"):
         check_range("slots", 0, 1, 9, whole=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import isfinite
+from math import inf, isfinite
 from numbers import Real
 from typing import Any
 
@@ -124,7 +124,13 @@ def _within(value: float, low: float | None, high: float | None, above: float | 
 
 
 def _bounds(low: float | None, high: float | None, above: float | None, below: float | None, whole: bool) -> str:
-    """The bounds in words, such as ``a whole number ≥ 1``."""
-    signs = (("≥", low), (">", above), ("≤", high), ("<", below))
-    parts = " and ".join(f"{sign} {bound:g}" for sign, bound in signs if bound is not None)
-    return f"a whole number {parts}" if whole else f"a number {parts}"
+    """The bounds in words, such as ``a whole number, 1 or more``."""
+    high = None if high == inf else high
+    if low is not None and high is not None:
+        words = [f"{low:g} to {high:g}"]
+    else:
+        words = [] if low is None else [f"{low:g} or more"]
+        words += [] if high is None else [f"at most {high:g}"]
+    words += [f"{name} {bound:g}" for name, bound in (("above", above), ("below", below)) if bound is not None]
+    text = " and ".join(words)
+    return ", ".join(part for part in ("a whole number" if whole else "", text) if part) or "a number"

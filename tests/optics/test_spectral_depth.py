@@ -133,8 +133,9 @@ def test_impossible_masks_are_refused():
     bench = PhaseMaskBench()
     with pytest.raises(SettingError, match="a lens on a bench with a lens"):
         mask_heights("lens", 1, PhaseMaskBench())
-    for family, settings in (("bumpy", {}), ("zernike", {"modes": 0}), ("zernike", {"rms": -1.0})):
-        with pytest.raises(SettingError, match="mask"):
+    wrong = (("mask", "bumpy", {}), ("modes", "zernike", {"modes": 0}), ("rms", "zernike", {"rms": -1.0}))
+    for where, family, settings in wrong:
+        with pytest.raises(SettingError, match=f"^{where}: "):
             mask_heights(family, 2, bench, **settings)
 
 

@@ -255,7 +255,7 @@ def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, own: floa
 
 def _unit(maps: HeightMaps) -> float:
     """Metres of a map's parameters."""
-    return float(maps.unit)  # type: ignore[arg-type]
+    return maps.unit
 
 
 def _part(progress: Told | None, done: float, share: float, what: str) -> Callable[[float], None]:
