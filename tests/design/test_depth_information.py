@@ -5,8 +5,13 @@ import torch
 
 from tests.design.test_spectral_depth import gaussians
 from tests.priors.test_spectral_depth import BENCH, camera, prior_of
-from tmca.design.depth_information import depth_information, fisher_information
-from tmca.design.spectral_depth import confusion, kullback_leibler, window_covariance
+from tmca.design.spectral_depth import (
+    confusion,
+    depth_information,
+    fisher_information,
+    kullback_leibler,
+    window_covariance,
+)
 from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 

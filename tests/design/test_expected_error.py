@@ -7,7 +7,7 @@ from tests.design.small_designs import BANDS, PRIOR, block_error, designed, tile
 from tests.small_scenes import CAMERAS, camera
 from tmca.cameras import SpectralCamera
 from tmca.design import BlockMse, TileMse
-from tmca.design.low_rank import BlockState
+from tmca.design.block_mse import BlockState
 from tmca.design.tile import count_places, even_places, windows
 from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianPrior

@@ -3,9 +3,7 @@
 import pytest
 import torch
 
-from tmca.design import Descent, MixtureTileMse, TileMse, descend, designable, search
-from tmca.design.block_mse import BlockMse
-from tmca.design.search import Effort
+from tmca.design import BlockMse, Descent, Effort, MixtureTileMse, TileMse, descend, designable, search
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.blocks import BlockModel

@@ -9,8 +9,8 @@ from tmca.design.spectral_depth import (
     bhattacharyya,
     confusion,
     design_masks,
-    foretell,
     kullback_leibler,
+    predict_windows,
     window_covariance,
 )
 from tmca.errors import SettingError
@@ -61,13 +61,13 @@ def test_noise_of_the_sensor_is_in_the_covariance():
 
 
 @pytest.mark.parametrize("window", [3, 4])
-def test_the_foretold_spectral_error_is_that_of_the_explicit_lmmse(window):
+def test_the_predicted_spectral_error_is_that_of_the_explicit_lmmse(window):
     sensor, prior = Sensor(read_noise=0.05), prior_of(needed_block(window, BENCH.window))
     wide = camera(window, sensor=sensor)
     _, _, _, colour, shutter = parts(wide, 2)
     mean = prior.mean.flatten()
     second = prior.covariance + torch.outer(mean, mean)
-    found = foretell(wide, prior, window, contamination=0)
+    found = predict_windows(wide, prior, window, contamination=0)
     torch.testing.assert_close(found.covariance, window_covariance(wide, prior, window, contamination=0))
     middle = torch.zeros(2, *prior.block[1:], dtype=torch.bool)
     top, left = ((side - 1) // 2 for side in BENCH.window)

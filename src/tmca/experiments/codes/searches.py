@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tmca.cameras import CodedCamera
-from tmca.design import Design
-from tmca.design.search import decibels
+from tmca.design import Design, decibels
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, camera_arguments, mean, on_frame
 from tmca.experiments.scenes import load_scene

@@ -25,6 +25,7 @@ from tmca.design import (
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design.checks import check_search, check_size
 from tmca.experiments.design.figures import gains_figure
+from tmca.experiments.design.words import code_advice
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import check_new, repository_commit
 from tmca.lab.codes_date import CODES_DATE, now
@@ -131,7 +132,7 @@ def _described(
     best = advice.best
     light = measures(best.design.camera)
     return {
-        "command": " ".join(command), "commit": repository_commit(), "advice": advice.sentence(),
+        "command": " ".join(command), "commit": repository_commit(), "advice": code_advice(advice),
         "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
         "camera": best.design.camera.kind, "channels": examples.model.block[0],
@@ -195,7 +196,7 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
     sheet = {name: value for name, value in found["sensor"].items() if value not in (None, 0.0)}
     channel, (read, shot) = advice.best.design.camera.channel, advice.noise
     about = [
-        advice.sentence(),
+        found["advice"],
         "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
         f"unit. {_light(found)}",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.design.mask_advice import MaskCandidate
+from tmca.design import MaskCandidate
 from tmca.design.spectral_depth import bhattacharyya, kullback_leibler
 from tmca.experiments.figures import add_bar, bare, grid, plain_axes
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras.phase_codes import write_phase_codes
-from tmca.design.mask_advice import MaskAdvice
-from tmca.design.mask_search import MaskEffort, MaskTask
+from tmca.design import MaskAdvice, MaskEffort, MaskTask
 from tmca.experiments.design.depth_figures import distances_figure, fisher_figure
+from tmca.experiments.design.words import mask_advice
 from tmca.experiments.figures import save_figure
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import repository_commit
@@ -69,7 +69,7 @@ def described(
     noise, best = advice.static.camera.noise, advice.best
     rows = [{**own.row(), "saved": advice.saved(own), "codes": f"codes_k{own.slots}.nc"} for own in advice.candidates]
     return {
-        "command": " ".join(command), "commit": repository_commit(), "advice": advice.sentence(),
+        "command": " ".join(command), "commit": repository_commit(), "advice": mask_advice(advice),
         "multiplex": advice.multiplex, "slots": best.slots, "saved": advice.saved(best), **given,
         "noise": {"read": noise.read, "shot": noise.shot}, "bench": asdict(task.bench),
         "depth": best.camera.planes.metres.tolist(), "wavelengths": list(best.camera.wavelengths),
@@ -106,7 +106,7 @@ def write_design(advice: MaskAdvice, found: dict[str, Any], out: Path, overwrite
 def _sections(advice: MaskAdvice, found: Mapping[str, Any], figures: Mapping[str, Figure]) -> list[Section]:
     effort, noise = found["effort"], found["noise"]
     about = [
-        advice.sentence(),
+        found["advice"],
         f"Read noise {noise['read']:.3g}, shot variance {noise['shot']:.3g} per unit (1 = one band of a white scene); "
         f"windows of {found['window']} pixels, {len(found['wavelengths'])} bands, {len(found['depth'])} planes.",
         f"Equal effort: {effort['starts']} starts of {effort['steps']} steps for every K, at equal exposure time; more "
