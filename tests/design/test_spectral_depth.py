@@ -82,7 +82,7 @@ def test_the_predicted_spectral_error_is_that_of_the_explicit_lmmse(window):
 def test_searched_masks_confuse_depths_less_and_the_best_is_kept():
     prior = prior_of(needed_block(4, BENCH.window))
     made = camera(4, learnable="mask", sensor=Sensor(read_noise=0.01))
-    found = design_masks(made, prior, window=4, steps=12, rate=0.2)
+    found = design_masks(made, prior, window=4, steps=20, rate=0.02)
     kept = float(confusion(window_covariance(made, prior, 4)).detach())
     assert kept == pytest.approx(min(found.confusion), rel=1e-5)
     assert kept < found.confusion[0] * 0.99
