@@ -120,16 +120,6 @@ class Candidate:
         total = sum((g - self.gain) ** 2 for g in self.gains.values())
         return sqrt(total / (count - 1)) if count > 1 else None
 
-    def row(self) -> dict[str, Any]:
-        """For tables and files."""
-        design = self.design
-        return {
-            "codes": design.kind, "slots": design.slots, "expected_psnr": design.psnr,
-            "random_psnr": decibels(design.random), "held_out_psnr": sum(self.held_out.values()) / len(self.held_out),
-            "gain": self.gain, "spread": self.spread, "throughput": design.camera.throughput(),
-            "seconds": design.seconds,
-        }  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Advice:

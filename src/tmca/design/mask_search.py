@@ -12,7 +12,7 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.design.descent import Parts, Progress
-from tmca.design.spectral_depth import confusion, depth_information, design_masks, drawn_error, window_covariance
+from tmca.design.spectral_depth import confusion, depth_information, design_masks, window_covariance
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics import MODES, PhaseMaskBench, Stroke, mask_heights
 from tmca.priors import GaussianPrior
@@ -166,18 +166,6 @@ class MaskCandidate:
         """What designs are ordered by, in bins: the judge's error, or the confusion."""
         return self.confusion if self.judged is None else self.judged[0]
 
-    def row(self) -> dict[str, Any]:
-        """For tables and files."""
-        error, random_error = self.judged or (None, None)
-        return {
-            "judged": error, "random_judged": random_error,
-            "slots": self.slots, "confusion": self.confusion,
-            "random_confusion": float(confusion(self.random_covariance)),
-            "error": drawn_error(self.covariance), "random_error": drawn_error(self.random_covariance),
-            "throughput": self.camera.throughput(), "start": self.start, "seconds": self.seconds,
-            "fisher": self.information.tolist(), "random_fisher": self.random_information.tolist(),
-        }  # fmt: skip
-
 
 @dataclass(frozen=True)
 class MaskAdvice:
@@ -253,11 +241,6 @@ class _Run:
     start: str
     history: tuple[float, ...]
 
-    @property
-    def value(self) -> float:
-        """The least confusion, which is the camera's."""
-        return min(self.history)
-
 
 @dataclass(frozen=True)
 class _Search:
@@ -272,53 +255,46 @@ class _Search:
         """The best of all descents; for a judge random masks are good enough, too."""
         begun, random = time.process_time(), self.task.camera_of(slots)
         drawn, errors = self.task.covariance(random, self.prior), None
-        judging = 0.0 if self.judge is None else _JUDGING
-        part = Parts(lambda share, _: progress(share), [1 - judging, judging])
-        runs = self._descents(slots, static, part())
-        best = min(runs, key=lambda run: run.value)
+        judged = 0 if self.judge is None else self.effort.starts + 1 + (static is not None)
+        lengths = [(1 - _JUDGING) / self.effort.starts] * self.effort.starts + [_JUDGING / max(1, judged)] * judged
+        part = Parts(lambda share, _: progress(share), lengths)
+        runs = self._descents(slots, static, part)
+        best = min(runs, key=lambda run: min(run.history))
         if self.judge is not None:
             runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
-            judged = self._errors(runs, self.judge, part())
-            best, errors = runs[judged.index(min(judged))], (min(judged), judged[-1])
+            values = []
+            for run in runs:
+                values.append(self.judge(run.camera))
+                part()(1.0)
+            best, errors = runs[values.index(min(values))], (min(values), values[-1])
         seconds, covariance = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
         designed, others = (self.task.information(camera, self.prior) for camera in (best.camera, random))
         return MaskCandidate(
             best.camera, covariance, designed, drawn, others, best.start, seconds, best.history, errors
         )
 
-    def _descents(self, slots: int, static: MaskCandidate | None, progress: Callable[[float], None]) -> list[_Run]:
+    def _descents(self, slots: int, static: MaskCandidate | None, part: Parts) -> list[_Run]:
         """One from every start, and the static mask in all slots as it is."""
         runs: list[_Run] = []
         for number in range(self.effort.starts):
             camera, start = self.task.camera_of(slots, number), f"random {number + 1}"
             last = number == self.effort.starts - 1
             if last and static is not None:
-                runs.append(self._alike(self.task.camera_of(slots, number), static))
+                alike = self.task.camera_of(slots, number)
+                _contain(alike, static.camera)
+                value = float(confusion(self.task.covariance(alike, self.prior)))
+                runs.append(_Run(alike, "static mask in all slots", (value,)))
                 _contain(camera, static.camera, _OWN)
                 start = "near the static mask in all slots"
             elif last and runs:
-                _contain(camera, min(runs, key=lambda run: run.value).camera)
+                _contain(camera, min(runs, key=lambda run: min(run.history)).camera)
                 start = "best so far"
             design = design_masks(
                 camera, self.prior, window=self.task.window, steps=self.effort.steps, rate=self.effort.rate,
-                progress=lambda step, steps, _, done=number: progress((done + step / steps) / self.effort.starts),  # type: ignore[misc]
+                progress=part(),
             )  # fmt: skip
             runs.append(_Run(camera, start, design.confusion))
         return runs
-
-    def _alike(self, camera: SpectralDepthCamera, static: MaskCandidate) -> _Run:
-        """The static mask in all slots."""
-        _contain(camera, static.camera)
-        value = float(confusion(self.task.covariance(camera, self.prior)))
-        return _Run(camera, "static mask in all slots", (value,))
-
-    def _errors(self, runs: Sequence[_Run], judge: Judge, progress: Callable[[float], None]) -> list[float]:
-        """How wrong depth is behind every camera."""
-        errors: list[float] = []
-        for run in runs:
-            errors.append(judge(run.camera))
-            progress(len(errors) / len(runs))
-        return errors
 
 
 def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, rest: float = 0.0) -> None:

@@ -218,7 +218,7 @@ def design_masks(
     steps: int = 60,
     rate: float = 0.005,
     code_rate: float = 0.05,
-    progress: Callable[[int, int, float], None] | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> MaskDesign:
     """Move what is learnable of a camera until depths are least confused; it is left with the best of all steps.
 
@@ -229,7 +229,7 @@ def design_masks(
         steps: of Adam.
         rate: of Adam for heights, in units of the larger of a micrometre and the highest.
         code_rate: of Adam for shutter and filters, whose latent values start half a unit from where they switch.
-        progress: told steps done, steps in all and the confusion, after each step.
+        progress: told the share that is done.
 
     Raises:
         SettingError: a camera in which nothing is learnable, or no steps.
@@ -251,6 +251,6 @@ def design_masks(
         value.backward()
         optimiser.step()
         if progress is not None:
-            progress(step + 1, steps, history[-1])
+            progress((step + 1) / steps)
     best.restore()
     return MaskDesign(camera, tuple(history))

@@ -14,14 +14,7 @@ import numpy as np
 
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
-from tmca.design import (
-    Advice,
-    Effort,
-    Examples,
-    SensorSheet,
-    advise,
-    measures,
-)
+from tmca.design import Advice, Candidate, Effort, Examples, SensorSheet, advise, decibels, measures
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design.checks import check_search, check_size
 from tmca.experiments.design.figures import gains_figure
@@ -138,12 +131,23 @@ def _described(
         "camera": best.design.camera.kind, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
         "block": list(examples.model.block), "scenes": list(examples.scenes),
-        "best": {**best.row(), "held_out": best.held_out, "gains": best.gains,
+        "best": {**_row(best), "held_out": best.held_out, "gains": best.gains,
                  "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
                  "levels": {f"{level:g}": share for level, share in light.levels.items()}},
-        "static": advice.static.row(),
-        "chosen": None if advice.chosen is None else advice.chosen.row(),
-        "surveyed": [candidate.row() for candidate in advice.surveyed],
+        "static": _row(advice.static),
+        "chosen": None if advice.chosen is None else _row(advice.chosen),
+        "surveyed": [_row(candidate) for candidate in advice.surveyed],
+    }  # fmt: skip
+
+
+def _row(candidate: Candidate) -> dict[str, Any]:
+    """A design for tables and files."""
+    design = candidate.design
+    return {
+        "codes": design.kind, "slots": design.slots, "expected_psnr": design.psnr,
+        "random_psnr": decibels(design.random),
+        "held_out_psnr": sum(candidate.held_out.values()) / len(candidate.held_out), "gain": candidate.gain,
+        "spread": candidate.spread, "throughput": design.camera.throughput(), "seconds": design.seconds,
     }  # fmt: skip
 
 

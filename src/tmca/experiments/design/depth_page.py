@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras.phase_codes import write_phase_codes
-from tmca.design import MaskAdvice, MaskEffort, MaskTask
+from tmca.design import MaskAdvice, MaskCandidate, MaskEffort, MaskTask
+from tmca.design.spectral_depth import confusion, drawn_error
 from tmca.experiments.design.depth_figures import distances_figure, fisher_figure
 from tmca.experiments.design.words import mask_advice
 from tmca.experiments.figures import save_figure
@@ -67,7 +68,7 @@ def described(
 ) -> dict[str, Any]:
     """What ``design.json`` holds; ``given`` is added as it is."""
     noise, best = advice.static.camera.noise, advice.best
-    rows = [{**own.row(), "saved": advice.saved(own), "codes": f"codes_k{own.slots}.nc"} for own in advice.candidates]
+    rows = [_row(advice, candidate) for candidate in advice.candidates]
     return {
         "command": " ".join(command), "commit": repository_commit(), "advice": mask_advice(advice),
         "multiplex": advice.multiplex, "slots": best.slots, "saved": advice.saved(best), **given,
@@ -77,6 +78,19 @@ def described(
         "shutter": task.shutter, "mask": task.family, "stroke": None if task.stroke is None else asdict(task.stroke),
         "learn": list(task.learn), "window": task.window, "seed": task.seed, "effort": asdict(effort),
         "scenes": list(prior.sources), "caveat": _caveat(advice), "designs": rows,
+    }  # fmt: skip
+
+
+def _row(advice: MaskAdvice, candidate: MaskCandidate) -> dict[str, Any]:
+    """A design for tables and files."""
+    error, random_error = candidate.judged or (None, None)
+    return {
+        "judged": error, "random_judged": random_error, "slots": candidate.slots, "confusion": candidate.confusion,
+        "random_confusion": float(confusion(candidate.random_covariance)),
+        "error": drawn_error(candidate.covariance), "random_error": drawn_error(candidate.random_covariance),
+        "throughput": candidate.camera.throughput(), "start": candidate.start, "seconds": candidate.seconds,
+        "fisher": candidate.information.tolist(), "random_fisher": candidate.random_information.tolist(),
+        "saved": advice.saved(candidate), "codes": f"codes_k{candidate.slots}.nc",
     }  # fmt: skip
 
 
