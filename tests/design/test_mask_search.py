@@ -120,7 +120,7 @@ def test_a_judge_chooses_among_descents_and_random_masks():
     assert len(judging) == 4  # two descents, the static mask in all slots, random masks
     for own in found.candidates:
         assert own.start == "random, as drawn"
-        assert own.judged == pytest.approx((own.slots, own.slots), abs=1e-6)
+        assert own.errors == pytest.approx((own.slots, own.slots), abs=1e-6)
         assert own.confusion == pytest.approx(float(confusion(own.random_covariance)))
-        assert own.expected == own.judged[0]
+        assert own.expected == own.errors[0]
     assert not found.multiplex  # twice as wrong, says the judge

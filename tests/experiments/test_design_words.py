@@ -28,18 +28,18 @@ def test_codes_are_advised_with_their_gain(advice, said):
     assert said in code_advice(advice)
 
 
-def masks(*errors, judged=None):
-    candidates = tuple(Made(slots=k, expected=error, judged=judged) for k, error in enumerate(errors, 1))
+def masks(*expected, errors=None):
+    candidates = tuple(Made(slots=k, expected=value, errors=errors) for k, value in enumerate(expected, 1))
     best = candidates[-1]
-    return Made(candidates=candidates, static=candidates[0], best=best, multiplex=best.expected < 0.9 * errors[0],
-                saved=lambda candidate: 1 - candidate.expected / errors[0])  # fmt: skip
+    return Made(candidates=candidates, static=candidates[0], best=best, multiplex=best.expected < 0.9 * expected[0],
+                saved=lambda candidate: 1 - candidate.expected / expected[0])  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("advice", "said"),
     [
         (masks(1.0, 0.5), "Use 2 slots: the predicted depth confusion is 50% below the best static mask's (1 bins)."),
-        (masks(1.0, 2.0, judged=(1.0, 2.0)), "A static mask is enough: the depth error on the example scenes of K = 2"),
+        (masks(1.0, 2.0, errors=(1.0, 2.0)), "A static mask is enough: the depth error on the example scenes of K = 2"),
         (masks(1.0, 2.0), "100% above"),
         (masks(1.0), "take the static mask"),
     ],

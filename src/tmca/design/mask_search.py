@@ -138,7 +138,7 @@ class MaskCandidate:
         start: where their descent began.
         seconds: CPU time of the search.
         history: confusion after every step of that descent.
-        judged: error in bins, by a judge, of these masks and of the random ones; None without a judge.
+        errors: in bins, by a judge, of these masks and of the random ones; None without a judge.
     """
 
     camera: SpectralDepthCamera
@@ -149,7 +149,7 @@ class MaskCandidate:
     start: str
     seconds: float
     history: tuple[float, ...] = field(repr=False)
-    judged: tuple[float, float] | None = None
+    errors: tuple[float, float] | None = None
 
     @property
     def slots(self) -> int:
@@ -164,7 +164,7 @@ class MaskCandidate:
     @property
     def expected(self) -> float:
         """What designs are ordered by, in bins: the judge's error, or the confusion."""
-        return self.confusion if self.judged is None else self.judged[0]
+        return self.confusion if self.errors is None else self.errors[0]
 
 
 @dataclass(frozen=True)
@@ -255,9 +255,9 @@ class _Search:
         """The best of all descents; for a judge random masks are good enough, too."""
         begun, random = time.process_time(), self.task.camera_of(slots)
         drawn, errors = self.task.covariance(random, self.prior), None
-        judged = 0 if self.judge is None else self.effort.starts + 1 + (static is not None)
-        lengths = [(1 - _JUDGING) / self.effort.starts] * self.effort.starts + [_JUDGING / max(1, judged)] * judged
-        part = Parts(lambda share, _: progress(share), lengths)
+        starts, designs = self.effort.starts, self.effort.starts + 1 + (static is not None)
+        judging = [] if self.judge is None else [_JUDGING / designs] * designs
+        part = Parts(lambda share, _: progress(share), [(1 - _JUDGING) / starts] * starts + judging)
         runs = self._descents(slots, static, part)
         best = min(runs, key=lambda run: min(run.history))
         if self.judge is not None:

@@ -61,7 +61,7 @@ class DepthPlanes:
         """Metres of a share of the range."""
         return 1 / (1 / self.far + share * (1 / self.near - 1 / self.far))
 
-    def known(self, depth: Tensor) -> Tensor:
+    def within(self, depth: Tensor) -> Tensor:
         """Where depth is a number in the design range, rounding apart; boolean, shape of ``depth``."""
         inside = (depth >= self.near * (1 - ROUNDING)) & (depth <= self.far * (1 + ROUNDING))
         return torch.isfinite(depth) & inside

@@ -155,13 +155,12 @@ class FreeForm(HeightMaps):
 
 
 class ZernikeHeights(HeightMaps):
-    """Sums of Zernike modes over a circular aperture, as a deformable mirror shows them.
+    """Sums of Zernike modes over the circle in the maps, as a deformable mirror shows them.
 
     Args:
         coefficients: (K, M) metres rms.
         modes: (n, m) of each, see ``noll``.
         size: (H, W) pixels.
-        diameter: of the aperture, pixels; the smaller side without.
         stroke, learnable: see ``HeightMaps``.
 
     Raises:
@@ -176,7 +175,6 @@ class ZernikeHeights(HeightMaps):
         coefficients: Tensor,
         modes: Sequence[Mode],
         size: tuple[int, int],
-        diameter: float | None = None,
         stroke: Stroke | None = None,
         *,
         learnable: bool = False,
@@ -184,24 +182,24 @@ class ZernikeHeights(HeightMaps):
         check_shape("coefficients", coefficients, ("K", "M"))
         check_shape("coefficients", coefficients, ("K", len(modes)))
         super().__init__(size, stroke, "coefficients", coefficients, learnable)
-        self.modes, self.diameter = tuple(modes), diameter
-        self.register_buffer("basis", zernike_modes(modes, self.size, diameter).float(), persistent=False)
+        self.modes = tuple(modes)
+        self.register_buffer("basis", zernike_modes(modes, self.size).float(), persistent=False)
 
     def profile(self) -> Tensor:
         """(K, H, W)."""
         return torch.tensordot(self.metres(), self.basis, 1)
 
     def _of(self, values: Tensor, learnable: bool) -> ZernikeHeights:
-        return ZernikeHeights(values, self.modes, self.size, self.diameter, self.stroke, learnable=learnable)
+        return ZernikeHeights(values, self.modes, self.size, self.stroke, learnable=learnable)
 
 
 class RotationalProfile(HeightMaps):
-    """Rotationally symmetric maps: heights at even radii from the middle to the rim, linear between them.
+    """Rotationally symmetric maps: heights at even radii from the middle to the rim of the circle in the maps, linear
+    between them; beyond it the last one goes on.
 
     Args:
         radii: (K, R) heights in metres, R ≥ 2.
         size: (H, W) pixels.
-        diameter: where the last height stands, pixels; the smaller side without. Beyond it, it goes on.
         stroke, learnable: see ``HeightMaps``.
 
     Raises:
@@ -216,7 +214,6 @@ class RotationalProfile(HeightMaps):
         self,
         radii: Tensor,
         size: tuple[int, int],
-        diameter: float | None = None,
         stroke: Stroke | None = None,
         *,
         learnable: bool = False,
@@ -225,9 +222,8 @@ class RotationalProfile(HeightMaps):
         if radii.shape[1] < 2:
             raise ShapeError("radii", str(tuple(radii.shape)), "(K, R), R ≥ 2")
         super().__init__(size, stroke, "radii", radii, learnable)
-        place = pupil_coordinates(self.size, diameter)[0].clamp(max=1) * (radii.shape[1] - 1)
+        place = pupil_coordinates(self.size)[0].clamp(max=1) * (radii.shape[1] - 1)
         below = place.floor().clamp(max=radii.shape[1] - 2)
-        self.diameter = diameter
         self.register_buffer("below", below.long(), persistent=False)
         self.register_buffer("share", (place - below).float(), persistent=False)
 
@@ -237,7 +233,7 @@ class RotationalProfile(HeightMaps):
         return torch.lerp(radii[:, self.below], radii[:, self.below + 1], self.share)
 
     def _of(self, values: Tensor, learnable: bool) -> RotationalProfile:
-        return RotationalProfile(values, self.size, self.diameter, self.stroke, learnable=learnable)
+        return RotationalProfile(values, self.size, self.stroke, learnable=learnable)
 
 
 def fresnel_lens(
@@ -271,10 +267,10 @@ def family_parameters(maps: HeightMaps) -> dict[str, Tensor]:
     Returns:
         ``coefficients`` (K, M) in metres rms and ``noll`` (M,) of Zernike modes, or ``radii`` (K, R) in metres.
     """
-    if isinstance(maps, ZernikeHeights) and maps.diameter is None:
+    if isinstance(maps, ZernikeHeights):
         places = torch.tensor([noll_index(mode) for mode in maps.modes])
         return {"coefficients": maps.metres().detach(), "noll": places}
-    if isinstance(maps, RotationalProfile) and maps.diameter is None:
+    if isinstance(maps, RotationalProfile):
         return {"radii": maps.metres().detach()}
     return {}
 

@@ -49,7 +49,7 @@ _CAVEAT = (
 
 
 def _caveat(advice: MaskAdvice) -> str:
-    return _CAVEAT if advice.static.judged is None else _JUDGED + _CAVEAT
+    return _CAVEAT if advice.static.errors is None else _JUDGED + _CAVEAT
 
 
 def design_files(slots: Sequence[int]) -> list[str]:
@@ -83,7 +83,7 @@ def described(
 
 def _row(advice: MaskAdvice, candidate: MaskCandidate) -> dict[str, Any]:
     """A design for tables and files."""
-    error, random_error = candidate.judged or (None, None)
+    error, random_error = candidate.errors or (None, None)
     return {
         "judged": error, "random_judged": random_error, "slots": candidate.slots, "confusion": candidate.confusion,
         "random_confusion": float(confusion(candidate.random_covariance)),

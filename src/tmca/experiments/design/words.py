@@ -44,7 +44,7 @@ def _left_out(advice: Advice) -> str:
 def mask_advice(advice: MaskAdvice) -> str:
     """Slots to use, and how much less error or confusion they leave."""
     static = f"the best static mask's ({advice.static.expected:.3g} bins)"
-    what = "predicted depth confusion" if advice.static.judged is None else "depth error on the example scenes"
+    what = "predicted depth confusion" if advice.static.errors is None else "depth error on the example scenes"
     if len(advice.candidates) == 1:
         return "One slot is all that was tried or fits the exposure: take the static mask."
     if advice.multiplex:
