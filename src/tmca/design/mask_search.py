@@ -262,16 +262,20 @@ class _Search:
         best = min(runs, key=lambda run: min(run.history))
         if self.judge is not None:
             runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
-            values = []
-            for run in runs:
-                values.append(self.judge(run.camera))
-                part()(1.0)
-            best, errors = runs[values.index(min(values))], (min(values), values[-1])
+            best, errors = self._judge(runs, self.judge, part)
         seconds, covariance = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
         designed, others = (self.task.information(camera, self.prior) for camera in (best.camera, random))
         return MaskCandidate(
             best.camera, covariance, designed, drawn, others, best.start, seconds, best.history, errors
         )
+
+    def _judge(self, runs: Sequence[_Run], judge: Judge, part: Parts) -> tuple[_Run, tuple[float, float]]:
+        """The best for the judge, with its error and that of the last one."""
+        errors = []
+        for run in runs:
+            errors.append(judge(run.camera))
+            part()(1.0)
+        return runs[errors.index(min(errors))], (min(errors), errors[-1])
 
     def _descents(self, slots: int, static: MaskCandidate | None, part: Parts) -> list[_Run]:
         """One from every start, and the static mask in all slots as it is."""

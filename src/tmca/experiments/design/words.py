@@ -13,13 +13,10 @@ def code_advice(advice: Advice) -> str:
 
 
 def _recommended(advice: Advice) -> str:
+    if advice.chosen is None and advice.left_out:
+        return "No codes of several slots could be tried: use the static code."
     if advice.chosen is None:
-        why = (
-            "No codes of several slots could be tried"
-            if advice.left_out
-            else ("One slot is all that was tried or fits the exposure")
-        )
-        return f"{why}: use the static code."
+        return "One slot is all that was tried or fits the exposure: use the static code."
     if not advice.multiplex:
         return f"Do not multiplex: no design gains {WORTH_DECIBELS} dB over the static code."
     best = advice.best
