@@ -33,7 +33,7 @@ def judged(
     planes: torch.Tensor, depth: torch.Tensor, camera: SpectralDepthCamera, temperature: float
 ) -> tuple[float, ...]:
     """Error, hits, confidence and log score of the log-likelihood of planes."""
-    known, log_probability = camera.planes.known(depth), (planes / temperature).log_softmax(1)
+    known, log_probability = camera.planes.within(depth), (planes / temperature).log_softmax(1)
     found = DepthPosterior.of(log_probability, camera.planes)
     bins = (1 / found.metres - 1 / depth).abs() / camera.planes.step
     score = -log_probability.gather(1, camera.planes.nearest(depth))

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from math import inf, isfinite
+from numbers import Real
+from typing import Any
+
 
 class TmcaError(Exception):
     """An input that tmca cannot use.
@@ -43,3 +48,89 @@ class OutputError(TmcaError):
 
 class DeviceError(TmcaError):
     """A device that does not do what it is told."""
+
+
+def check_shape(where: object, found: Any, expected: Sequence[Any], remedy: str = "") -> None:
+    """Raise ShapeError unless an array has the shape that is expected.
+
+    Args:
+        where: see ``TmcaError``.
+        found: an array or a tensor, or a shape.
+        expected: size of every axis: a number, or a letter for any size above 0, which is the same wherever the letter
+            is; ``...`` at the beginning stands for any axes.
+        remedy: see ``TmcaError``.
+    """
+    shape = getattr(found, "shape", found)
+    if not isinstance(shape, Sequence) or not _fits(shape, expected):
+        text = f"shape {tuple(shape)}" if isinstance(shape, Sequence) else f"a {type(found).__name__}"
+        sizes = ", ".join("…" if size is ... else str(size) for size in expected)
+        raise ShapeError(where, text, f"({sizes})", remedy)
+
+
+def _fits(shape: Sequence[int], expected: Sequence[Any]) -> bool:
+    if expected and expected[0] is ...:
+        expected = expected[1:]
+        shape = shape[max(0, len(shape) - len(expected)) :]
+    letters: dict[Any, int] = {}
+    return len(shape) == len(expected) and all(
+        size == wanted if isinstance(wanted, int) else size > 0 and letters.setdefault(wanted, size) == size
+        for size, wanted in zip(shape, expected, strict=True)
+    )
+
+
+def check_choice(where: object, value: object, choices: Iterable[object]) -> None:
+    """Raise SettingError unless a value is one of the choices."""
+    known = list(choices)
+    if value not in known:
+        raise SettingError(where, repr(value), f"one of {', '.join(map(str, known))}")
+
+
+def check_range(
+    where: object,
+    value: object,
+    low: float | None = None,
+    high: float | None = None,
+    *,
+    above: float | None = None,
+    below: float | None = None,
+    unit: str = "",
+    whole: bool = False,
+) -> None:
+    """Raise SettingError unless a value is a finite number within bounds.
+
+    Args:
+        where: see ``TmcaError``.
+        value: what is checked; infinity passes where ``high`` is infinite.
+        low, high: bounds that are allowed themselves.
+        above, below: bounds that are not.
+        unit: of the value and its bounds.
+        whole: whether it has to be a whole number.
+    """
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not (number and _within(float(value), low, high, above, below) and (not whole or value == int(value))):  # type: ignore[arg-type, call-overload]
+        text = f"{value:g}" if number else repr(value)
+        bounds = _bounds(low, high, above, below, whole)
+        raise SettingError(where, f"{text} {unit}".rstrip(), f"{bounds} {unit}".rstrip())
+
+
+def _within(value: float, low: float | None, high: float | None, above: float | None, below: float | None) -> bool:
+    return (
+        (isfinite(value) or value == high)
+        and (low is None or value >= low)
+        and (high is None or value <= high)
+        and (above is None or value > above)
+        and (below is None or value < below)
+    )
+
+
+def _bounds(low: float | None, high: float | None, above: float | None, below: float | None, whole: bool) -> str:
+    """The bounds in words, such as ``a whole number, 1 or more``."""
+    high = None if high == inf else high
+    if low is not None and high is not None:
+        words = [f"{low:g} to {high:g}"]
+    else:
+        words = [] if low is None else [f"{low:g} or more"]
+        words += [] if high is None else [f"at most {high:g}"]
+    words += [f"{name} {bound:g}" for name, bound in (("above", above), ("below", below)) if bound is not None]
+    text = " and ".join(words)
+    return ", ".join(part for part in ("a whole number" if whole else "", text) if part) or "a number"

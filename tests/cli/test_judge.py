@@ -9,7 +9,7 @@ from tests.cli.refusals import refused
 from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.cli import main
 from tmca.codes import write_codes
-from tmca.design.measures import measures
+from tmca.design import measures
 from tmca.priors import GaussianPrior, expected_psnr
 from tmca.sensor import Sensor
 

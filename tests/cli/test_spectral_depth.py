@@ -117,7 +117,7 @@ def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
         (("--mask", "flat", "--rms-nm", "50"), "--rms-nm"),
         (("--rms-nm", "-5"), "--rms-nm"),
         (("--mask", "rotational", "--modes", "5"), "--modes"),
-        (("--modes", "0"), "0 modes"),
+        (("--modes", "0"), "--modes: found 0"),
         (("--scene-seed", "-1"), "--scene-seed"),
         (("--from-rgb",), "leave --from-rgb out"),
         (("--preset", "huge"), "quick"),

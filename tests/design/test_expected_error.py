@@ -6,8 +6,8 @@ import torch
 from tests.design.small_designs import BANDS, PRIOR, block_error, designed, tile_error
 from tests.small_scenes import CAMERAS, camera
 from tmca.cameras import SpectralCamera
-from tmca.design import BlockMse, TileMse
-from tmca.design.low_rank import BlockState
+from tmca.design import BlockMse
+from tmca.design.block_mse import BlockState
 from tmca.design.tile import count_places, even_places, windows
 from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianPrior
@@ -36,13 +36,16 @@ def test_its_derivative_is_that_of_finite_differences(noise):
     assert torch.autograd.gradcheck(error, (0.1 + code,), eps=1e-6, atol=1e-6)
 
 
+def repeated(small, period):
+    """The camera of a frame that its tile fills."""
+    codes = {name: getattr(small.codes, name).tile().detach() for name in ("aperture", "shutter")}
+    return SpectralCamera(bands=BANDS, size=(12, 30), slots=2, period=period, **codes)
+
+
 @pytest.mark.parametrize("period", [(4, 5), (3, 4), (1, 7)])
 def test_a_tile_repeats_itself_for_ever(period):
     small = designed(period=period)
-    wide = SpectralCamera(
-        bands=BANDS, size=(12, 30), slots=2, period=period,
-        aperture=small.codes.aperture.tile().detach(), shutter=small.codes.shutter.tile().detach(),
-    )  # fmt: skip
+    wide = repeated(small, period)
     code, cut = small.operator().taps.code, wide.operator().taps.code
     for top, left in ((0, 0), (2, 3), (5, 11)):
         torch.testing.assert_close(windows(code, PRIOR.block, [(top, left)])[0], cut[:, top : top + 3, left : left + 9])
@@ -59,10 +62,7 @@ def test_the_tile_error_is_the_mean_over_its_phases():
     small, error = designed(period=(3, 5)), tile_error()
     code = small.operator().taps.code.detach()
     every = torch.stack([error(code, (y, x)) for y in range(3) for x in range(5)]).mean()
-    frame = small.codes
-    wide = SpectralCamera(bands=BANDS, size=(12, 30), slots=2, period=(3, 5),
-                          aperture=frame.aperture.tile().detach(), shutter=frame.shutter.tile().detach())  # fmt: skip
-    cut, model = wide.operator().taps.code.double(), error.error.model
+    cut, model = repeated(small, (3, 5)).operator().taps.code.double(), error.error.model
     solver = GaussianSolver(PRIOR, model, 0.05, 0.0, torch.float64)
     seen = torch.stack([cut[:, y : y + 3, x : x + 9] for y in range(3) for x in range(5)])
     truth = model.in_judged(solver.posterior(seen).error_variance()).mean()
@@ -88,7 +88,7 @@ def test_changes_of_a_few_weights_are_judged_as_if_anew(name, noise):
 
 
 def test_negative_noise_is_refused():
-    with pytest.raises(SettingError, match="numbers ≥ 0"):
+    with pytest.raises(SettingError):
         block_error(-1.0)
-    with pytest.raises(SettingError, match="numbers ≥ 0"):
-        TileMse(block_error()).error.under(0.0, -0.1)
+    with pytest.raises(SettingError):
+        block_error().under(0.0, -0.1)

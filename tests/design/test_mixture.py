@@ -3,9 +3,8 @@
 import pytest
 import torch
 
-from tmca.design import Descent, MixtureTileMse, TileMse, descend, designable, search
-from tmca.design.block_mse import BlockMse
-from tmca.design.search import Effort
+from tmca.design import BlockMse, Descent, Effort, MixtureTileMse, TileMse, descend, designable, search
+from tmca.design.tile import phases, windows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.blocks import BlockModel
@@ -53,8 +52,6 @@ def test_it_is_the_error_of_estimates_that_know_the_component(model, prior):
     """Samples of each component, seen through the code and estimated by its own linear estimator."""
     read, camera = 0.02, designable("free", 2, (2, 7), bands=BANDS)
     code = camera.taps().code.detach()
-    from tmca.design.tile import phases, windows
-
     places = phases(model, (2, 7))
     weights = model.complete(windows(code, model.block, places).double())
     matrix = model.measure(weights[:, None].flatten(0, 1), torch.eye(prior.base.mean.numel()).double()[:, None])
@@ -96,9 +93,9 @@ def test_codes_descend_on_it(model, prior):
 
 def test_what_does_not_fit_is_refused(model, prior):
     other = GaussianMixturePrior.learn(cubes(), (2, 8), kinds=1, rank=4, gains=1, samples=400, steps=0)
-    with pytest.raises(ShapeError, match="judged on"):
+    with pytest.raises(ShapeError, match="mixture prior"):
         MixtureTileMse.of(other, model, 0.01, 0.0)
-    with pytest.raises(SettingError, match="largest probability"):
+    with pytest.raises(SettingError, match="least"):
         MixtureTileMse.of(prior, model, 0.01, 0.0, least=2)
-    with pytest.raises(SettingError, match="flips need"):
+    with pytest.raises(SettingError, match="flips"):
         search("free", 2, (4, 6), MixtureTileMse.of(prior, model, 0.01, 0.0), bands=BANDS)

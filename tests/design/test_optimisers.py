@@ -103,10 +103,7 @@ def test_codes_that_are_started_from_bound_the_answer_and_keep_their_kind():
     assert free.mse <= min(static.mse, one_hot.mse) + 1e-12
     for kind, one in (("static", static), ("one-hot", one_hot)):
         again = designable(kind, one.slots, (4, 6), start=one.camera, bands=BANDS)
-        assert [p.learnable for p in (again.codes.aperture, again.codes.shutter)] == [
-            True,
-            kind != "static",
-        ]
+        assert [p.learnable for p in (again.codes.aperture, again.codes.shutter)] == [True, kind != "static"]
         flip_greedily(again, error)
         assert error.whole(again) <= one.mse + 1e-12
         assert bool((again.codes()[1].sum(0) == 1).all())

@@ -12,7 +12,13 @@ from tmca.errors import DataError, SettingError, ShapeError
 from tmca.priors import GaussianPrior, cropped, pooled
 from tmca.priors.pooling import around
 
+WAVES = (4e-7, 5e-7, 6e-7)
 SCENES = {name: smooth_scene(20 + 7 * s, 33, seed=10 + s) * (1 + s) for s, name in enumerate("abc")}
+
+
+@pytest.fixture(scope="module")
+def examples():
+    return learn_examples(SCENES, block_error().model, WAVES)
 
 
 def seen():
@@ -56,8 +62,7 @@ def test_a_cropped_prior_is_that_of_smaller_blocks():
     torch.testing.assert_close(small.covariance, full)
 
 
-def test_examples_judge_each_scene_under_the_others():
-    examples = learn_examples(SCENES, block_error().model, (1e-7, 2e-7, 3e-7))
+def test_examples_judge_each_scene_under_the_others(examples):
     found = examples.held_out(designed(), 0.05, 0.0)
     assert set(found) == set(SCENES)
     others = pooled([examples.scenes[n] for n in "bc"], [SCENES[n][0].numel() for n in "bc"])
@@ -67,57 +72,53 @@ def test_examples_judge_each_scene_under_the_others():
 
 
 def test_scenes_without_light_teach_nothing():
-    model, wavelengths = block_error().model, [4e-7, 5e-7, 6e-7]
     for dark in (0 * SCENES["a"], SCENES["a"] - SCENES["a"].max(), SCENES["a"] - 2 * SCENES["a"].mean()):
         with pytest.raises(DataError, match=r"^night: found no light, mean irradiance .*above 0"):
-            learn_examples({"day": SCENES["b"], "night": dark}, model, wavelengths)
+            learn_examples({"day": SCENES["b"], "night": dark}, block_error().model, WAVES)
 
 
-def test_the_memory_of_examples_is_known_before_they_are_learned():
-    model = block_error().model
-    examples = learn_examples(SCENES, model, [4e-7, 5e-7, 6e-7])
+def test_the_memory_of_examples_is_known_before_they_are_learned(examples):
     errors = [examples.error, *(found.error for found in examples.transfers.values())]
     forms = [form for error in errors for form in (error.covariance, error.reach)]
     forms += [form for found in examples.transfers.values() for form in (found.covariance, found.crossed)]
-    assert example_bytes(model, len(SCENES)) == sum(form.numel() * form.element_size() for form in forms)
+    assert example_bytes(examples.model, len(SCENES)) == sum(form.numel() * form.element_size() for form in forms)
 
 
 def test_what_cannot_be_pooled_is_refused():
-    with pytest.raises(SettingError, match="pooled"):
-        pooled([])
-    with pytest.raises(SettingError, match="weights"):
-        pooled([PRIOR], [0.0])
-    with pytest.raises(ShapeError, match="blocks"):
-        pooled([PRIOR, cropped(PRIOR, 2, 5)])
-    with pytest.raises(ShapeError, match="stationary"):
-        cropped(PRIOR, 4, 9)
+    for error, refused in (
+        (SettingError, lambda: pooled([])),
+        (SettingError, lambda: pooled([PRIOR], [0.0])),
+        (ShapeError, lambda: pooled([PRIOR, cropped(PRIOR, 2, 5)])),
+        (ShapeError, lambda: cropped(PRIOR, 4, 9)),
+    ):
+        with pytest.raises(error):
+            refused()
 
 
-def test_examples_in_another_light_are_those_that_darker_scenes_teach():
-    bright, model = learn_examples(SCENES, block_error().model, [4e-7, 5e-7, 6e-7]), block_error().model
-    dark = learn_examples({n: 0.25 * s for n, s in SCENES.items()}, model, [4e-7, 5e-7, 6e-7])
-    moved = bright.under(dark.light)
+def test_examples_in_another_light_are_those_that_darker_scenes_teach(examples):
+    dark = learn_examples({n: 0.25 * s for n, s in SCENES.items()}, examples.model, WAVES)
+    moved = examples.under(dark.light)
     assert moved.light == pytest.approx(dark.light)
     camera = designed()
     for name, value in dark.held_out(camera, 0.01, 0.002).items():
         assert moved.held_out(camera, 0.01, 0.002)[name] == pytest.approx(value, rel=2e-2)
 
 
-def test_less_light_is_more_noise():
+def test_less_light_is_more_noise(examples):
     """Error at c times the light: c² times that under 1/c of the read noise and of the shot variance per unit."""
-    examples, camera = learn_examples(SCENES, block_error().model, [4e-7, 5e-7, 6e-7]), designed()
+    camera = designed()
     dark = examples.under(examples.light / 4).held_out(camera, 0.01, 0.002)
     for name, value in examples.held_out(camera, 0.04, 0.008).items():
         assert dark[name] == pytest.approx(value / 16, rel=1e-4)
     for light in (0.0, 1.0):
-        with pytest.raises(SettingError, match="above 0 and below 1"):
+        with pytest.raises(SettingError, match="light"):
             examples.under(light)
 
 
 def test_no_more_light_than_makes_the_brightest_value_white():
     scenes = {name: 0.1 * cube / cube.max() for name, cube in SCENES.items()}
     scenes["a"] = 2 * scenes["a"]
-    examples = learn_examples(scenes, block_error().model, [4e-7, 5e-7, 6e-7])
+    examples = learn_examples(scenes, block_error().model, WAVES)
     assert examples.most_light == pytest.approx(5 * examples.light)
     assert examples.under(examples.most_light).peaks["a"] == pytest.approx(1)
     with pytest.raises(SettingError, match=r"1\.2 times white.*at most"):

@@ -6,8 +6,7 @@ import pytest
 
 from tests.priors.test_spectral_depth import prior_of
 from tmca.cameras.phase_codes import read_phase_codes
-from tmca.design import SensorSheet
-from tmca.design.mask_search import MaskEffort
+from tmca.design import MaskEffort, SensorSheet
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.design.spectral_depth import design_spectral_depth
 from tmca.priors.spectral_depth import needed_block

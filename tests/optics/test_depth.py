@@ -28,7 +28,7 @@ def test_every_pixel_is_in_one_plane_the_nearest():
 def test_unknown_depth_is_found_never_clamped():
     planes = DepthPlanes(0.4, 2.0, 8)
     depth = torch.tensor([0.0, float("nan"), -1.0, float("inf"), 0.3, 5.0, 0.4, 2.0, 0.39, 2.6])
-    assert planes.known(depth).tolist() == [False] * 6 + [True] * 2 + [False] * 2
+    assert planes.within(depth).tolist() == [False] * 6 + [True] * 2 + [False] * 2
     assert planes.nearest(depth).tolist() == [0, 0, 0, 0, 7, 0, 7, 0, 7, 0]
 
 
@@ -37,10 +37,10 @@ def test_unknown_depth_is_found_never_clamped():
 def test_the_range_itself_is_known_however_few_planes(near, far, count):
     planes = DepthPlanes(near, far, count)
     inside = planes.depth_of(torch.linspace(0, 1, 1001)[1:])  # single precision, both ends apart from infinity
-    assert bool(planes.known(inside).all())
-    assert bool(planes.known(planes.metres[torch.isfinite(planes.metres)]).all())
+    assert bool(planes.within(inside).all())
+    assert bool(planes.within(planes.metres[torch.isfinite(planes.metres)]).all())
     beyond = torch.tensor([near * 0.999, 9999.0 if far == float("inf") else far * 1.001])
-    assert planes.known(beyond).tolist() == [False, far == float("inf")]
+    assert planes.within(beyond).tolist() == [False, far == float("inf")]
     slow = (1 / inside.double()[:, None] - planes.inverse).abs()
     place = planes.nearest(inside)
     torch.testing.assert_close(slow[torch.arange(len(inside)), place], slow.amin(1), rtol=1e-6, atol=1e-9)

@@ -73,11 +73,13 @@ def test_gradients_reach_every_parametrisation():
 
 
 def test_wrong_shapes_are_refused():
-    with pytest.raises(ShapeError, match="heights"):
-        FreeForm(torch.zeros(3, 3))
-    with pytest.raises(ShapeError, match="coefficients"):
-        ZernikeHeights(torch.zeros(1, 3), [noll(2)], (4, 4))
-    with pytest.raises(ShapeError, match="radii"):
-        RotationalProfile(torch.zeros(1, 1), (4, 4))
+    for where, refused in (
+        ("heights", lambda: FreeForm(torch.zeros(3, 3))),
+        ("coefficients", lambda: ZernikeHeights(torch.zeros(1, 3), [noll(2)], (4, 4))),
+        ("coefficients", lambda: ZernikeHeights(torch.zeros(1, 0), [], (4, 4))),
+        ("radii", lambda: RotationalProfile(torch.zeros(1, 1), (4, 4))),
+    ):
+        with pytest.raises(ShapeError, match=f"^{where}: "):
+            refused()
     with pytest.raises(SettingError, match="focal"):
         fresnel_lens((4, 4), 1e-6, 0.0, GREEN, None)

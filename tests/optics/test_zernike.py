@@ -7,18 +7,15 @@ import pytest
 import torch
 
 from tmca.errors import SettingError
-from tmca.optics.zernike import fit_zernike, noll, noll_index, osa, osa_index, pupil_coordinates, radial, zernike_modes
+from tmca.optics.zernike import fit_zernike, noll, noll_index, pupil_coordinates, radial, zernike_modes
 
 NOLL = [(0, 0), (1, 1), (1, -1), (2, 0), (2, -2), (2, 2), (3, -1), (3, 1), (3, -3), (3, 3), (4, 0), (4, 2), (4, -2),
         (4, 4), (4, -4), (5, 1), (5, -1), (5, 3), (5, -3), (5, 5), (5, -5), (6, 0)]  # fmt: skip
-OSA = [(0, 0), (1, -1), (1, 1), (2, -2), (2, 0), (2, 2), (3, -3), (3, -1), (3, 1), (3, 3), (4, -4)]
 
 
-def test_indices_are_those_of_noll_and_of_the_standard():
+def test_indices_are_those_of_noll():
     assert [noll(j) for j in range(1, 23)] == NOLL
-    assert [osa(j) for j in range(11)] == OSA
     assert all(noll_index(noll(j)) == j for j in range(1, 500))
-    assert all(osa_index(osa(j)) == j for j in range(500))
 
 
 @pytest.mark.parametrize("mode", [(0, 0), (2, 0), (5, 3), (8, 2), (12, 0)])
@@ -75,8 +72,7 @@ def test_a_fit_finds_the_coefficients_of_a_map_with_holes():
 def test_what_is_no_mode_is_refused():
     for refused in (
         lambda: noll(0),
-        lambda: osa(-1),
-        lambda: osa_index((2, 1)),
+        lambda: noll_index((2, 1)),
         lambda: zernike_modes([(1, 3)], (4, 4)),
     ):
         with pytest.raises(SettingError):

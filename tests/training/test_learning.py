@@ -9,7 +9,7 @@ from tmca.codes import CodePlane, hard_threshold
 from tmca.decoders.networks.network import build_network
 from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.decoders.networks.start import first_estimate
-from tmca.design.throughput import hold_throughput
+from tmca.design import hold_throughput
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.operators import single_disperser
 from tmca.optics import Dispersion

@@ -69,7 +69,7 @@ def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
     camera = weights.sized_camera((30, 27))
     decoded = weights.decoder(camera)(camera(torch.rand(1, 8, 30, 27), torch.full((1, 1, 30, 27), 0.8)))
     assert decoded.estimate.shape == (1, 8, 30, 27)
-    assert bool(camera.planes.known(decoded.depth).all())
+    assert bool(camera.planes.within(decoded.depth).all())
 
 
 @pytest.mark.parametrize("learn", [[], ["mask"]])

@@ -24,7 +24,7 @@ TOTAL = "unknown_depth_pixels"
 def unknown_depth(depth: xr.DataArray, planes: DepthPlanes) -> dict[str, int]:
     """How many pixels (y, x) are unknown, in all and by kind: no depth, or outside the range of the planes."""
     kinds = unknown_kinds(depth)
-    known = planes.known(torch.from_numpy(np.array(depth.values))).numpy()
+    known = planes.within(torch.from_numpy(np.array(depth.values))).numpy()
     counts = [int(np.sum(kinds == place)) for place in range(1, len(KINDS))] + [int(np.sum((kinds == 0) & ~known))]
     return {TOTAL: int(np.sum(~known)), **{f"unknown_{name}": n for name, n in zip(KINDS, counts, strict=True)}}
 

@@ -59,11 +59,11 @@ def spectral(
         camera["dispersion"] = numbers(dispersion, "--dispersion")
     sheet, named = sensor.sheet(), search.scenes(scenes)
     with progress_bar(f"design {out.name}") as progress:
-        advice, found = design_spectral(
+        _, found = design_spectral(
             sheet, out, scenes=named, bands=bands, reading=reading.reading(), camera=camera, period=period,
             progress=progress, **search.search(),
         )  # fmt: skip
-    _say(advice, found, out, json)
+    _say(found, out, json)
 
 
 @app.command
@@ -94,11 +94,11 @@ def light_field(
 
     sheet, named = sensor.sheet(), search.scenes(scenes)
     with progress_bar(f"design {out.name}") as progress:
-        advice, found = design_light_field(
+        _, found = design_light_field(
             sheet, out, scenes=named, views=reading.views, reading=reading.asked(), period=period, progress=progress,
             camera={} if shear is None else {"shear": shear_argument(shear)}, **search.search(),
         )  # fmt: skip
-    _say(advice, found, out, json)
+    _say(found, out, json)
 
 
 @app.command
@@ -127,7 +127,7 @@ def spectral_depth(
     from tmca.experiments.results import markdown_table
 
     with progress_bar(f"design {out.name}") as progress:
-        advice, found = design_spectral_depth(
+        _, found = design_spectral_depth(
             sensor.sheet(),
             out,
             scenes=scenes,
@@ -140,10 +140,10 @@ def spectral_depth(
         print(json_module.dumps(found, indent=1))
         return
     print(markdown_table(found["designs"], COLUMNS))
-    print(f"{advice.sentence()}\nopen {out / 'design.html'}")
+    print(f"{found['advice']}\nopen {out / 'design.html'}")
 
 
-def _say(advice: Any, found: dict[str, Any], out: Path, json: bool) -> None:
+def _say(found: dict[str, Any], out: Path, json: bool) -> None:
     """The advice as a table and a sentence, or as JSON."""
     from tmca.experiments.design.codes import COLUMNS
     from tmca.experiments.results import markdown_table
@@ -153,7 +153,7 @@ def _say(advice: Any, found: dict[str, Any], out: Path, json: bool) -> None:
         return
     rows = [found["static"], *([found["chosen"]] if found["chosen"] else []), *found["surveyed"]]
     print(markdown_table(rows, COLUMNS))
-    print(f"{advice.sentence()}\nopen {out / 'design.html'}")
+    print(f"{found['advice']}\nopen {out / 'design.html'}")
 
 
 @app.command

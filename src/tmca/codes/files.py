@@ -55,16 +55,14 @@ def write_codes(
 
     from tmca.data import write_dataset
 
-    for name, plane in (("aperture", aperture), ("shutter", shutter)):
+    planes = {}
+    for name, plane, columns in (("aperture", aperture, "x"), ("shutter", shutter, "x_sensor")):
         if bool(((plane != 0) & (plane != 1)).any()):
             raise SettingError(name, "grey values", "zeros and ones in a file of codes")
-    names = {"aperture": ("slot", "y", "x"), "shutter": ("slot", "y", "x_sensor")}
-    planes = {
-        name: (names[name], plane.detach().cpu().numpy().astype(np.uint8), {"meaning": "1 = open"})
-        for name, plane in (("aperture", aperture), ("shutter", shutter))
-    }
-    kept = [] if period is None else list(period)
-    return write_dataset(xr.Dataset(planes, attrs={**(notes or {}), "period": kept}), path, overwrite=overwrite)
+        values = plane.detach().cpu().numpy().astype(np.uint8)
+        planes[name] = (("slot", "y", columns), values, {"meaning": "1 = open"})
+    attributes = {**(notes or {}), "period": list(period or ())}
+    return write_dataset(xr.Dataset(planes, attrs=attributes), path, overwrite=overwrite)
 
 
 def read_codes(path: str | Path) -> CodesFile:
@@ -78,8 +76,8 @@ def read_codes(path: str | Path) -> CodesFile:
     stored = read_dataset(path, ("aperture", "shutter"))
     aperture, shutter = (torch.from_numpy(stored[name].values.astype(np.float32)) for name in ("aperture", "shutter"))
     if aperture.ndim != 3 or shutter.ndim != 3 or len(aperture) != len(shutter):
-        found = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}"
-        raise DataError(path, found, "(K, rows, columns) of the same K", "write codes with `tmca design`")
+        text = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}"
+        raise DataError(path, text, "(K, rows, columns) of the same K", "write codes with `tmca design`")
     period = np.atleast_1d(stored.attrs.get("period", []))
     tile = (int(period[0]), int(period[-1])) if period.size and np.issubdtype(period.dtype, np.number) else None
     return CodesFile(aperture, shutter, tile, Path(path))

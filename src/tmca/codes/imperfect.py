@@ -45,13 +45,13 @@ def slot_overlap(slots: int, starts: Tensor, ends: Tensor, switching: float = 0.
     """
     begun = torch.arange(slots, dtype=starts.dtype, device=starts.device)
     reach = 2 + ceil(max(float(ends.abs().max()), float(starts.abs().max())) / slots)
-    found = starts.new_zeros(*starts.shape, slots)
+    overlap = starts.new_zeros(*starts.shape, slots)
     for cycle in range(-reach, reach + 1):
         at = begun + cycle * slots
         until, since = ends[..., None] - at, starts[..., None] - at
-        found += _shown(until, switching) - _shown(until - 1, switching)
-        found -= _shown(since, switching) - _shown(since - 1, switching)
-    return found
+        overlap += _shown(until, switching) - _shown(until - 1, switching)
+        overlap -= _shown(since, switching) - _shown(since - 1, switching)
+    return overlap
 
 
 def _shown(time: Tensor, switching: float) -> Tensor:
@@ -111,9 +111,9 @@ def misplaced(
         return patterns
     y, x = (torch.arange(n, dtype=torch.float64) - (n - 1) / 2 - s for n, s in zip((height, width), shift, strict=True))
     angle = torch.tensor(radians(rotation), dtype=torch.float64)
-    own_y = (angle.cos() * y[:, None] + angle.sin() * x) / magnification
-    own_x = (angle.cos() * x - angle.sin() * y[:, None]) / magnification
-    grid = torch.stack((2 * own_x / max(columns - 1, 1), 2 * own_y / max(rows - 1, 1)), -1).to(patterns)
+    there_y = (angle.cos() * y[:, None] + angle.sin() * x) / magnification
+    there_x = (angle.cos() * x - angle.sin() * y[:, None]) / magnification
+    grid = torch.stack((2 * there_x / max(columns - 1, 1), 2 * there_y / max(rows - 1, 1)), -1).to(patterns)
     return torch.nn.functional.grid_sample(
         patterns[None], grid[None], padding_mode="border" if outside == "edge" else "zeros", align_corners=True
     )[0].clamp(0, 1)  # fmt: skip

@@ -1,15 +1,15 @@
-"""Families of binary patterns, one per time slot."""
+"""Families of binary patterns, one per time slot, and balanced random choices."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.codes.blue_noise import blue_noise_ranks
-from tmca.errors import SettingError
+from tmca.errors import check_choice, check_range
 
 
 def random_pattern(slots: int, size: tuple[int, int], density: float, seed: int) -> Tensor:
@@ -95,17 +95,71 @@ def pattern(family: str, slots: int, size: tuple[int, int], density: float = 0.5
     Raises:
         SettingError: unknown family, no slots, or a density outside [0, 1].
     """
-    if family not in FAMILIES:
-        raise SettingError(
-            "pattern family",
-            repr(family),
-            f"one of {', '.join(FAMILIES)}",
-            "or give the patterns as an array",
-        )
-    if slots < 1:
-        raise SettingError("slots", str(slots), "at least 1")
-    if not 0 <= seed < 2**31:
-        raise SettingError("seed", str(seed), "0 or more, below 2^30")
-    if not 0 <= density <= 1:
-        raise SettingError("transmittance", str(density), "a share between 0 and 1")
+    check_choice("pattern family", family, FAMILIES)
+    check_range("slots", slots, 1)
+    check_range("seed", seed, 0, below=2**31)
+    check_range("transmittance", density, 0, 1)
     return FAMILIES[family](slots, size, density, seed)
+
+
+def balanced_choice(count: int, size: tuple[int, int], seed: int = 0) -> Tensor:
+    """(h, w) whole numbers from 0 to ``count - 1`` in random order, as often as each other, or once more.
+
+    Raises:
+        SettingError: nothing to choose from.
+    """
+    check_range("choices", count, 1)
+    pixels = size[0] * size[1]
+    order = torch.randperm(pixels, generator=torch.Generator().manual_seed(seed))
+    return (torch.arange(pixels) % count)[order].reshape(size)
+
+
+def one_hot_planes(choice: Tensor, count: int) -> Tensor:
+    """(count, h, w) zeros and ones: one in the plane that every pixel of ``choice`` (h, w) names."""
+    return torch.nn.functional.one_hot(choice.long(), count).movedim(-1, 0).to(torch.get_default_dtype())
+
+
+@lru_cache(maxsize=8)
+def blue_noise_ranks(size: int = 48, seed: int = 0, sigma: float = 1.5) -> np.ndarray:
+    """Void-and-cluster ranks on a torus: every threshold of them is a binary pattern without low frequencies.
+
+    Args:
+        size: side of the square tile, pixels.
+        seed: of the initial random pattern.
+        sigma: width of the Gaussian that measures crowding, pixels.
+
+    Returns:
+        (size, size) permutation of 0 … size²-1; ``ranks < p * size**2`` is a pattern of density p.
+
+    Source: Ulichney 1993, "The void-and-cluster method for dither array generation".
+    """
+    axis = np.minimum(np.arange(size), size - np.arange(size))
+    line = np.exp(-(axis**2) / (2 * sigma**2))
+    kernel = np.outer(line, line)
+    order = np.random.default_rng(seed).permutation(size * size).reshape(size, size)
+    start = order < max(1, size * size // 10)
+    crowding = _crowding(start, kernel)
+    for _ in range(size * size):  # from the tightest cluster to the largest void, until nothing moves
+        cluster = _turn(start, crowding, kernel, cluster=True)
+        if _turn(start, crowding, kernel, cluster=False) == cluster:
+            break
+    ranks, count = np.empty((size, size), dtype=np.int64), int(start.sum())
+    for taken, ranking in ((True, range(count - 1, -1, -1)), (False, range(count, size * size))):
+        pattern = start.copy()
+        crowding = _crowding(pattern, kernel)
+        for rank in ranking:
+            ranks[_turn(pattern, crowding, kernel, cluster=taken)] = rank
+    return ranks
+
+
+def _crowding(pattern: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    return np.fft.irfft2(np.fft.rfft2(pattern.astype(float)) * np.fft.rfft2(kernel), s=pattern.shape)
+
+
+def _turn(pattern: np.ndarray, crowding: np.ndarray, kernel: np.ndarray, *, cluster: bool) -> tuple[int, int]:
+    """Take the pixel of the tightest cluster out, or put one into the largest void; its place."""
+    masked = np.where(pattern == cluster, crowding, -np.inf if cluster else np.inf)
+    place = divmod(int(masked.argmax() if cluster else masked.argmin()), pattern.shape[1])
+    pattern[place] = not cluster
+    crowding += np.roll(-kernel if cluster else kernel, place, axis=(0, 1))
+    return place

@@ -1,16 +1,15 @@
-"""Finding codes: the expected error as objective, its optimisers, and what they advise."""
+"""Finding codes and masks: the expected error as objective, its optimisers, and which designs to take."""
 
 from tmca.design.advice import Advice, Candidate, SensorSheet, advise
 from tmca.design.block_mse import BlockMse
-from tmca.design.descent import Descent, descend
+from tmca.design.descent import Descent, Progress, descend
 from tmca.design.flips import flip_greedily
-from tmca.design.geometry import design_model
-from tmca.design.kinds import KINDS, designable
+from tmca.design.kinds import KINDS, designable, hold_throughput, throughput_of
+from tmca.design.mask_search import MaskAdvice, MaskCandidate, MaskEffort, MaskTask, search_masks
 from tmca.design.measures import CodeMeasures, measures
-from tmca.design.mixture import MixtureTileMse
-from tmca.design.search import SURVEY, Design, Effort, search
-from tmca.design.throughput import hold_throughput
-from tmca.design.tile import TileMse
+from tmca.design.search import SURVEY, Design, Effort, decibels, search
+from tmca.design.spectral_depth import depth_information, design_masks
+from tmca.design.tile import MixtureTileMse, TileMse, design_model
 from tmca.design.transfer import Examples, TransferMse, learn_examples
 
 __all__ = [
@@ -24,12 +23,20 @@ __all__ = [
     "Design",
     "Effort",
     "Examples",
+    "MaskAdvice",
+    "MaskCandidate",
+    "MaskEffort",
+    "MaskTask",
     "MixtureTileMse",
+    "Progress",
     "SensorSheet",
     "TileMse",
     "TransferMse",
     "advise",
+    "decibels",
+    "depth_information",
     "descend",
+    "design_masks",
     "design_model",
     "designable",
     "flip_greedily",
@@ -37,4 +44,6 @@ __all__ = [
     "learn_examples",
     "measures",
     "search",
+    "search_masks",
+    "throughput_of",
 ]

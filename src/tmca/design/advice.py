@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from math import floor, sqrt
 from typing import Any
 
-from tmca.design.kinds import designable
+from tmca.design.descent import Parts, Progress
+from tmca.design.kinds import designable, hold_throughput
 from tmca.design.search import SURVEY, Design, Effort, decibels, search
-from tmca.design.throughput import hold_throughput
 from tmca.design.transfer import Examples
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 from tmca.sensor import Sensor
 
 SLOTS = (2, 4, 8, 16)
@@ -51,9 +51,8 @@ class SensorSheet:
 
     def __post_init__(self) -> None:
         for name in ("exposure", "pattern_rate", "slot_time"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < float("inf"):
-                raise SettingError(name, f"{value}", "a number above 0")
+            if getattr(self, name) is not None:
+                check_range(name, getattr(self, name), above=0)
         if self.exposure is None and (self.pattern_rate or self.slot_time):
             raise SettingError("exposure", "none beside a pattern rate or slot time", "the exposure time in seconds")
         self.sensor()
@@ -81,20 +80,17 @@ class SensorSheet:
         Raises:
             SettingError: one that is asked for does not fit the exposure.
         """
-        most = self.most_slots
+        most, remedy = self.most_slots, "expose longer, or use faster patterns"
         if most == 0:
-            found = f"{self.exposure:g} s, shorter than one pattern"
-            raise SettingError(
-                "exposure", found, f"at least {self.shortest:g} s", "expose longer, or use faster patterns"
-            )
+            text = f"{self.exposure:g} s, shorter than one pattern"
+            raise SettingError("exposure", text, f"at least {self.shortest:g} s", remedy)
         if slots is None:
             return [k for k in SLOTS if most is None or k <= most]
         for k in slots:
-            if k < 1:
-                raise SettingError("slots", str(k), "1 or more")
+            check_range("slots", k, 1)
             if most is not None and k > most:
-                found = f"{k} slots in an exposure of {self.exposure:g} s"
-                raise SettingError("slots", found, f"at most {most}", "expose longer, or use faster patterns")
+                text = f"{k} slots in an exposure of {self.exposure:g} s"
+                raise SettingError("slots", text, f"at most {most}", remedy)
         return sorted({k for k in slots if k > 1})
 
 
@@ -124,19 +120,10 @@ class Candidate:
         total = sum((g - self.gain) ** 2 for g in self.gains.values())
         return sqrt(total / (count - 1)) if count > 1 else None
 
-    def row(self) -> dict[str, Any]:
-        """For tables and files."""
-        own = self.design
-        return {
-            "codes": own.kind, "slots": own.slots, "expected_psnr": own.psnr, "random_psnr": decibels(own.random),
-            "held_out_psnr": sum(self.held_out.values()) / len(self.held_out), "gain": self.gain,
-            "spread": self.spread, "throughput": own.camera.throughput(), "seconds": own.seconds,
-        }  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Advice:
-    """What was found for a sensor.
+    """Designs for a sensor, and which of them to use.
 
     Args:
         static: the static design.
@@ -166,35 +153,6 @@ class Advice:
         """The design to use."""
         return self.chosen if self.chosen is not None and self.multiplex else self.static
 
-    def sentence(self) -> str:
-        """The advice in words, with the codes that were left out."""
-        return " ".join(part for part in (self._recommended(), self._left_out()) if part)
-
-    def _left_out(self) -> str:
-        """Which codes were not tried, and why; empty where all were."""
-        if not self.left_out:
-            return ""
-        slots = {kind: ", ".join(str(k) for own, k in self.left_out if own == kind) for kind, _ in self.left_out}
-        named = "; ".join(f"{kind}, K = {counts}" for kind, counts in slots.items())
-        return f"Left out, as they cannot let through {100 * (self.throughput or 0):g}% of the light: {named}."
-
-    def _recommended(self) -> str:
-        """Slots and codes to use, and their gain."""
-        if self.chosen is None and self.left_out:
-            return "No codes of several slots could be tried: use the static code."
-        if self.chosen is None:
-            return "One slot is all that was tried or fits the exposure: use the static code."
-        if not self.multiplex:
-            return f"Do not multiplex: no design gains {WORTH} dB over the static code."
-        best = self.best
-        said = (
-            f"Use {best.design.slots} slots with {best.design.kind} codes: {best.gain:+.1f} dB over the static code, "
-        )
-        if best.spread is None:
-            return said + "on one example scene that the estimate knows; give more to see the spread."
-        sure = "" if best.gain > best.spread else ", no more than the spread"
-        return said + f"± {best.spread:.1f} dB from scene to scene{sure}."
-
 
 def advise(
     examples: Examples,
@@ -207,7 +165,7 @@ def advise(
     effort: Effort | None = None,
     throughput: float | None = None,
     seed: int = 0,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
     **camera: Any,
 ) -> Advice:
     """Search static and time-multiplexed codes for a sensor with the same effort, at equal exposure time.
@@ -230,25 +188,30 @@ def advise(
     Raises:
         SettingError: impossible sensor, slots that do not fit, unknown kind.
     """
-    task = _Task(examples, _noise(sheet, period, camera), period, throughput, seed, camera)
+    noise = sheet.sensor().noise(designable("static", 1, period, **camera).full_scale)
+    task = _Task(examples, (noise.read, noise.shot), period, throughput, seed, camera)
     kinds = sorted(dict.fromkeys(kinds), key=lambda kind: kind == "free")  # which then starts from the others
     asked = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
     plan = [(kind, k) for kind, k in asked if task.reaches(kind, k)]
     out = tuple(sorted(set(asked) - set(plan)))
-    part = _Parts(progress or (lambda share, step: None), [survey] * (len(plan) + 1) + [effort or Effort()] * 2)
-    static = task.judged("static", 1, survey, part("survey: static"))
+    effort = effort or Effort()
+    part = Parts(progress, [*map(_duration, [survey] * (len(plan) + 1) + [effort] * 2)])
+    static = task.candidate("static", 1, survey, part("survey: static"))
     surveyed = [static]
     for kind, k in plan:
         starts = _contained(surveyed, k) if kind == "free" else []
-        surveyed.append(task.judged(kind, k, survey, part(f"survey: {kind}, K = {k}"), starts, static))
-    final = task.judged("static", 1, effort, part("static"), [static])
-    best = _best(surveyed[1:])
-    if best is None:
-        return Advice(final, surveyed, None, task.noise, sheet, out, throughput)
-    kind, k = best.design.kind, best.design.slots
-    starts = [best, final] if kind == "free" else [best]
-    chosen = task.judged(kind, k, effort, part(f"{kind}, K = {k}"), starts, final)
+        surveyed.append(task.candidate(kind, k, survey, part(f"survey: {kind}, K = {k}"), starts, static))
+    final, chosen = task.candidate("static", 1, effort, part("static"), [static]), None
+    if (best := _best(surveyed[1:])) is not None:
+        kind, k = best.design.kind, best.design.slots
+        starts = [best, final] if kind == "free" else [best]
+        chosen = task.candidate(kind, k, effort, part(f"{kind}, K = {k}"), starts, final)
     return Advice(final, surveyed, chosen, task.noise, sheet, out, throughput)
+
+
+def _duration(effort: Effort) -> float:
+    """Of a search, in steps of a descent."""
+    return effort.descents * effort.steps + _FLIP * effort.flips
 
 
 def _contained(candidates: Sequence[Candidate], slots: int) -> list[Candidate]:
@@ -283,40 +246,21 @@ class _Task:
         hold_throughput(camera, self.throughput)
         return abs(camera.throughput() - self.throughput) < _LIGHT
 
-    def judged(
+    def candidate(
         self,
         kind: str,
         slots: int,
-        effort: Effort | None,
-        told: Callable[[float], None],
+        effort: Effort,
+        progress: Callable[[float], None],
         starts: Sequence[Candidate] = (),
         static: Candidate | None = None,
     ) -> Candidate:
-        """The best design of a kind; gains are counted from the static design."""
+        """The best design of a kind; gains are counted from the static design, its own without."""
         design = search(
             kind, slots, self.period, self.examples.tile_mse(*self.noise),
             starts=[start.design.camera for start in starts], effort=effort, throughput=self.throughput,
-            seed=self.seed, progress=told, **self.camera,
+            seed=self.seed, progress=progress, **self.camera,
         )  # fmt: skip
-        held = {n: decibels(v) for n, v in self.examples.held_out(design.camera, *self.noise).items()}
-        before = static.held_out if static else held
-        return Candidate(design, held, {name: psnr - before[name] for name, psnr in held.items()})
-
-
-def _noise(sheet: SensorSheet, period: tuple[int, int], camera: dict[str, Any]) -> tuple[float, float]:
-    whole = designable("static", 1, period, **camera)
-    found = sheet.sensor().noise(whole.full_scale)
-    return found.read, found.shot
-
-
-class _Parts:
-    """Progress of searches one after the other, each as long as its effort."""
-
-    def __init__(self, told: Callable[[float, str], None], efforts: Sequence[Effort]) -> None:
-        lengths = [effort.descents * effort.steps + _FLIP * effort.flips for effort in efforts]
-        self.told, self.all, self.left = told, sum(lengths), lengths
-
-    def __call__(self, what: str) -> Callable[[float], None]:
-        """Takes the share that is done of the next search."""
-        before, own = self.all - sum(self.left), self.left.pop(0)
-        return lambda share: self.told((before + own * share) / self.all, what)
+        held_out = {n: decibels(v) for n, v in self.examples.held_out(design.camera, *self.noise).items()}
+        before = static.held_out if static else held_out
+        return Candidate(design, held_out, {name: psnr - before[name] for name, psnr in held_out.items()})

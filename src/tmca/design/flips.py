@@ -11,8 +11,8 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.codes import CodePlane
-from tmca.design.descent import learned
-from tmca.design.low_rank import BlockState
+from tmca.design.block_mse import BlockState
+from tmca.design.descent import learnable
 from tmca.design.tile import TileMse, count_places, even_places, windows
 from tmca.priors.blocks import BlockModel
 
@@ -84,8 +84,8 @@ def flip_greedily(
         SettingError: nothing to turn.
     """
     state, flips = TileState.of(camera, error), _flips(camera)
-    generator, left = torch.Generator().manual_seed(seed), len(flips) if most is None else most
-    most, helped = left, True
+    generator, most = torch.Generator().manual_seed(seed), len(flips) if most is None else most
+    left, helped = most, True
     while left > 0 and helped:
         order, helped = torch.randperm(len(flips), generator=generator)[:left].tolist(), False
         for start in range(0, len(order), batch):
@@ -118,12 +118,11 @@ class TileState:
 
     def weights(self, codes: Tensor) -> Tensor:
         """(B, P, m, T) weights of the blocks under codes (B, taps, rows, columns)."""
-        model = self.error.error.model
-        period = (codes.shape[2], codes.shape[3])
-        places = even_places(model, period, _SHIFTS)
+        model = self.error.model
+        places = even_places(model, (codes.shape[2], codes.shape[3]), _SHIFTS)
         seen = windows(codes.flatten(0, 1), model.block, places)  # (P, B·taps, h, w)
         seen = seen.unflatten(1, codes.shape[:2]).transpose(0, 1).flatten(0, 1)
-        return model.complete(seen).flatten(2).mT.unflatten(0, (len(codes), len(places)))
+        return self.error.error.weights(seen).unflatten(0, (len(codes), len(places)))
 
     def gains(self, changes: Tensor) -> tuple[Tensor, Tensor]:
         """(B,) by how much changes (B, taps, rows, columns) of the code lower the error, and (B, P) whom they touch."""
@@ -131,9 +130,9 @@ class TileState:
         touched = (weights != 0).flatten(2).any(2)
         gains = torch.zeros(len(changes), dtype=torch.float64)
         for place, block in enumerate(self.blocks):
-            own = touched[:, place].nonzero().flatten()
-            if len(own):
-                gains[own] += (block.value - block.after(weights[own, place])) / len(self.blocks)
+            those = touched[:, place].nonzero().flatten()
+            if len(those):
+                gains[those] += (block.value - block.after(weights[those, place])) / len(self.blocks)
         return gains, touched
 
     def move(self, code: Tensor, touched: Sequence[bool]) -> None:
@@ -145,7 +144,7 @@ class TileState:
 
 
 def _flips(camera: CodedCamera) -> list[Flip]:
-    learned(camera)  # refuses a camera without any
+    learnable(camera)  # refuses a camera without any
     planes = [p for p in (camera.codes.aperture, camera.codes.shutter) if p.learnable]
     return [Flip(plane, (k, y, x)) for plane in planes for k, y, x in product(*map(range, plane.latent.shape))]
 

@@ -1,12 +1,16 @@
-"""Cameras of one period, whose codes can be designed."""
+"""Cameras of one period, whose codes can be designed, and how much light they let through."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
+import torch
+from torch import Tensor
+
 from tmca.cameras import CodedCamera, SpectralCamera
-from tmca.errors import SettingError
+from tmca.codes import CodePlane
+from tmca.errors import SettingError, check_choice
 
 KINDS: dict[str, dict[str, str]] = {
     "static": {"aperture": "random", "shutter": "open"},
@@ -20,13 +24,7 @@ KINDS: dict[str, dict[str, str]] = {
 }
 """Structure of codes by name: what the optimiser starts from and, where planes are no random, blue-noise or S-matrix
 ones, keeps."""
-_SPREAD = 0.9
-
-
-def check_kind(kind: str) -> None:
-    """Raise SettingError unless it is one of ``KINDS``."""
-    if kind not in KINDS:
-        raise SettingError("kind", repr(kind), f"one of {', '.join(KINDS)}")
+_SPREAD, _BISECTIONS = 0.9, 24
 
 
 def designable(
@@ -55,23 +53,52 @@ def designable(
         SettingError: unknown kind, a static camera with slots, a start whose slots do not divide these, or whose codes
             are not of this kind.
     """
-    check_kind(kind)
+    check_choice("kind", kind, KINDS)
     if kind == "static" and slots != 1:
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
     planes: dict[str, Any] = dict(KINDS[kind])
-    own = camera_type(
+    made = camera_type(
         size=period, period=period, slots=slots, learnable=True, spread=_SPREAD, seed=seed, **planes, **camera
     )
-    if start is not None:
-        _show(own, start, seed)
-    return own
-
-
-def _show(camera: CodedCamera, start: CodedCamera, seed: int) -> None:
-    """Show the codes of a camera of as many slots, or of fewer that divide them."""
-    slots = camera.slots
+    if start is None:
+        return made
     if slots % start.slots:
         raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
     for name in ("aperture", "shutter"):
         codes = getattr(start.codes, name).tile().detach().repeat_interleave(slots // start.slots, 0)
-        getattr(camera.codes, name).show(codes, spread=_SPREAD, seed=seed)
+        getattr(made.codes, name).show(codes, spread=_SPREAD, seed=seed)
+    return made
+
+
+def throughput_of(camera: CodedCamera) -> Tensor:
+    """Mean of T̂ as a differentiable scalar, share of a white scene's light under equal exposure."""
+    share = camera.code_cube().mean()
+    return share / camera.slots if camera.exposure == "per-slot" else share
+
+
+@torch.no_grad()
+def hold_throughput(camera: CodedCamera, target: float) -> None:
+    """Shift the latent values of the learned planes together until the throughput is as near to ``target`` as the
+    codes allow: the pixels that were nearest to changing change.
+
+    Planes whose family fixes their own share (one-hot, complementary) are left as they are.
+    """
+    fixed = ("one-hot", "complementary")
+    planes = [p for p in (camera.codes.aperture, camera.codes.shutter) if p.learnable and p.family not in fixed]
+    if not planes:
+        return
+    latents = [plane.latent.clone() for plane in planes]
+    reach = max(float(latent.abs().max()) for latent in latents) * 1.01 + 1e-3
+    low, high, best = -reach, reach, (float("inf"), 0.0)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        _shift(planes, latents, middle)
+        share = camera.throughput()
+        best = min(best, (abs(share - target), middle))
+        low, high = (middle, high) if share < target else (low, middle)
+    _shift(planes, latents, best[1])
+
+
+def _shift(planes: list[CodePlane], latents: list[Tensor], shift: float) -> None:
+    for plane, latent in zip(planes, latents, strict=True):
+        plane.latent.copy_(latent + shift)

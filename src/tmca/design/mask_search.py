@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.design.depth_information import depth_information
-from tmca.design.mask_advice import MaskAdvice, MaskCandidate
-from tmca.design.spectral_depth import confusion, design_masks, window_covariance
-from tmca.errors import SettingError
-from tmca.optics import MODES, HeightMaps, PhaseMaskBench, Stroke, mask_heights
+from tmca.design.descent import Parts, Progress
+from tmca.design.spectral_depth import confusion, depth_information, design_masks, window_covariance
+from tmca.errors import SettingError, check_choice, check_range
+from tmca.optics import MODES, PhaseMaskBench, Stroke, mask_heights
 from tmca.priors import GaussianPrior
 
 SEARCHED = ("zernike", "free-form", "rotational")
@@ -25,10 +24,11 @@ SIZE = (64, 64)
 _APART = 1000
 """Of the seeds of two starts."""
 _OWN, _RMS = 0.05, 0.1e-6
-"""Share of variance that slots have of their own when they start from one mask, metres."""
-_SEARCHING = 0.7
-"""Share of the time, as a rule, until designs are judged."""
-Told = Callable[[float, str], None]
+"""Share of variance that slots have of their own when they start from one mask; height of random masks, metres."""
+_JUDGING = 0.3
+"""Share of the time, as a rule, in which designs are judged."""
+WORTH = 0.1
+"""Share of the static mask's error that more slots have to save."""
 Judge = Callable[[SpectralDepthCamera], float]
 """From a camera to an error of depth, in bins."""
 
@@ -52,9 +52,9 @@ class MaskEffort:
     rate: float = 0.003
 
     def __post_init__(self) -> None:
-        if self.starts < 1 or self.steps < 1 or not self.rate > 0:
-            found = f"{self.starts} starts of {self.steps} steps at rate {self.rate:g}"
-            raise SettingError("search", found, "a start and a step or more, and a rate above 0")
+        check_range("starts", self.starts, 1)
+        check_range("steps", self.steps, 1)
+        check_range("rate", self.rate, above=0)
 
 
 @dataclass(frozen=True)
@@ -89,16 +89,13 @@ class MaskTask:
     modes: int = MODES
 
     def __post_init__(self) -> None:
-        if self.family not in SEARCHED:
-            raise SettingError("mask", repr(self.family), f"one of {', '.join(SEARCHED)}, which have random starts")
+        check_choice("mask", self.family, SEARCHED)
         if not self.learn:
             raise SettingError("learn", "nothing", "some of mask, shutter, filters")
-        if self.window < 1:
-            raise SettingError("window", str(self.window), "1 pixel or more")
-        if int(self.camera.get("planes", 8)) < 3:
-            raise SettingError("planes", str(self.camera["planes"]), "3 or more depth planes")
+        check_range("window", self.window, 1, unit="pixels")
+        check_range("planes", self.camera.get("planes", 8), 3)
 
-    def made(self, slots: int, number: int) -> SpectralDepthCamera:
+    def camera_of(self, slots: int, number: int = 0) -> SpectralDepthCamera:
         """A camera with the random masks of a start; those of other seeds are others.
 
         Raises:
@@ -112,21 +109,93 @@ class MaskTask:
         if self.stroke is not None and self.rms is not None:
             self.stroke.check(heights.profile(), "heights of random masks")
         shutter = "open" if slots == 1 else self.shutter
-        learned = [part for part in self.learn if part != "shutter" or shutter != "open"]
+        learnable = [part for part in self.learn if part != "shutter" or shutter != "open"]
         return SpectralDepthCamera(
             **{**self.camera, "size": SIZE, "slots": slots, "bench": self.bench, "mask": heights, "shutter": shutter},
-            seed=self.seed, learnable=learned,
+            seed=self.seed, learnable=learnable,
         )  # fmt: skip
 
+    @torch.no_grad()
     def covariance(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
         """(D, n, n) of ``window_covariance``, without gradients."""
-        with torch.no_grad():
-            return window_covariance(camera, prior, self.window)
+        return window_covariance(camera, prior, self.window)
 
+    @torch.no_grad()
     def information(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
         """(D,) of ``depth_information``, without gradients."""
-        with torch.no_grad():
-            return depth_information(camera, prior, self.window)
+        return depth_information(camera, prior, self.window)
+
+
+@dataclass(frozen=True)
+class MaskCandidate:
+    """The best masks for a number of slots.
+
+    Args:
+        camera: that shows them.
+        covariance: (D, n, n) of windows at every plane.
+        information: (D,) of ``depth_information``.
+        random_covariance, random_information: the same of the first random masks.
+        start: where their descent began.
+        seconds: CPU time of the search.
+        history: confusion after every step of that descent.
+        errors: in bins, by a judge, of these masks and of the random ones; None without a judge.
+    """
+
+    camera: SpectralDepthCamera
+    covariance: Tensor = field(repr=False)
+    information: Tensor = field(repr=False)
+    random_covariance: Tensor = field(repr=False)
+    random_information: Tensor = field(repr=False)
+    start: str
+    seconds: float
+    history: tuple[float, ...] = field(repr=False)
+    errors: tuple[float, float] | None = None
+
+    @property
+    def slots(self) -> int:
+        """K."""
+        return self.camera.slots
+
+    @property
+    def confusion(self) -> float:
+        """Bound on the mean error, bins."""
+        return float(confusion(self.covariance))
+
+    @property
+    def expected(self) -> float:
+        """What designs are ordered by, in bins: the judge's error, or the confusion."""
+        return self.confusion if self.errors is None else self.errors[0]
+
+
+@dataclass(frozen=True)
+class MaskAdvice:
+    """The best masks for each number of slots, and which of them to take.
+
+    Args:
+        candidates: the static one first.
+    """
+
+    candidates: tuple[MaskCandidate, ...]
+
+    @property
+    def static(self) -> MaskCandidate:
+        """The best static mask."""
+        return self.candidates[0]
+
+    def saved(self, candidate: MaskCandidate) -> float:
+        """Share of the static mask's error that is saved."""
+        return 1 - candidate.expected / max(self.static.expected, 1e-30)
+
+    @property
+    def best(self) -> MaskCandidate:
+        """The fewest slots that save as much of the static mask's error as any, but for ``WORTH`` of it."""
+        most = max(map(self.saved, self.candidates))
+        return next(c for c in self.candidates if self.saved(c) > most - WORTH or self.saved(c) == most)
+
+    @property
+    def multiplex(self) -> bool:
+        """Whether more than one slot is worth it."""
+        return self.best is not self.static
 
 
 def search_masks(
@@ -134,7 +203,7 @@ def search_masks(
     prior: GaussianPrior,
     slots: Sequence[int],
     effort: MaskEffort | None = None,
-    progress: Told | None = None,
+    progress: Progress | None = None,
     judge: Judge | None = None,
 ) -> MaskAdvice:
     """Search masks for one slot and for every number of slots, with the same effort.
@@ -155,27 +224,22 @@ def search_masks(
         ShapeError: a prior that does not fit.
     """
     counts = sorted({1, *slots})
-    if counts[0] < 1:
-        raise SettingError("slots", str(counts[0]), "1 or more")
-    search, found = _Search(task, prior, effort or MaskEffort(), judge), list[MaskCandidate]()
-    for place, count in enumerate(counts):
-        told = _part(progress, place / len(counts), 1 / len(counts), f"masks, K = {count}")
-        found.append(search(count, found[0] if found else None, told))
-    return MaskAdvice(tuple(found))
+    check_range("slots", counts[0], 1)
+    search, part = _Search(task, prior, effort or MaskEffort(), judge), Parts(progress, [1.0] * len(counts))
+    candidates = list[MaskCandidate]()
+    for count in counts:
+        static = candidates[0] if candidates else None
+        candidates.append(search(count, static, part(f"masks, K = {count}")))
+    return MaskAdvice(tuple(candidates))
 
 
 @dataclass(frozen=True)
 class _Run:
-    """A camera that was found, from which start, and its confusion after every step."""
+    """A camera, where its descent began, and its confusion after every step."""
 
     camera: SpectralDepthCamera
     start: str
     history: tuple[float, ...]
-
-    @property
-    def value(self) -> float:
-        """The least confusion, which is the camera's."""
-        return min(self.history)
 
 
 @dataclass(frozen=True)
@@ -187,76 +251,61 @@ class _Search:
     effort: MaskEffort
     judge: Judge | None
 
-    def __call__(self, slots: int, static: MaskCandidate | None, told: Callable[[float], None]) -> MaskCandidate:
+    def __call__(self, slots: int, static: MaskCandidate | None, progress: Callable[[float], None]) -> MaskCandidate:
         """The best of all descents; for a judge random masks are good enough, too."""
-        begun, random = time.process_time(), self.task.made(slots, 0)
-        searching = 1.0 if self.judge is None else _SEARCHING
-        runs = self._descents(slots, static, lambda share: told(searching * share))
+        begun, random = time.process_time(), self.task.camera_of(slots)
         drawn, errors = self.task.covariance(random, self.prior), None
-        best = min(runs, key=lambda run: run.value)
+        starts, designs = self.effort.starts, self.effort.starts + 1 + (static is not None)
+        judging = [] if self.judge is None else [_JUDGING / designs] * designs
+        part = Parts(lambda share, _: progress(share), [(1 - _JUDGING) / starts] * starts + judging)
+        runs = self._descents(slots, static, part)
+        best = min(runs, key=lambda run: min(run.history))
         if self.judge is not None:
             runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
-            judged = self._judged(runs, lambda share: told(searching + (1 - searching) * share))
-            best, errors = runs[judged.index(min(judged))], (min(judged), judged[-1])
-        seconds, seen = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
-        own, others = (self.task.information(camera, self.prior) for camera in (best.camera, random))
-        return MaskCandidate(best.camera, seen, own, random, drawn, others, best.start, seconds, best.history, errors)
+            best, errors = self._judge(runs, self.judge, part)
+        seconds, covariance = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
+        designed, others = (self.task.information(camera, self.prior) for camera in (best.camera, random))
+        return MaskCandidate(
+            best.camera, covariance, designed, drawn, others, best.start, seconds, best.history, errors
+        )
 
-    def _descents(self, slots: int, static: MaskCandidate | None, told: Callable[[float], None]) -> list[_Run]:
+    def _judge(self, runs: Sequence[_Run], judge: Judge, part: Parts) -> tuple[_Run, tuple[float, float]]:
+        """The best for the judge, with its error and that of the last one."""
+        errors = []
+        for run in runs:
+            errors.append(judge(run.camera))
+            part()(1.0)
+        return runs[errors.index(min(errors))], (min(errors), errors[-1])
+
+    def _descents(self, slots: int, static: MaskCandidate | None, part: Parts) -> list[_Run]:
         """One from every start, and the static mask in all slots as it is."""
         runs: list[_Run] = []
         for number in range(self.effort.starts):
-            camera, start, last = (
-                self.task.made(slots, number),
-                f"random {number + 1}",
-                number == self.effort.starts - 1,
-            )
+            camera, start = self.task.camera_of(slots, number), f"random {number + 1}"
+            last = number == self.effort.starts - 1
             if last and static is not None:
-                runs.append(self._alike(self.task.made(slots, number), static))
+                alike = self.task.camera_of(slots, number)
+                _contain(alike, static.camera)
+                value = float(confusion(self.task.covariance(alike, self.prior)))
+                runs.append(_Run(alike, "static mask in all slots", (value,)))
                 _contain(camera, static.camera, _OWN)
                 start = "near the static mask in all slots"
             elif last and runs:
-                _contain(camera, min(runs, key=lambda run: run.value).camera)
+                _contain(camera, min(runs, key=lambda run: min(run.history)).camera)
                 start = "best so far"
-            found = design_masks(
+            design = design_masks(
                 camera, self.prior, window=self.task.window, steps=self.effort.steps, rate=self.effort.rate,
-                progress=lambda step, steps, _, done=number: told((done + step / steps) / self.effort.starts),  # type: ignore[misc]
+                progress=part(),
             )  # fmt: skip
-            runs.append(_Run(camera, start, found.confusion))
+            runs.append(_Run(camera, start, design.confusion))
         return runs
 
-    def _alike(self, camera: SpectralDepthCamera, static: MaskCandidate) -> _Run:
-        """The static mask in all slots."""
-        _contain(camera, static.camera)
-        value = float(confusion(self.task.covariance(camera, self.prior)))
-        return _Run(camera, "static mask in all slots", (value,))
 
-    def _judged(self, runs: Sequence[_Run], told: Callable[[float], None]) -> list[float]:
-        """How wrong depth is behind every camera."""
-        assert self.judge is not None
-        errors: list[float] = []
-        for run in runs:
-            errors.append(self.judge(run.camera))
-            told(len(errors) / len(runs))
-        return errors
-
-
-def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, own: float = 0.0) -> None:
+def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, rest: float = 0.0) -> None:
     """Show the masks and filters of another camera of one slot, or as many, but for a share of the maps' variance."""
-    maps, given = camera.spread.heights, source.spread.heights
-    name = next(name for name in ("coefficients", "heights", "radii") if hasattr(maps, name))
-    values, start = getattr(maps, name), getattr(given, name)
+    maps, start = camera.spread.heights, source.spread.heights.metres()
     with torch.no_grad():
-        values.mul_(own**0.5).add_((1 - own) ** 0.5 * start * (_unit(given) / _unit(maps)))
+        getattr(maps, maps.name).mul_(rest**0.5).add_((1 - rest) ** 0.5 * start / maps.unit)
     camera.filters.load_state_dict(source.filters.state_dict())
     if camera.slots == source.slots:
         camera.shutter.load_state_dict(source.shutter.state_dict())
-
-
-def _unit(maps: HeightMaps) -> float:
-    """Metres of a map's parameters."""
-    return float(maps.unit)  # type: ignore[arg-type]
-
-
-def _part(progress: Told | None, done: float, share: float, what: str) -> Callable[[float], None]:
-    return lambda within: None if progress is None else progress(done + share * within, what)

@@ -9,12 +9,11 @@ from math import log10
 from typing import Any
 
 from tmca.cameras import CodedCamera
-from tmca.design.descent import Best, Descent, descend, learned
+from tmca.design.descent import Best, Descent, Parts, descend, learnable
 from tmca.design.flips import flip_greedily
-from tmca.design.kinds import designable
-from tmca.design.throughput import hold_throughput
+from tmca.design.kinds import designable, hold_throughput
 from tmca.design.tile import CodeError, TileMse
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 
 
 @dataclass(frozen=True)
@@ -25,6 +24,9 @@ class Effort:
         descents: from given codes and from random ones, in all.
         steps: of each descent.
         flips: pixels that are tried afterwards, in sweeps over the best codes until none helps or as many are tried.
+
+    Raises:
+        SettingError: no descents or steps.
     """
 
     descents: int = 3
@@ -32,8 +34,9 @@ class Effort:
     flips: int = 6000
 
     def __post_init__(self) -> None:
-        if self.descents < 1 or self.steps < 1 or self.flips < 0:
-            raise SettingError("effort", str(self), "descents and steps ≥ 1, flips ≥ 0")
+        check_range("descents", self.descents, 1)
+        check_range("steps", self.steps, 1)
+        check_range("flips", self.flips, 0)
 
 
 SURVEY = Effort(descents=2, steps=60, flips=0)
@@ -42,7 +45,7 @@ SURVEY = Effort(descents=2, steps=60, flips=0)
 
 @dataclass(frozen=True)
 class Design:
-    """Codes that were found.
+    """Codes of the lowest expected error of a search.
 
     Args:
         kind: their structure, name in ``KINDS``.
@@ -100,43 +103,41 @@ def search(
     Raises:
         SettingError: unknown kind, starts of another kind, no effort, or flips on another error than a ``TileMse``.
     """
-    effort, begun, found = effort or Effort(), time.process_time(), []
+    effort, begun = effort or Effort(), time.process_time()
     if effort.flips and not isinstance(error, TileMse):
         raise SettingError("flips", f"{effort.flips} on a {type(error).__name__}", "0: flips need a TileMse")
-    told, parts = progress or (lambda share: None), effort.descents + 2 * (effort.flips > 0)
+    part = Parts(progress and (lambda share, _: progress(share)), [1.0] * effort.descents + [2.0] * (effort.flips > 0))
+    candidates = []
     for number in range(effort.descents):
         start = starts[number] if number < len(starts) else None
-        own = designable(kind, slots, period, seed=seed + number, start=start, **camera)
+        candidate = designable(kind, slots, period, seed=seed + number, start=start, **camera)
         how = Descent(steps=effort.steps, throughput=throughput, seed=seed + number)
-        after = descend(own, error, how, lambda share, done=number: told((done + share) / parts))  # type: ignore[misc]
-        found.append((after, number, own))
-    best, _, chosen = min(found)
+        candidates.append((descend(candidate, error, how, part()), number, candidate))
+    mse, _, chosen = min(candidates)
     if effort.flips and isinstance(error, TileMse):
-        rest = effort.descents / parts
-        best = _polish(chosen, error, effort, best, seed, throughput, lambda share: told(rest + (1 - rest) * share))
-    told(1.0)
+        mse = _polish(chosen, error, effort.flips, mse, seed, throughput, part())
     random = designable(kind, slots, period, seed=seed, **camera)
     if throughput is not None:
         hold_throughput(random, throughput)
-    return Design(kind, chosen, best, error.whole(random), time.process_time() - begun)
+    return Design(kind, chosen, mse, error.whole(random), time.process_time() - begun)
 
 
 def _polish(
     camera: CodedCamera,
     error: TileMse,
-    effort: Effort,
+    flips: int,
     before: float,
     seed: int,
     throughput: float | None,
     progress: Callable[[float], None],
 ) -> float:
     """Flip, and take the flips back if blocks that the flips did not see say so; the error that is left."""
-    latents = learned(camera)
-    kept = Best(before, [latent.detach().clone() for latent in latents])
+    best = Best(learnable(camera), before)
     light = None if throughput is None else (camera.throughput(), 0.005)
-    flip_greedily(camera, error, most=effort.flips, seed=seed, throughput=light, progress=progress)
-    kept.meet(camera, error, latents)
-    return kept.leave(latents)
+    flip_greedily(camera, error, most=flips, seed=seed, throughput=light, progress=progress)
+    progress(1.0)
+    best.meet(error.whole(camera))
+    return best.restore()
 
 
 def decibels(mse: float) -> float:

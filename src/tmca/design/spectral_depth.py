@@ -9,23 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.errors import SettingError
+from tmca.design.descent import Best
+from tmca.errors import SettingError, check_range
+from tmca.optics import DepthPlanes, PointSpread
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
 from tmca.priors.spectral_depth import CONTAMINATION, SnapshotMoments, snapshot_moments
 
-Progress = Callable[[int, int, float], None]
-"""Called with (steps done, steps in all, confusion)."""
+STEP = 0.01
+"""Bins to either side over which moments are differenced; twice or half of it moves information by less than 0.1 %."""
 
 
 @dataclass(frozen=True)
-class Foretold:
+class WindowPrediction:
     """What the patch prior says of windows at every plane.
 
     Args:
@@ -53,37 +56,33 @@ def window_covariance(
     Raises:
         ShapeError, SettingError: see ``snapshot_moments``.
     """
-    return _moments(camera, prior, window, contamination).covariance + torch.diag(_noise(camera, prior, window))
+    moments = _moments(camera, prior, window, camera.psf(), contamination=contamination)
+    return moments.covariance + torch.diag(_noise(camera, prior, window))
 
 
-def foretell(
+def predict_windows(
     camera: SpectralDepthCamera, prior: GaussianPrior, window: int, contamination: float = CONTAMINATION
-) -> Foretold:
+) -> WindowPrediction:
     """How windows of a camera look at every plane, and how well their spectrum can be told.
 
-    Arguments as of ``window_covariance``.
-
-    Raises:
-        ShapeError, SettingError: see ``snapshot_moments``.
+    Arguments and errors as of ``window_covariance``.
     """
-    found = _moments(camera, prior, window, contamination, cross=True)
-    assert found.cross is not None
-    covariance = found.covariance + torch.diag(_noise(camera, prior, window))
-    told = torch.linalg.solve_triangular(torch.linalg.cholesky(covariance), found.cross.mT, upper=False)
+    moments = _moments(camera, prior, window, camera.psf(), contamination=contamination, cross=True)
+    assert moments.cross is not None
+    covariance = moments.covariance + torch.diag(_noise(camera, prior, window))
+    white = torch.linalg.solve_triangular(torch.linalg.cholesky(covariance), moments.cross.mT, upper=False)
     rows, columns = (side - 1 for side in prior.block[1:])
     mean = prior.mean[:, 0, 0].to(covariance)
     power = prior.displaced[..., rows, columns].diagonal().to(mean) + mean.square()  # brightness as in the moments
-    return Foretold(covariance, power.mean() - told.square().sum((-2, -1)) / found.cross.shape[1])
+    explained = white.square().sum((-2, -1)) / moments.cross.shape[1]
+    return WindowPrediction(covariance, power.mean() - explained)
 
 
 def _moments(
-    camera: SpectralDepthCamera, prior: GaussianPrior, window: int, contamination: float, cross: bool = False
+    camera: SpectralDepthCamera, prior: GaussianPrior, window: int, psf: Tensor, **how: Any
 ) -> SnapshotMoments:
     colour, shutter = (part.double() for part in camera.tile())
-    psf = camera.psf().double()
-    return snapshot_moments(
-        prior, psf, colour, shutter, window, exposure=camera.exposure, contamination=contamination, cross=cross
-    )
+    return snapshot_moments(prior, psf.double(), colour, shutter, window, exposure=camera.exposure, **how)
 
 
 def _noise(camera: SpectralDepthCamera, prior: GaussianPrior, window: int) -> Tensor:
@@ -95,6 +94,47 @@ def _noise(camera: SpectralDepthCamera, prior: GaussianPrior, window: int) -> Te
     return noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
 
 
+def depth_information(
+    camera: SpectralDepthCamera, prior: GaussianPrior, window: int, contamination: float = CONTAMINATION
+) -> Tensor:
+    """(D,) Fisher information of a window about inverse depth, squares of metres: ``½ tr(C⁻¹ C′ C⁻¹ C′)``.
+
+    C are the second moments at a plane, C′ their slope there, from point spread functions a little beyond and before
+    it. What a window expects of other planes does not move with its own. The information of a
+    Gaussian's mean, ``μ′ᵀ C⁻¹ μ′`` (Kay 1993, eq. 3.31), is nil: the brightness of a window is not known, so that its
+    mean is a part of C. Differentiable in masks, shutter and filters.
+
+    Arguments and errors as of ``window_covariance``.
+    """
+    covariance = window_covariance(camera, prior, window, contamination)
+    low = camera.planes.inverse[0].item()
+    step = STEP * (camera.planes.step or low)
+    shifts = (-min(step, low), step)
+    farther, nearer = (_moments(camera, prior, window, _moved_psf(camera, shift)).covariance for shift in shifts)
+    slope = (1 - contamination) * (nearer - farther) / (shifts[1] - shifts[0])
+    return fisher_information(covariance, slope)
+
+
+def _moved_psf(camera: SpectralDepthCamera, shift: float) -> Tensor:
+    """(K, D, L, h, w) of every plane moved by inverse metres."""
+    planes, psf = camera.planes, camera.spread
+    near, far = 1 / planes.near + shift, 1 / planes.far + shift
+    moved = DepthPlanes(1 / near, 1 / far if far > 0 else inf, planes.count)
+    waves = camera.bench.waves(camera.wavelengths, moved).to(psf.waves.device)
+    return PointSpread(psf.heights, waves, psf.per_metre, psf.propagator, psf.energy, psf.oversampling)()
+
+
+def fisher_information(covariance: Tensor, slope: Tensor) -> Tensor:
+    """(…,) information of Gaussians without a mean about what they move with: ``½ tr(C⁻¹ C′ C⁻¹ C′)``.
+
+    Args:
+        covariance: (…, n, n) C.
+        slope: (…, n, n) C′, its derivative.
+    """
+    relative = torch.linalg.solve(covariance, slope)
+    return 0.5 * (relative * relative.mT).sum((-2, -1))
+
+
 def kullback_leibler(covariance: Tensor) -> Tensor:
     """(D, D) distance of plane d from plane e in nats: ``½ (tr(C_e⁻¹ C_d) - n + log det C_e - log det C_d)``.
 
@@ -102,7 +142,7 @@ def kullback_leibler(covariance: Tensor) -> Tensor:
         covariance: (D, n, n).
     """
     factors = torch.linalg.cholesky(covariance)
-    levels = 2 * factors.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+    levels = _log_det(factors)
     traces = torch.stack([torch.cholesky_solve(covariance, f).diagonal(dim1=-2, dim2=-1).sum(-1) for f in factors], 1)
     return 0.5 * (traces - covariance.shape[-1] + levels[None] - levels[:, None])
 
@@ -115,12 +155,12 @@ def bhattacharyya(covariance: Tensor) -> Tensor:
     Args:
         covariance: (D, n, n).
     """
-    own = _log_det(covariance)
+    levels = _log_det(torch.linalg.cholesky(covariance))
     rows, columns = torch.triu_indices(len(covariance), len(covariance), 1, device=covariance.device)
-    between = _log_det((covariance[rows] + covariance[columns]) / 2)
-    distances = 0.5 * between - 0.25 * (own[rows] + own[columns])
-    found = covariance.new_zeros(len(covariance), len(covariance))
-    return found.index_put((rows, columns), distances).index_put((columns, rows), distances)
+    between = _log_det(torch.linalg.cholesky((covariance[rows] + covariance[columns]) / 2))
+    distances = 0.5 * between - 0.25 * (levels[rows] + levels[columns])
+    square = covariance.new_zeros(len(covariance), len(covariance))
+    return square.index_put((rows, columns), distances).index_put((columns, rows), distances)
 
 
 def confusion(covariance: Tensor) -> Tensor:
@@ -143,22 +183,27 @@ def drawn_error(covariance: Tensor, draws: int = 500, seed: int = 0) -> float:
         seed: of the windows.
     """
     source = torch.Generator(covariance.device).manual_seed(seed)
-    own = torch.randn(covariance.shape[-1], draws, generator=source, dtype=covariance.dtype, device=covariance.device)
+    white = torch.randn(covariance.shape[-1], draws, generator=source, dtype=covariance.dtype, device=covariance.device)
     factors, total = torch.linalg.cholesky(covariance.detach()), 0.0
-    level = factors.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+    levels = _log_det(factors)
     for plane, factor in enumerate(factors):
-        misfit = torch.linalg.solve_triangular(factors, factor @ own, upper=False).square().sum(-2) / 2
-        total += float(((misfit + level[:, None]).argmin(0) - plane).abs().double().mean())
+        misfit = torch.linalg.solve_triangular(factors, factor @ white, upper=False).square().sum(-2)
+        total += float(((misfit + levels[:, None]).argmin(0) - plane).abs().double().mean())
     return total / len(factors)
+
+
+def _log_det(factors: Tensor) -> Tensor:
+    """(…,) log determinant of matrices with Cholesky factors (…, n, n)."""
+    return 2 * factors.diagonal(dim1=-2, dim2=-1).log().sum(-1)
 
 
 @dataclass(frozen=True)
 class MaskDesign:
-    """Masks that were searched.
+    """Masks of least confusion, and the confusion after every step.
 
     Args:
         camera: that shows them.
-        confusion: after every step.
+        confusion: bins.
     """
 
     camera: SpectralDepthCamera
@@ -173,9 +218,9 @@ def design_masks(
     steps: int = 60,
     rate: float = 0.005,
     code_rate: float = 0.05,
-    progress: Progress | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> MaskDesign:
-    """Move what is learnable of a camera until depths are least confused; the best of all steps is kept.
+    """Move what is learnable of a camera until depths are least confused; it is left with the best of all steps.
 
     Args:
         camera: with a learnable mask, shutter or filters; changed in place.
@@ -184,39 +229,28 @@ def design_masks(
         steps: of Adam.
         rate: of Adam for heights, in units of the larger of a micrometre and the highest.
         code_rate: of Adam for shutter and filters, whose latent values start half a unit from where they switch.
-        progress: told after each step.
+        progress: told the share that is done.
 
     Raises:
         SettingError: a camera in which nothing is learnable, or no steps.
     """
-    groups = _rated(camera, rate, code_rate)
-    parameters = [p for group in groups for p in group["params"]]
-    if not parameters or steps < 1:
-        found = f"{len(parameters)} learnable parts, {steps} steps"
-        raise SettingError("design", found, "something learnable, and a step or more", "give the camera learnable=")
-    optimiser, found_so_far = torch.optim.Adam(groups), list[float]()
-    best = [p.detach().clone() for p in parameters]
+    check_range("steps", steps, 1)
+    rates = ((camera.spread, rate), (camera.shutter, code_rate), (camera.filters, code_rate))
+    groups: list[dict[str, Any]] = [
+        {"params": [p for p in part.parameters() if p.requires_grad], "lr": lr} for part, lr in rates
+    ]
+    best = Best([p for group in groups for p in group["params"]])
+    if not best.parameters:
+        raise SettingError("design", "no learnable parts", "something learnable", "give the camera learnable=")
+    optimiser, history = torch.optim.Adam(groups), list[float]()
     for step in range(steps):
         value = confusion(window_covariance(camera, prior, window))
-        if not found_so_far or float(value.detach()) < min(found_so_far):
-            best = [p.detach().clone() for p in parameters]
-        found_so_far.append(float(value.detach()))
+        history.append(float(value.detach()))
+        best.meet(history[-1])
         optimiser.zero_grad()
         value.backward()
         optimiser.step()
         if progress is not None:
-            progress(step + 1, steps, found_so_far[-1])
-    with torch.no_grad():
-        for parameter, kept in zip(parameters, best, strict=True):
-            parameter.copy_(kept)
-    return MaskDesign(camera, tuple(found_so_far))
-
-
-def _rated(camera: SpectralDepthCamera, rate: float, code_rate: float) -> list[dict[str, Any]]:
-    """What is learnable, with its rates."""
-    parts = ((camera.spread, rate), (camera.shutter, code_rate), (camera.filters, code_rate))
-    return [{"params": [p for p in part.parameters() if p.requires_grad], "lr": own} for part, own in parts]
-
-
-def _log_det(matrices: Tensor) -> Tensor:
-    return 2 * torch.linalg.cholesky(matrices).diagonal(dim1=-2, dim2=-1).log().sum(-1)
+            progress((step + 1) / steps)
+    best.restore()
+    return MaskDesign(camera, tuple(history))

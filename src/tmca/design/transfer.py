@@ -12,7 +12,7 @@ from torch import Tensor
 from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse, Products, quadratic
 from tmca.design.tile import TileMse, even_places, windows
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError, check_range
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.pooling import around, pooled
@@ -50,24 +50,22 @@ class TransferMse:
         model = error.model
         pixels, moved = model.pixels(), around(scene, prior.mean)
         flat, shape = pixels.flatten(), error.covariance.shape
-        own, known = moved.rows(flat, torch.float64), prior.rows(flat, torch.float64)
-        crossed = model.in_judged(own) @ model.in_judged(known).mT
-        count = model.in_judged(own[:1]).shape[1]
+        true, expected = moved.rows(flat, torch.float64), prior.rows(flat, torch.float64)
+        crossed = model.in_judged(true) @ model.in_judged(expected).mT
+        crossed = (crossed + crossed.mT) / (2 * model.in_judged(true[:1]).shape[1])
         mean = scene.mean.reshape(-1).double()[pixels]
         variance = float(model.in_judged(moved.variance).mean())
-        crossed = (crossed + crossed.mT) / (2 * count)
-        return cls(error, own[:, flat].reshape(shape), crossed.reshape(shape), mean, variance)
+        return cls(error, true[:, flat].reshape(shape), crossed.reshape(shape), mean, variance)
 
     def __call__(self, seen: Tensor, read_noise: float, shot: float) -> Tensor:
         """(P,) errors of blocks under code windows (P, taps, h, w)."""
-        model = self.error.model
-        weights = model.complete(seen.double()).flatten(2).mT
-        found = Products.of(self.error.under(read_noise, shot), weights)
+        weights = self.error.weights(seen)
+        products = Products.of(self.error.under(read_noise, shot), weights)
         measured = quadratic(self.covariance, weights)[1]
         crossed = quadratic(self.crossed, weights)[1]
         noise = noise_variance((weights * self.mean).sum(-1), read_noise, shot)
-        kept = (found.sandwiched * (measured + torch.diag_embed(noise))).sum((1, 2))
-        return self.variance - 2 * (found.inverse * crossed).sum((1, 2)) + kept
+        spent = (products.sandwiched * (measured + torch.diag_embed(noise))).sum((1, 2))
+        return self.variance - 2 * (products.inverse * crossed).sum((1, 2)) + spent
 
 
 @dataclass(frozen=True)
@@ -104,12 +102,11 @@ class Examples:
         Raises:
             SettingError: no light, white or more, or so much that the brightest value would be above white.
         """
-        if not 0 < light < 1:
-            raise SettingError("light", f"{light:g}", "mean irradiance of scenes, above 0 and below 1 = white")
+        check_range("light", light, above=0, below=1)
         gain = light / self.light
         if light > 1.001 * self.most_light:  # a limit that was rounded for the message is taken
-            found = f"{light:g}, which brings the brightest value to {gain * max(self.peaks.values()):.3g} times white"
-            raise SettingError("light", found, f"at most {self.most_light:.4g} with these scenes")
+            text = f"{light:g}, which brings the brightest value to {gain * max(self.peaks.values()):.3g} times white"
+            raise SettingError("light", text, f"at most {self.most_light:.4g} with these scenes")
         scenes = {name: prior.scaled(gain) for name, prior in self.scenes.items()}
         return Examples(self.model, scenes, self.areas, {name: gain * peak for name, peak in self.peaks.items()})
 
@@ -120,8 +117,8 @@ class Examples:
 
     def without(self, name: str | None) -> GaussianPrior:
         """The prior of all scenes but one; of all where there is but one."""
-        kept = [n for n in self.scenes if n != name] or list(self.scenes)
-        return pooled([self.scenes[n] for n in kept], [float(self.areas[n]) for n in kept])
+        others = [n for n in self.scenes if n != name] or list(self.scenes)
+        return pooled([self.scenes[n] for n in others], [float(self.areas[n]) for n in others])
 
     @cached_property
     def error(self) -> BlockMse:
@@ -131,11 +128,8 @@ class Examples:
     @cached_property
     def transfers(self) -> dict[str, TransferMse]:
         """Error on each scene under the prior of the others."""
-        found = {}
-        for name, scene in self.scenes.items():
-            others = self.without(name)
-            found[name] = TransferMse.of(BlockMse.of(others, self.model), others, scene)
-        return found
+        priors = {name: self.without(name) for name in self.scenes}
+        return {n: TransferMse.of(BlockMse.of(p, self.model), p, self.scenes[n]) for n, p in priors.items()}
 
     def tile_mse(self, read_noise: float, shot: float) -> TileMse:
         """What optimisers lower."""
@@ -154,7 +148,7 @@ class Examples:
 
 
 def example_bytes(model: BlockModel, scenes: int) -> int:
-    """Memory of the quadratic forms that are kept of so many example scenes, and of all together, bytes."""
+    """Memory of the quadratic forms of so many example scenes, and of all together, bytes."""
     return 8 * (model.measurements * len(model.offsets)) ** 2 * (4 * scenes + 2)
 
 
@@ -176,21 +170,20 @@ def learn_examples(
         ShapeError: a scene smaller than the blocks, or of other bands.
         DataError: scenes without light.
     """
-    _refuse_darkness(cubes)
-    block, scenes = model.block[1:], {}
+    dark = {name: float(cube.mean()) for name, cube in cubes.items() if cube.max() <= 0 or cube.mean() <= 0}
+    if dark:
+        text, remedy = (
+            f"no light, mean irradiance {max(dark.values()):.3g}",
+            "leave them out, or check how they are read",
+        )
+        raise DataError(", ".join(dark), text, "scenes of a mean above 0", remedy)
+    (height, width), scenes = model.block[1:], {}
     for name, cube in cubes.items():
-        if cube.shape[1] < block[0] or cube.shape[2] < block[1]:
-            found = f"{cube.shape[1]}×{cube.shape[2]} pixels"
-            raise ShapeError(name, found, f"at least {block[0]}×{block[1]}, the blocks of this camera")
-        scenes[name] = GaussianPrior.learn([cube], block, wavelengths=wavelengths, sources=[name], views=views)
+        if cube.shape[1] < height or cube.shape[2] < width:
+            text = f"{cube.shape[1]}×{cube.shape[2]} pixels"
+            raise ShapeError(name, text, f"at least {height}×{width}, the blocks of this camera")
+        scenes[name] = GaussianPrior.learn(
+            [cube], (height, width), wavelengths=wavelengths, sources=[name], views=views
+        )
     areas = {name: cube[0].numel() for name, cube in cubes.items()}
     return Examples(model, scenes, areas, {name: float(cube.max()) for name, cube in cubes.items()})
-
-
-def _refuse_darkness(cubes: dict[str, Tensor]) -> None:
-    """Nothing is learned from black, and no light makes it brighter."""
-    dark = [name for name, cube in cubes.items() if cube.max() <= 0 or cube.mean() <= 0]
-    if dark:
-        found = f"no light, mean irradiance {max(float(cubes[name].mean()) for name in dark):.3g}"
-        remedy = "leave them out, or check how they are read"
-        raise DataError(", ".join(dark), found, "scenes of a mean above 0", remedy)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
-    from tmca.design import Advice, SensorSheet
-    from tmca.design.spectral_depth import MaskAdvice
+    from tmca.design import Advice, MaskAdvice, SensorSheet
     from tmca.training import Trained
 
 KINDS = ("spectral", "light-field", "spectral-depth")

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from tmca.metrics._subpixel import moved_view
+from tmca.metrics.cubes import all_metrics, dd, ergas, psnr, sam, ssim, uiqi
 from tmca.metrics.depth import depth_mae, depth_rmse, within_bin
-from tmca.metrics.disparity import disparity_error, estimate_disparity
+from tmca.metrics.disparity import disparity_error, estimate_disparity, moved_view
 from tmca.metrics.light_field import light_field_metrics, psnr_per_view, ssim_per_view
-from tmca.metrics.quality import psnr, ssim, uiqi
-from tmca.metrics.spectra import dd, ergas, sam
-from tmca.metrics.tables import all_metrics
 
 __all__ = [
     "all_metrics",

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.errors import SettingError, ShapeError
-from tmca.metrics._pairs import Array, Reduction, as_float64, reduced, require_same_shape
+from tmca.errors import SettingError, check_shape
+from tmca.metrics._pairs import Array, Reduction, as_float64, pair, reduced
 
 
 def depth_mae(estimate: Any, truth: Any, *, valid: Any = None, reduction: Reduction = "mean") -> Any:
@@ -25,14 +25,14 @@ def depth_mae(estimate: Any, truth: Any, *, valid: Any = None, reduction: Reduct
     Raises:
         ShapeError: the shapes differ or are not those of depth maps.
     """
-    x, y, known = _depth_triple(estimate, truth, valid)
-    return reduced(_mean_over(np.abs(x - y), known), reduction)
+    x, y, counted = _valid_pixels(estimate, truth, valid)
+    return reduced(_mean_over(np.abs(x - y), counted), reduction)
 
 
 def depth_rmse(estimate: Any, truth: Any, *, valid: Any = None, reduction: Reduction = "mean") -> Any:
-    """Root mean square error in metres over the valid pixels; arguments as :func:`depth_mae`."""
-    x, y, known = _depth_triple(estimate, truth, valid)
-    return reduced(np.sqrt(_mean_over((x - y) ** 2, known)), reduction)
+    """Root mean square error in metres over the valid pixels; arguments as of :func:`depth_mae`."""
+    x, y, counted = _valid_pixels(estimate, truth, valid)
+    return reduced(np.sqrt(_mean_over((x - y) ** 2, counted)), reduction)
 
 
 def within_bin(estimate: Any, truth: Any, planes: Any, *, valid: Any = None, reduction: Reduction = "mean") -> Any:
@@ -42,19 +42,22 @@ def within_bin(estimate: Any, truth: Any, planes: Any, *, valid: Any = None, red
     interpolated, beyond the outermost it goes on at their spacing.
 
     Args:
-        estimate, truth, valid, reduction: as :func:`depth_mae`. An estimate that is not positive is outside.
+        estimate, truth, valid, reduction: as of :func:`depth_mae`. An estimate that is not positive is outside.
         planes: ``(D,)`` depths of the planes in metres, at least two different ones.
 
     Raises:
         ShapeError: the shapes differ or are not those of depth maps.
         SettingError: fewer than two planes, or planes that are not positive and different.
     """
-    inverse = np.sort(1 / _checked_planes(planes))
-    x, y, known = _depth_triple(estimate, truth, valid)
+    depths = as_float64(planes).reshape(-1)
+    if len(depths) < 2 or not np.all(depths > 0) or len(np.unique(depths)) < len(depths):
+        raise SettingError("planes", f"{depths.tolist()}", "at least two different positive depths in metres")
+    inverse = np.sort(1 / depths)
+    x, y, counted = _valid_pixels(estimate, truth, valid)
     usable = np.isfinite(x) & (x > 0)
     distance = np.abs(_bin_index(1 / np.where(usable, x, 1.0), inverse) - _bin_index(1 / y, inverse))
     # Depths that lie one bin apart on paper may differ from it by rounding.
-    return reduced(_mean_over((usable & (distance <= 1 + 1e-6)).astype(np.float64), known), reduction)
+    return reduced(_mean_over((usable & (distance <= 1 + 1e-6)).astype(np.float64), counted), reduction)
 
 
 def _bin_index(inverse_depth: Array, planes: Array) -> Array:
@@ -63,29 +66,18 @@ def _bin_index(inverse_depth: Array, planes: Array) -> Array:
     return lower + (inverse_depth - planes[lower]) / (planes[lower + 1] - planes[lower])
 
 
-def _checked_planes(planes: Any) -> Array:
-    depths = as_float64(planes).reshape(-1)
-    if len(depths) < 2 or not np.all(depths > 0) or len(np.unique(depths)) < len(depths):
-        raise SettingError("planes", f"{depths.tolist()}", "at least two different positive depths in metres")
-    return depths
-
-
-def _depth_triple(estimate: Any, truth: Any, valid: Any) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Estimate, truth with 1 m at unknown pixels, and the mask of known pixels, each ``(B, pixels)``."""
-    x, y = as_float64(estimate), as_float64(truth)
-    require_same_shape(x, y)
-    if x.ndim not in (2, 3, 4) or x.size == 0 or (x.ndim > 2 and x.shape[-3] != 1):
-        raise ShapeError("estimate, truth", f"shape {x.shape}", "(B, 1, H, W), (1, H, W) or (H, W)")
-    batch = len(x) if x.ndim == 4 else 1
-    known = np.isfinite(y) & (y > 0)
+def _valid_pixels(estimate: Any, truth: Any, valid: Any) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Estimate, truth with 1 m at unknown pixels, and which pixels count, each ``(B, pixels)``."""
+    x, y = pair(estimate, truth, ("B", 1, "H", "W"), optional=2)
+    counted = np.isfinite(y) & (y > 0)
     if valid is not None:
         mask = as_float64(valid)
-        require_same_shape(mask, y)
-        known &= mask != 0
-    y = np.where(known, y, 1.0)
-    return x.reshape(batch, -1), y.reshape(batch, -1), known.reshape(batch, -1)
+        check_shape("valid", mask, np.shape(truth))
+        counted &= mask.reshape(y.shape) != 0
+    y = np.where(counted, y, 1.0)
+    return x.reshape(len(x), -1), y.reshape(len(x), -1), counted.reshape(len(x), -1)
 
 
-def _mean_over(values: Array, known: NDArray[np.bool_]) -> Array:
+def _mean_over(values: Array, counted: NDArray[np.bool_]) -> Array:
     with np.errstate(invalid="ignore"):
-        return np.sum(np.where(known, values, 0.0), axis=1) / known.sum(axis=1)
+        return np.sum(np.where(counted, values, 0.0), axis=1) / counted.sum(axis=1)

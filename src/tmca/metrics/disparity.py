@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.errors import SettingError, ShapeError
-from tmca.metrics._matching import Labels, filtered, matching_scores
-from tmca.metrics._pairs import Array, as_float64, require_same_shape
+from tmca.errors import SettingError, ShapeError, check_range, check_shape
+from tmca.metrics._pairs import Array, as_float64, pair
+
+Image = NDArray[np.float32]
 
 BAD_PIXEL = 0.07
 """Error above which a pixel is bad, px per view step (HCI 4-D light field benchmark)."""
 _STRIP_BYTES = 1.2e8
 _PREFILTER = 0.75
+_GRADIENT_WEIGHT = np.float32(3.0)
+_TRUNCATION = np.float32(0.025)
+_REGULARISATION = np.float32(1e-3)
 
 
 def estimate_disparity(
@@ -45,7 +50,7 @@ def estimate_disparity(
         ShapeError: not a light field of odd V and U with more than one view, or less than 4 × 4 pixels.
         SettingError: values that are not finite, limits that do not ascend, or labels or window below 1.
     """
-    views = _smoothed(grey_views(light_field))
+    views = _grey_views(light_field)
     candidates = _candidates(limits, labels, window)
     height, width = views.shape[2:]
     reach = max(-candidates.first, candidates.last) * max(views.shape[:2]) // (2 * labels)
@@ -59,20 +64,13 @@ def estimate_disparity(
     return result
 
 
-def _smoothed(views: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Interpolation averages noise most half-way between pixels; without noise as fine as pixels it favours nothing."""
+def _grey_views(light_field: Any) -> Image:
+    """``(V, U, H, W)`` float32 of a light field: mean over colours, checked and smoothed.
+
+    Interpolation averages noise most half-way between pixels; without noise as fine as pixels it favours nothing.
+    """
     from scipy.ndimage import gaussian_filter
 
-    smooth: NDArray[np.float32] = gaussian_filter(views, (0, 0, _PREFILTER, _PREFILTER), mode="nearest")
-    return smooth
-
-
-def grey_views(light_field: Any) -> NDArray[np.float32]:
-    """``(V, U, H, W)`` float32 of a light field, mean over colours, checked.
-
-    Raises:
-        ShapeError, SettingError: see :func:`estimate_disparity`.
-    """
     values = as_float64(light_field)
     shape = values.shape[-4:]
     odd = len(shape) == 4 and shape[0] % 2 == shape[1] % 2 == 1 and shape[0] * shape[1] > 1
@@ -82,25 +80,39 @@ def grey_views(light_field: Any) -> NDArray[np.float32]:
         )
     if not np.all(np.isfinite(values)):
         raise SettingError("light_field", "values that are not finite", "relative irradiance in [0, 1]")
-    return (values if values.ndim == 4 else values.mean(0)).astype(np.float32)
+    grey = (values if values.ndim == 4 else values.mean(0)).astype(np.float32)
+    smooth: Image = gaussian_filter(grey, (0, 0, _PREFILTER, _PREFILTER), mode="nearest")
+    return smooth
 
 
-def _candidates(limits: tuple[float, float], labels: int, window: int) -> Labels:
-    for name, value in (("labels", labels), ("window", window)):
-        if value < 1 or value != int(value):
-            raise SettingError(name, repr(value), "a whole number, 1 or more")
+@dataclass(frozen=True)
+class _Candidates:
+    """Disparities ``first/per_pixel … last/per_pixel``, px per view step."""
+
+    first: int
+    last: int
+    per_pixel: int
+
+    @property
+    def count(self) -> int:
+        return self.last - self.first + 1
+
+
+def _candidates(limits: tuple[float, float], labels: int, window: int) -> _Candidates:
+    check_range("labels", labels, 1, whole=True)
+    check_range("window", window, 1, whole=True)
     low, high = limits
     # a parabola needs three candidates
     if not (np.isfinite(low) and np.isfinite(high) and high - low >= 2 / labels):
         expected = f"(lowest, highest) disparity in px per view step, at least {2 / labels:.3g} apart"
         raise SettingError("limits", repr(limits), expected)
-    return Labels(int(np.floor(low * labels)), int(np.ceil(high * labels)), labels)
+    return _Candidates(int(np.floor(low * labels)), int(np.ceil(high * labels)), labels)
 
 
-def _best(views: NDArray[np.float32], candidates: Labels, window: int) -> Array:
+def _best(views: Image, candidates: _Candidates, window: int) -> Array:
     """Winner of the best half at every pixel, refined by a parabola."""
-    scores = matching_scores(views, candidates)
-    scores = filtered(scores, views[views.shape[0] // 2, views.shape[1] // 2], window).max(axis=0)
+    scores = _matching_scores(views, candidates)
+    scores = _filtered(scores, views[views.shape[0] // 2, views.shape[1] // 2], window).max(axis=0)
     best = scores.argmax(axis=0)
     inner = best.clip(1, candidates.count - 2)
     before, peak, after = (
@@ -110,6 +122,132 @@ def _best(views: NDArray[np.float32], candidates: Labels, window: int) -> Array:
     offset = np.where(curvature > 1e-9, (after - before) / (2 * np.maximum(curvature, 1e-9)), 0.0).clip(-0.5, 0.5)
     # at either end of the limits no parabola stands on both sides
     return (candidates.first + best + np.where(best == inner, offset, 0.0)) / candidates.per_pixel
+
+
+def _matching_scores(views: Image, labels: _Candidates) -> Image:
+    """Agreement of the views above, below, left and right of the centre with it: ``(4, labels, H, W)``.
+
+    A view adds between 0 and the truncation of the difference; what lies outside of it adds nothing.
+    """
+    rows, columns = views.shape[0] // 2, views.shape[1] // 2
+    centre = _features(views[rows, columns])
+    scores = np.zeros((4, labels.count, *views.shape[2:]), dtype=np.float32)
+    for v in range(-rows, rows + 1):
+        for u in range(-columns, columns + 1):
+            halves = [half for half, inside in enumerate((v < 0, v > 0, u < 0, u > 0)) if inside]
+            if halves:
+                _add_view(scores, halves, views[v + rows, u + columns], (v, u), centre, labels)
+    scores /= _views_per_half(views.shape[0], views.shape[1])
+    return scores
+
+
+def _views_per_half(rows: int, columns: int) -> Image:
+    """A grid of one row has nothing above or below: its empty halves stay at zero, below every other."""
+    vertical, horizontal = (rows // 2) * columns, (columns // 2) * rows
+    counts = np.array([vertical, vertical, horizontal, horizontal], dtype=np.float32)
+    return np.maximum(counts, np.float32(1))[:, None, None, None]
+
+
+def _add_view(
+    scores: Image, halves: list[int], view: Image, place: tuple[int, int], centre: Image, labels: _Candidates
+) -> None:
+    """Candidates that are whole pixels apart share one interpolated view."""
+    shape = view.shape
+    for start in range(min(labels.per_pixel, labels.count)):
+        base = labels.first + start
+        (row, row_part), (column, column_part) = (divmod(-step * base, labels.per_pixel) for step in place)
+        moved = _interpolated(view, row_part / labels.per_pixel, 0)
+        moved = _features(_interpolated(moved, column_part / labels.per_pixel, 1))
+        for turn, index in enumerate(range(start, labels.count, labels.per_pixel)):
+            y, from_y = _overlap(shape[0], row - turn * place[0], row_part > 0)
+            x, from_x = _overlap(shape[1], column - turn * place[1], column_part > 0)
+            gain = _TRUNCATION - np.abs(moved[:, from_y, from_x] - centre[:, y, x]).sum(axis=0)
+            np.maximum(gain, 0, out=gain)
+            for half in halves:
+                scores[half, index, y, x] += gain
+
+
+def _features(image: Image) -> Image:
+    """Brightness and weighted gradient, ``(3, H, W)``."""
+    down, right = np.gradient(image)
+    return np.stack((image, _GRADIENT_WEIGHT * down, _GRADIENT_WEIGHT * right))
+
+
+def _filtered(scores: Image, guide: Image, radius: int) -> Image:
+    """Guided filter of every plane of ``(..., H, W)`` along the edges of the guide ``(H, W)``."""
+    mean = _box(guide, radius)
+    variance = np.subtract(_box(guide * guide, radius), mean * mean, dtype=np.float32) + _REGULARISATION
+    result = np.empty_like(scores)
+    for plane in np.ndindex(scores.shape[:-2]):
+        level = _box(scores[plane], radius)
+        slope = np.divide(_box(guide * scores[plane], radius) - mean * level, variance, dtype=np.float32)
+        result[plane] = _box(slope, radius) * guide + _box(level - slope * mean, radius)
+    return result
+
+
+def _box(image: Image, radius: int) -> Image:
+    from scipy.ndimage import uniform_filter
+
+    return uniform_filter(image, 2 * radius + 1, mode="nearest")
+
+
+def _interpolated(image: Image, fraction: float, axis: int) -> Image:
+    """``image`` at positions moved by ``fraction`` in [0, 1) along ``axis``, of the same shape.
+
+    Cubic convolution of four pixels (Keys, IEEE TASSP 29, 1981); the edge pixels go on outside.
+    """
+    if fraction == 0:
+        return image
+    padding = [(0, 0)] * image.ndim
+    padding[axis] = (1, 2)
+    wide, length = np.pad(image, padding, mode="edge"), image.shape[axis]
+    result = np.zeros_like(image)
+    for place, weight in enumerate(_keys(fraction)):
+        window = [slice(None)] * image.ndim
+        window[axis] = slice(place, place + length)
+        result += np.float32(weight) * wide[tuple(window)]
+    return result
+
+
+def _keys(f: float) -> tuple[float, float, float, float]:
+    """Weights of the pixels at -1, 0, 1 and 2 for the position f."""
+    return (
+        (-f + 2 * f**2 - f**3) / 2,
+        (2 - 5 * f**2 + 3 * f**3) / 2,
+        (f + 4 * f**2 - 3 * f**3) / 2,
+        (f**3 - f**2) / 2,
+    )
+
+
+def _overlap(length: int, offset: int, between: bool = False) -> tuple[slice, slice]:
+    """Where ``target[i] = source[i + offset]`` has a source: the two slices, empty if nowhere.
+
+    With ``between``, the source lies between pixel i + offset and the next one, which has to exist, too.
+    """
+    first = min(max(0, -offset), length)
+    last = max(first, min(length, length - offset - between))
+    return slice(first, last), slice(first + offset, last + offset) if last > first else slice(0, 0)
+
+
+def moved_view(view: Image, place: tuple[int, int], disparity: float) -> tuple[Image, tuple[slice, slice]]:
+    """A view moved onto the centre of its light field: its values at (y - v·disparity, x - u·disparity).
+
+    Args:
+        view: ``(..., H, W)``.
+        place: (v, u), counted from the centre view.
+        disparity: px per view step.
+
+    Returns:
+        The values where the view has them, and the rows and columns of the centre view where that is.
+    """
+    slices = []
+    for axis, step in zip((-2, -1), place, strict=True):
+        offset = int(np.floor(-step * disparity))
+        fraction = -step * disparity - offset
+        view = _interpolated(view, fraction, axis % view.ndim)
+        slices.append(_overlap(view.shape[axis], offset, fraction > 0))
+    (y, from_y), (x, from_x) = slices
+    return view[..., from_y, from_x], (y, x)
 
 
 def disparity_error(estimate: Any, truth: Any, mask: Any = None, *, bad: float = BAD_PIXEL) -> dict[str, float]:
@@ -127,19 +265,18 @@ def disparity_error(estimate: Any, truth: Any, mask: Any = None, *, bad: float =
     Raises:
         ShapeError: the shapes differ or are not those of maps.
     """
-    x, y = as_float64(estimate), as_float64(truth)
-    require_same_shape(x, y)
-    if x.ndim != 2 or x.size == 0:
-        raise ShapeError("estimate, truth", f"shape {x.shape}", "(H, W)")
-    known = np.isfinite(y)
+    x, y = pair(estimate, truth, ("H", "W"), optional=0)
+    counted = np.isfinite(y)
     if mask is not None:
         chosen = as_float64(mask)
-        require_same_shape(chosen, y)
-        known &= chosen != 0
-    count = int(known.sum())
-    error = np.abs(x[known] - y[known])
-    # an estimate that is not a number is a bad pixel, too
-    found = (
-        {"mae": error.mean(), "badpix": (~(error <= bad)).mean(), "mse_x100": 100 * (error**2).mean()} if count else {}
-    )
-    return {name: float(found.get(name, np.nan)) for name in ("mae", "badpix", "mse_x100")} | {"pixels": float(count)}
+        check_shape("mask", chosen, y.shape)
+        counted &= chosen != 0
+    if not counted.any():
+        return {"mae": np.nan, "badpix": np.nan, "mse_x100": np.nan, "pixels": 0.0}
+    error = np.abs(x[counted] - y[counted])
+    return {
+        "mae": float(error.mean()),
+        "badpix": float((~(error <= bad)).mean()),  # an estimate that is not a number is a bad pixel, too
+        "mse_x100": float(100 * (error**2).mean()),
+        "pixels": float(counted.sum()),
+    }

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import nan
 from typing import Any
 
 import numpy as np
 
-from tmca.errors import ShapeError
-from tmca.metrics._pairs import Array, as_float64, require_same_shape
-from tmca.metrics.quality import SSIM_WINDOW, psnr, ssim
+from tmca.metrics._pairs import Array, pair
+from tmca.metrics.cubes import SSIM_WINDOW, psnr, ssim
+
+LIGHT_FIELD = ("C", "V", "U", "H", "W")
 
 
 def light_field_metrics(estimate: Any, truth: Any, *, data_range: float = 1.0) -> dict[str, float]:
@@ -24,7 +26,7 @@ def light_field_metrics(estimate: Any, truth: Any, *, data_range: float = 1.0) -
     Raises:
         ShapeError: the shapes differ or are not those of light fields.
     """
-    x, y = _pair(estimate, truth)
+    x, y = pair(estimate, truth, LIGHT_FIELD)
     views = psnr_per_view(x, y, data_range=data_range)
     flat = (-1, *x.shape[-2:])
     large = min(x.shape[-2:]) >= SSIM_WINDOW
@@ -37,28 +39,18 @@ def light_field_metrics(estimate: Any, truth: Any, *, data_range: float = 1.0) -
 
 
 def psnr_per_view(estimate: Any, truth: Any, *, data_range: float = 1.0) -> Array:
-    """PSNR of every view in dB, ``(V, U)``, over all its colours; arguments as :func:`light_field_metrics`."""
-    x, y = (_views_as_batch(values) for values in _pair(estimate, truth))
-    values: Array = psnr(x, y, data_range=data_range, reduction="none")
-    return values.reshape(np.shape(truth)[-4:-2])
+    """PSNR of every view in dB, ``(V, U)``, over all its colours; arguments as of :func:`light_field_metrics`."""
+    return _per_view(psnr, estimate, truth, data_range)
 
 
 def ssim_per_view(estimate: Any, truth: Any, *, data_range: float = 1.0) -> Array:
-    """SSIM of every view, ``(V, U)``, mean over its colours; arguments as :func:`light_field_metrics`."""
-    x, y = (_views_as_batch(values) for values in _pair(estimate, truth))
-    values: Array = ssim(x, y, data_range=data_range, reduction="none")
-    return values.reshape(np.shape(truth)[-4:-2])
+    """SSIM of every view, ``(V, U)``, mean over its colours; arguments as of :func:`light_field_metrics`."""
+    return _per_view(ssim, estimate, truth, data_range)
 
 
-def _views_as_batch(values: Array) -> Array:
-    """``(C, V, U, H, W)`` → ``(V·U, C, H, W)``."""
-    return np.moveaxis(values.reshape(len(values), -1, *values.shape[-2:]), 0, 1)
-
-
-def _pair(estimate: Any, truth: Any) -> tuple[Array, Array]:
-    """Both as ``(C, V, U, H, W)``."""
-    x, y = as_float64(estimate), as_float64(truth)
-    require_same_shape(x, y)
-    if x.ndim not in (4, 5) or x.size == 0:
-        raise ShapeError("estimate, truth", f"shape {x.shape}", "(V, U, H, W) or (C, V, U, H, W)")
-    return (x, y) if x.ndim == 5 else (x[None], y[None])
+def _per_view(metric: Callable[..., Any], estimate: Any, truth: Any, data_range: float) -> Array:
+    """A figure of images, of the views as a batch of images ``(V·U, C, H, W)``."""
+    x, y = pair(estimate, truth, LIGHT_FIELD)
+    images = (np.moveaxis(v.reshape(len(v), -1, *v.shape[-2:]), 0, 1) for v in (x, y))
+    values: Array = metric(*images, data_range=data_range, reduction="none")
+    return values.reshape(x.shape[1:3])

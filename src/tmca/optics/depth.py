@@ -8,7 +8,7 @@ from math import isfinite
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import SettingError, check_range, check_shape
 
 ROUNDING = 1e-6
 """By how much of itself a depth may be beyond the range: what single precision makes of its ends."""
@@ -33,8 +33,7 @@ class DepthPlanes:
     def __post_init__(self) -> None:
         if not 0 < self.near < self.far or not isfinite(self.near):
             raise SettingError("depth", f"{self.near:g} to {self.far:g} m", "0 < near < far")
-        if isinstance(self.count, bool) or self.count != int(self.count) or self.count < 1:
-            raise SettingError("depth planes", repr(self.count), "1 or more")
+        check_range("depth planes", self.count, 1, whole=True)
 
     @property
     def step(self) -> float:
@@ -62,7 +61,7 @@ class DepthPlanes:
         """Metres of a share of the range."""
         return 1 / (1 / self.far + share * (1 / self.near - 1 / self.far))
 
-    def known(self, depth: Tensor) -> Tensor:
+    def within(self, depth: Tensor) -> Tensor:
         """Where depth is a number in the design range, rounding apart; boolean, shape of ``depth``."""
         inside = (depth >= self.near * (1 - ROUNDING)) & (depth <= self.far * (1 + ROUNDING))
         return torch.isfinite(depth) & inside
@@ -75,15 +74,11 @@ class DepthPlanes:
         return place.clamp(0, self.count - 1).round().long()
 
     def weights(self, depth: Tensor) -> Tensor:
-        """ω (B, D, H, W): one in the plane of every pixel (``nearest``), zero in the others.
-
-        Args:
-            depth: (B, 1, H, W) metres.
+        """ω (B, D, H, W) of depth (B, 1, H, W) in metres: one in the plane of every pixel, zero in the others.
 
         Raises:
             ShapeError: another shape.
         """
-        if depth.ndim != 4 or depth.shape[1] != 1:
-            raise ShapeError("depth", str(tuple(depth.shape)), "(B, 1, H, W)")
+        check_shape("depth", depth, ("B", 1, "H", "W"))
         planes = torch.arange(self.count, device=depth.device)[None, :, None, None]
         return (self.nearest(depth) == planes).to(torch.float32)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import SettingError, ShapeError, check_range, check_shape
 from tmca.optics.materials import Material
 from tmca.optics.phase import pixel_places
-from tmca.optics.zernike import Mode, pupil_coordinates, zernike_modes
+from tmca.optics.zernike import Mode, noll, noll_index, pupil_coordinates, zernike_modes
 
 HIGHEST = 1e-2
 """Metres that no phase mask is high."""
@@ -37,65 +37,89 @@ class Stroke:
     def __post_init__(self) -> None:
         if not self.low < self.high:
             raise SettingError("stroke", f"{self.low:g} to {self.high:g} m", "a least height below the largest")
-        if self.levels is not None and self.levels < 2:
-            raise SettingError("levels", str(self.levels), "2 or more")
+        if self.levels is not None:
+            check_range("levels", self.levels, 2)
 
     def shown(self, heights: Tensor) -> Tensor:
         """The nearest heights that can be shown; gradients pass where the range is kept."""
-        kept = heights.clamp(self.low, self.high)
+        within = heights.clamp(self.low, self.high)
         if self.levels is None:
-            return kept
+            return within
         step = (self.high - self.low) / (self.levels - 1)
-        nearest = self.low + ((kept.detach() - self.low) / step).round() * step
-        return kept + (nearest - kept.detach())
+        nearest = self.low + ((within.detach() - self.low) / step).round() * step
+        return within + (nearest - within.detach())
 
     def check(self, heights: Tensor, where: str = "heights") -> None:
         """Raises SettingError where heights go beyond the stroke by more than rounding."""
         values, slack = heights.detach(), 1e-6 * (self.high - self.low)
         lowest, highest = float(values.min()), float(values.max())
         if lowest < self.low - slack or highest > self.high + slack:
-            found = f"{lowest * 1e6:.4g} to {highest * 1e6:.4g} µm"
-            known = f"{self.low * 1e6:.4g} to {self.high * 1e6:.4g} µm, the device's stroke"
-            raise SettingError(where, found, known, "scale them down, or set the stroke of the device")
+            text = f"{lowest * 1e6:.4g} to {highest * 1e6:.4g} µm"
+            limits = f"{self.low * 1e6:.4g} to {self.high * 1e6:.4g} µm, the device's stroke"
+            raise SettingError(where, text, limits, "scale them down, or set the stroke of the device")
 
 
-class HeightMaps(nn.Module):
-    """K height maps (K, H, W) in metres.
+class HeightMaps(nn.Module, ABC):
+    """K height maps (K, H, W) in metres, of parameters near 1: metres over ``unit``.
 
     Args:
         size: (H, W) pixels.
         stroke: of the device; any height without.
+        name: of the parameters.
+        values: (K, ...) their start values, metres.
+        learnable: whether they are learned.
+
+    Raises:
+        SettingError: start values that are no height.
     """
 
-    def __init__(self, size: tuple[int, int], stroke: Stroke | None = None) -> None:
+    def __init__(
+        self, size: tuple[int, int], stroke: Stroke | None, name: str, values: Tensor, learnable: bool
+    ) -> None:
         super().__init__()
-        self.size, self.stroke = (int(size[0]), int(size[1])), stroke
+        self.size, self.stroke, self.name = (int(size[0]), int(size[1])), stroke, name
+        largest = float(values.detach().abs().max())
+        if not largest <= HIGHEST:
+            raise SettingError("heights", f"{largest:g} m", f"finite heights up to {HIGHEST:g} m", "give metres")
+        self.unit = max(1e-6, largest)
+        start = (values / self.unit).detach().clone().float()
+        if learnable:
+            self.register_parameter(name, nn.Parameter(start))
+        else:
+            self.register_buffer(name, start)
+
+    def metres(self) -> Tensor:
+        """(K, ...) the parameters in metres."""
+        values: Tensor = getattr(self, self.name)
+        return values * self.unit
 
     def forward(self) -> Tensor:
         """(K, H, W), as the device shows them."""
         heights = self.profile()
         return heights if self.stroke is None else self.stroke.shown(heights)
 
+    @abstractmethod
     def profile(self) -> Tensor:
         """(K, H, W), before the device's limits."""
-        raise TypeError(f"{type(self).__name__} defines no profile")
 
     def repeated(self, slots: int, *, learnable: bool = False) -> HeightMaps:
-        """The same maps in K slots, of the same family; of one slot that of all of them."""
-        raise TypeError(f"{type(self).__name__} cannot be repeated")
+        """The same maps in K slots, of the same family; of one slot that of all of them.
 
-    def _rows(self, values: Tensor, slots: int) -> Tensor:
-        """(slots, ...) of (1, ...), or of as many."""
+        Raises:
+            ShapeError: another number of maps than one or K.
+        """
+        values = self._start()
         if len(values) not in (1, slots):
             raise ShapeError("slots", str(slots), f"{len(values)}, as many as there are maps")
-        return values.detach().expand(slots, *values.shape[1:]).clone()
+        return self._of(values.detach().expand(slots, *values.shape[1:]), learnable)
 
-    def _hold(self, name: str, values: Tensor, learnable: bool) -> None:
-        kept = values.detach().clone().float()
-        if learnable:
-            self.register_parameter(name, nn.Parameter(kept))
-        else:
-            self.register_buffer(name, kept)
+    def _start(self) -> Tensor:
+        """(K, ...) what maps of this family are made of."""
+        return self.metres()
+
+    @abstractmethod
+    def _of(self, values: Tensor, learnable: bool) -> HeightMaps:
+        """Maps of this family of other parameters in metres."""
 
 
 class FreeForm(HeightMaps):
@@ -103,8 +127,7 @@ class FreeForm(HeightMaps):
 
     Args:
         heights: (K, H, W) metres, start values.
-        stroke: see ``HeightMaps``.
-        learnable: whether heights are parameters.
+        stroke, learnable: see ``HeightMaps``.
 
     Raises:
         ShapeError: not K maps.
@@ -114,32 +137,31 @@ class FreeForm(HeightMaps):
     heights: Tensor
 
     def __init__(self, heights: Tensor, stroke: Stroke | None = None, *, learnable: bool = False) -> None:
-        _check_dims("heights", heights, 3, "(K, H, W)")
-        super().__init__((heights.shape[1], heights.shape[2]), stroke)
+        check_shape("heights", heights, ("K", "H", "W"))
         if stroke is not None:
             stroke.check(heights)
-        self.unit = _unit(heights)
-        self._hold("heights", heights / self.unit, learnable)
+        super().__init__((heights.shape[1], heights.shape[2]), stroke, "heights", heights, learnable)
 
     def profile(self) -> Tensor:
         """(K, H, W)."""
-        return self.heights * self.unit
+        return self.metres()
 
-    def repeated(self, slots: int, *, learnable: bool = False) -> FreeForm:
-        """See ``HeightMaps``; within the stroke."""
-        return FreeForm(self._rows(self(), slots), self.stroke, learnable=learnable)
+    def _start(self) -> Tensor:
+        """Within the stroke."""
+        return self()
+
+    def _of(self, values: Tensor, learnable: bool) -> FreeForm:
+        return FreeForm(values, self.stroke, learnable=learnable)
 
 
 class ZernikeHeights(HeightMaps):
-    """Sums of Zernike modes over a circular aperture, as a deformable mirror shows them.
+    """Sums of Zernike modes over the circle in the maps, as a deformable mirror shows them.
 
     Args:
         coefficients: (K, M) metres rms.
-        modes: (n, m) of each, see ``noll`` and ``osa``.
+        modes: (n, m) of each, see ``noll``.
         size: (H, W) pixels.
-        diameter: of the aperture, pixels; the smaller side without.
-        stroke: see ``HeightMaps``.
-        learnable: whether coefficients are parameters.
+        stroke, learnable: see ``HeightMaps``.
 
     Raises:
         ShapeError: coefficients of another number of modes.
@@ -153,42 +175,32 @@ class ZernikeHeights(HeightMaps):
         coefficients: Tensor,
         modes: Sequence[Mode],
         size: tuple[int, int],
-        diameter: float | None = None,
         stroke: Stroke | None = None,
         *,
         learnable: bool = False,
     ) -> None:
-        _check_dims("coefficients", coefficients, 2, "(K, M)")
-        if coefficients.shape[1] != len(modes):
-            raise ShapeError("coefficients", f"{coefficients.shape[1]} modes", f"{len(modes)}, as many as modes")
-        super().__init__(size, stroke)
-        self.modes, self.diameter, self.unit = tuple(modes), diameter, _unit(coefficients)
-        self.register_buffer("basis", zernike_modes(modes, self.size, diameter).float(), persistent=False)
-        self._hold("coefficients", coefficients / self.unit, learnable)
+        check_shape("coefficients", coefficients, ("K", "M"))
+        check_shape("coefficients", coefficients, ("K", len(modes)))
+        super().__init__(size, stroke, "coefficients", coefficients, learnable)
+        self.modes = tuple(modes)
+        self.register_buffer("basis", zernike_modes(modes, self.size).float(), persistent=False)
 
     def profile(self) -> Tensor:
         """(K, H, W)."""
         return torch.tensordot(self.metres(), self.basis, 1)
 
-    def metres(self) -> Tensor:
-        """(K, M) coefficients in metres rms."""
-        return self.coefficients * self.unit
-
-    def repeated(self, slots: int, *, learnable: bool = False) -> ZernikeHeights:
-        """See ``HeightMaps``."""
-        rows = self._rows(self.metres(), slots)
-        return ZernikeHeights(rows, self.modes, self.size, self.diameter, self.stroke, learnable=learnable)
+    def _of(self, values: Tensor, learnable: bool) -> ZernikeHeights:
+        return ZernikeHeights(values, self.modes, self.size, self.stroke, learnable=learnable)
 
 
 class RotationalProfile(HeightMaps):
-    """Rotationally symmetric maps: heights at even radii from the middle to the rim, linear between them.
+    """Rotationally symmetric maps: heights at even radii from the middle to the rim of the circle in the maps, linear
+    between them; beyond it the last one goes on.
 
     Args:
         radii: (K, R) heights in metres, R ≥ 2.
         size: (H, W) pixels.
-        diameter: where the last height stands, pixels; the smaller side without. Beyond it, it goes on.
-        stroke: see ``HeightMaps``.
-        learnable: whether heights are parameters.
+        stroke, learnable: see ``HeightMaps``.
 
     Raises:
         ShapeError: fewer than two heights.
@@ -202,33 +214,26 @@ class RotationalProfile(HeightMaps):
         self,
         radii: Tensor,
         size: tuple[int, int],
-        diameter: float | None = None,
         stroke: Stroke | None = None,
         *,
         learnable: bool = False,
     ) -> None:
-        _check_dims("radii", radii, 2, "(K, R), R ≥ 2", least=2)
-        super().__init__(size, stroke)
-        place = pupil_coordinates(self.size, diameter)[0].clamp(max=1) * (radii.shape[1] - 1)
+        check_shape("radii", radii, ("K", "R"))
+        if radii.shape[1] < 2:
+            raise ShapeError("radii", str(tuple(radii.shape)), "(K, R), R ≥ 2")
+        super().__init__(size, stroke, "radii", radii, learnable)
+        place = pupil_coordinates(self.size)[0].clamp(max=1) * (radii.shape[1] - 1)
         below = place.floor().clamp(max=radii.shape[1] - 2)
-        self.diameter, self.unit = diameter, _unit(radii)
         self.register_buffer("below", below.long(), persistent=False)
         self.register_buffer("share", (place - below).float(), persistent=False)
-        self._hold("radii", radii / self.unit, learnable)
 
     def profile(self) -> Tensor:
         """(K, H, W)."""
         radii = self.metres()
         return torch.lerp(radii[:, self.below], radii[:, self.below + 1], self.share)
 
-    def metres(self) -> Tensor:
-        """(K, R) heights in metres."""
-        return self.radii * self.unit
-
-    def repeated(self, slots: int, *, learnable: bool = False) -> RotationalProfile:
-        """See ``HeightMaps``."""
-        rows = self._rows(self.metres(), slots)
-        return RotationalProfile(rows, self.size, self.diameter, self.stroke, learnable=learnable)
+    def _of(self, values: Tensor, learnable: bool) -> RotationalProfile:
+        return RotationalProfile(values, self.size, self.stroke, learnable=learnable)
 
 
 def fresnel_lens(
@@ -256,18 +261,39 @@ def fresnel_lens(
     return (torch.remainder(path, wavelength) / factor).expand(slots, -1, -1).clone()
 
 
-def _unit(values: Tensor) -> float:
-    """A micrometre, or what is largest: parameters near 1 suit every optimiser.
+def family_parameters(maps: HeightMaps) -> dict[str, Tensor]:
+    """What a family's maps are made of, to be kept beside them; nothing of free-form maps.
 
-    Raises SettingError for what is no number or no height.
+    Returns:
+        ``coefficients`` (K, M) in metres rms and ``noll`` (M,) of Zernike modes, or ``radii`` (K, R) in metres.
     """
-    largest = float(values.detach().abs().max()) if values.numel() else 0.0
-    if not largest <= HIGHEST:
-        raise SettingError("heights", f"{largest:g} m", f"finite heights up to {HIGHEST:g} m", "give metres")
-    return max(1e-6, largest)
+    if isinstance(maps, ZernikeHeights):
+        places = torch.tensor([noll_index(mode) for mode in maps.modes])
+        return {"coefficients": maps.metres().detach(), "noll": places}
+    if isinstance(maps, RotationalProfile):
+        return {"radii": maps.metres().detach()}
+    return {}
 
 
-def _check_dims(name: str, values: Any, dims: int, wanted: str, least: int = 1) -> None:
-    if not isinstance(values, Tensor) or values.ndim != dims or 0 in values.shape or values.shape[-1] < least:
-        shape = tuple(values.shape) if isinstance(values, Tensor) else type(values).__name__
-        raise ShapeError(name, str(shape), wanted)
+def restored_maps(heights: Tensor, parameters: Mapping[str, Tensor], stroke: Stroke | None = None) -> HeightMaps:
+    """Maps of the family that ``family_parameters`` described, free-form without.
+
+    Args:
+        heights: (K, H, W) metres, as shown.
+        parameters: of the family.
+        stroke: of the device.
+
+    Raises:
+        ShapeError, SettingError: parameters that make no or other maps, or heights beyond the stroke.
+    """
+    size, maps = (heights.shape[-2], heights.shape[-1]), FreeForm(heights, stroke)
+    if "coefficients" in parameters:
+        modes = [noll(int(index)) for index in parameters["noll"]]
+        family: HeightMaps = ZernikeHeights(parameters["coefficients"], modes, size, stroke=stroke)
+    elif "radii" in parameters:
+        family = RotationalProfile(parameters["radii"], size, stroke=stroke)
+    else:
+        return maps
+    if family().shape != heights.shape or not torch.allclose(family(), maps(), rtol=1e-4, atol=1e-9):
+        raise SettingError("heights", "others than their modes or radii make", "the same", "leave modes and radii out")
+    return family

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, isfinite
-from numbers import Real
 
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 
 Grid = tuple[int, int]
 _MOST_VIEWS, _DECIMALS = 9, 9
@@ -41,17 +40,6 @@ def shear_step(shear: float | Iterable[float]) -> tuple[float, float]:
         raise SettingError("shear", repr(shear), "mask pixels per view: one number, or (along y, along x)") from None
 
 
-def require_length(name: str, metres: object) -> float:
-    """A length in metres.
-
-    Raises:
-        SettingError: not a number, not finite, or not above 0.
-    """
-    if isinstance(metres, bool) or not isinstance(metres, Real) or not (isfinite(metres) and float(metres) > 0):
-        raise SettingError(name, repr(metres), "metres, above 0")
-    return float(metres)
-
-
 def view_coordinates(count: int) -> tuple[int, ...]:
     """-(n-1)/2 … (n-1)/2: places of the views along one axis, in view steps."""
     return tuple(range(-(count // 2), count // 2 + 1))
@@ -81,8 +69,7 @@ class ViewShear:
         step = tuple(round(float(s), _DECIMALS) for s in self.step)
         if len(step) != 2 or not all(isfinite(s) and abs(s) <= 1000 for s in step):
             raise SettingError("shear", str(self.step), "mask pixels per view along y and x, within ±1000")
-        if not (isinstance(self.scale, Real) and isfinite(self.scale) and 0.1 <= self.scale <= 10):
-            raise SettingError("mask_scale", str(self.scale), "mask pixels per sensor pixel, 0.1 to 10")
+        check_range("mask_scale", self.scale, 0.1, 10, unit="mask pixels per sensor pixel")
         object.__setattr__(self, "step", step)
         object.__setattr__(self, "scale", float(self.scale))
 
@@ -107,11 +94,13 @@ class ViewShear:
         return ((self.scale - 1) * (size[0] - 1) / 2, (self.scale - 1) * (size[1] - 1) / 2)
 
 
-def _views_of_bench(views: object) -> None:
-    """Raises SettingError unless the views are an odd number per axis."""
+def _check_bench(views: object, **lengths: float) -> None:
+    """Raises SettingError unless the views are an odd number per axis, and the lengths are above 0 m."""
     if not isinstance(views, int):
         raise SettingError("views", repr(views), "an odd number per axis")
     view_grid(views)
+    for name, metres in lengths.items():
+        check_range(name, metres, above=0, unit="m")
 
 
 @dataclass(frozen=True)
@@ -139,9 +128,7 @@ class MaskGeometry:
     views: int = 5
 
     def __post_init__(self) -> None:
-        _views_of_bench(self.views)
-        for name in ("mask_distance", "aperture_distance", "pixel_pitch", "aperture_width"):
-            require_length(name, getattr(self, name))
+        _check_bench(**vars(self))
         if self.mask_distance >= self.aperture_distance:
             wanted = f"less than the aperture's {self.aperture_distance:g} m"
             raise SettingError("mask_distance", f"{self.mask_distance:g} m", wanted)
@@ -158,14 +145,8 @@ class MaskGeometry:
         Raises:
             SettingError: a step or a length that is not positive, even views.
         """
-        if not (isinstance(step, Real) and isfinite(step) and step > 0):
-            raise SettingError("step", f"{step}", "mask pixels per view, above 0")
-        _views_of_bench(views)
-        lengths = {
-            "aperture_distance": aperture_distance, "pixel_pitch": pixel_pitch, "aperture_width": aperture_width,
-        }  # fmt: skip
-        for name, metres in lengths.items():
-            require_length(name, metres)
+        check_range("step", step, above=0, unit="mask pixels per view")
+        _check_bench(views, aperture_distance=aperture_distance, pixel_pitch=pixel_pitch, aperture_width=aperture_width)
         moved = step * pixel_pitch
         distance = aperture_distance * moved / (aperture_width / views + moved)
         return cls(distance, aperture_distance, pixel_pitch, aperture_width, views)
@@ -179,12 +160,12 @@ class MaskGeometry:
         Raises:
             SettingError: a length that is not positive, a mask no finer than the sensor, even views.
         """
-        q, p = require_length("mask_pitch", mask_pitch), require_length("pixel_pitch", pixel_pitch)
-        if q >= p:
+        _check_bench(views, mask_pitch=mask_pitch, pixel_pitch=pixel_pitch, aperture_distance=aperture_distance)
+        if mask_pitch >= pixel_pitch:
             remedy = "a mask before the sensor needs smaller pixels than it; for others give the distance"
-            raise SettingError("mask_pitch", f"{q:g} m", f"less than the sensor's {p:g} m", remedy)
-        own = require_length("aperture_distance", aperture_distance)
-        return cls(own * (1 - q / p), own, p, aperture_width, views)
+            raise SettingError("mask_pitch", f"{mask_pitch:g} m", f"less than the sensor's {pixel_pitch:g} m", remedy)
+        distance = aperture_distance * (1 - mask_pitch / pixel_pitch)
+        return cls(distance, aperture_distance, pixel_pitch, aperture_width, views)
 
     @property
     def s(self) -> float:
@@ -204,9 +185,8 @@ class MaskGeometry:
     @property
     def step(self) -> float:
         """Mask pixels of ``mask_pitch`` per view, ``d_l Δu / ((d_a - d_l) p)``."""
-        return (
-            self.mask_distance * self.view_spacing / ((self.aperture_distance - self.mask_distance) * self.pixel_pitch)
-        )
+        before = self.aperture_distance - self.mask_distance
+        return self.mask_distance * self.view_spacing / (before * self.pixel_pitch)
 
     def shear(self, mask_pitch: float | None = None) -> ViewShear:
         """The shear of a mask of this pitch, metres; of ``(1-s) · p`` if None.
@@ -214,5 +194,7 @@ class MaskGeometry:
         Raises:
             SettingError: a pitch that is not positive, or too far from the pixels'.
         """
-        scale = 1.0 if mask_pitch is None else self.mask_pitch / require_length("mask_pitch", mask_pitch)
+        if mask_pitch is not None:
+            check_range("mask_pitch", mask_pitch, above=0, unit="m")
+        scale = 1.0 if mask_pitch is None else self.mask_pitch / mask_pitch
         return ViewShear((self.views, self.views), (self.step * scale,) * 2, scale)

@@ -15,39 +15,23 @@ from tmca.errors import DataError, SettingError
 Values = NDArray[np.float64]
 
 
-def _sellmeier(micrometres: Values, c: Values) -> Values:
-    """n² - 1 = c₀ + Σ B λ² / (λ² - C²)."""
+def _rational(micrometres: Values, c: Values, power: int) -> Values:
+    """n² - 1 = c₀ + Σ B λ² / (λ² - C^power)."""
     square = micrometres[:, None] ** 2
-    return np.sqrt(1 + c[0] + (c[1::2] * square / (square - c[2::2] ** 2)).sum(1))
+    return np.sqrt(1 + c[0] + (c[1::2] * square / (square - c[2::2] ** power)).sum(1))
 
 
-def _sellmeier_squared(micrometres: Values, c: Values) -> Values:
-    """n² - 1 = c₀ + Σ B λ² / (λ² - C)."""
-    square = micrometres[:, None] ** 2
-    return np.sqrt(1 + c[0] + (c[1::2] * square / (square - c[2::2])).sum(1))
-
-
-def _polynomial(micrometres: Values, c: Values) -> Values:
-    """n² = c₀ + Σ B λ^C."""
-    return np.sqrt(c[0] + (c[1::2] * micrometres[:, None] ** c[2::2]).sum(1))
-
-
-def _cauchy(micrometres: Values, c: Values) -> Values:
-    """n = c₀ + Σ B λ^C."""
+def _powers(micrometres: Values, c: Values) -> Values:
+    """c₀ + Σ B λ^C."""
     return c[0] + (c[1::2] * micrometres[:, None] ** c[2::2]).sum(1)
 
 
-def _tabulated(micrometres: Values, c: Values) -> Values:
-    """Linear between pairs of wavelength and index."""
-    return np.interp(micrometres, c[0::2], c[1::2])
-
-
 FORMULAS: dict[str, Callable[[Values, Values], Values]] = {
-    "formula 1": _sellmeier,
-    "formula 2": _sellmeier_squared,
-    "formula 3": _polynomial,
-    "formula 5": _cauchy,
-    "tabulated": _tabulated,
+    "formula 1": lambda waves, c: _rational(waves, c, 2),  # Sellmeier's
+    "formula 2": lambda waves, c: _rational(waves, c, 1),
+    "formula 3": lambda waves, c: np.sqrt(_powers(waves, c)),
+    "formula 5": _powers,  # Cauchy's
+    "tabulated": lambda waves, c: np.interp(waves, c[0::2], c[1::2]),
 }
 """Names of refractiveindex.info's database, whose files ``Material.read`` takes; wavelengths in micrometres."""
 
@@ -80,8 +64,9 @@ class Material:
         low, high = self.limits
         outside = values[~((values >= low * (1 - 1e-9)) & (values <= high * (1 + 1e-9)))]
         if outside.size:
-            found, known = f"{outside[0] * 1e9:.4g} nm", f"{low * 1e9:.4g} to {high * 1e9:.4g} nm, its data"
-            raise SettingError(self.name, found, known, "choose other bands or another material")
+            limits = f"{low * 1e9:.4g} to {high * 1e9:.4g} nm, its data"
+            remedy = "choose other bands or another material"
+            raise SettingError(self.name, f"{outside[0] * 1e9:.4g} nm", limits, remedy)
         return FORMULAS[self.formula](values * 1e6, np.asarray(self.coefficients))
 
     @classmethod

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import pi
+from math import inf, pi
 
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 from tmca.optics.materials import Material
 
 
@@ -46,8 +46,7 @@ def pixel_places(size: tuple[int, int], pitch: float) -> tuple[Tensor, Tensor]:
     Raises:
         SettingError: a pitch that is not positive.
     """
-    if not pitch > 0:
-        raise SettingError("pitch", f"{pitch:g} m", "above 0")
+    check_range("pitch", pitch, above=0, unit="m")
     y, x = (pitch * (torch.arange(n, dtype=torch.float64) - (n - 1) / 2) for n in size)
     return y[:, None], x[None]
 
@@ -62,9 +61,8 @@ def circular_aperture(size: tuple[int, int], diameter: float | None = None) -> T
     Raises:
         SettingError: a diameter that is not positive.
     """
-    wide = float(min(size) if diameter is None else diameter)
-    if not wide > 0:
-        raise SettingError("diameter", f"{wide:g}", "pixels, above 0")
+    wide = min(size) if diameter is None else diameter
+    check_range("diameter", wide, above=0, unit="pixels")
     y, x = pixel_places(size, 1.0)
     return (wide / 2 - torch.hypot(y, x) + 0.5).clamp(0, 1)
 
@@ -84,18 +82,18 @@ def spherical_wave(
     Raises:
         SettingError: distances that are not positive.
     """
-    for name, value in (("distance", distance), ("focus", 1.0 if focus is None else focus)):
-        if not value > 0:
-            raise SettingError(name, f"{value:g} m", "above 0")
     y, x = pixel_places(size, pitch)
-    path = _sag(y**2 + x**2, distance) - (0.0 if focus is None else _sag(y**2 + x**2, focus))
+    path = _sag(y**2 + x**2, "distance", distance)
+    if focus is not None:
+        path = path - _sag(y**2 + x**2, "focus", focus)
     waves = 2 * pi / torch.as_tensor(list(wavelengths), dtype=torch.float64)
     phase = waves[:, None, None] * path
     return torch.polar(torch.ones_like(phase), phase)
 
 
-def _sag(square: Tensor, distance: float) -> Tensor:
+def _sag(square: Tensor, where: str, distance: float) -> Tensor:
     """``√(r² + z²) - z`` without cancellation."""
-    if distance == float("inf"):
+    check_range(where, distance, above=0, high=inf, unit="m")
+    if distance == inf:
         return torch.zeros_like(square)
     return square / (torch.sqrt(square + distance**2) + distance)

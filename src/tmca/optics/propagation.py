@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, pi
+from math import pi
 from warnings import warn
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import check_range, check_shape
 from tmca.optics.phase import pixel_places
 
 LEAST_KEPT = 16
@@ -22,28 +22,28 @@ class Undersampled(UserWarning):
     """A field whose phase turns faster than its pixels can follow."""
 
 
-def largest_pitch(wavelength: float, radius: float, distance: float) -> float:
-    """Pitch at which light of a cone is still sampled twice per wave at its rim, metres: ``λ √(r² + s²) / 2r``.
+def check_sampling(pitch: float, wavelengths: Sequence[float], radius: float, distance: float, where: str) -> None:
+    """Warns ``Undersampled`` where light of a cone is sampled less than twice per wave at its rim.
+
+    The largest pitch is ``λ √(r² + s²) / 2r`` at the shortest wavelength.
 
     Args:
-        wavelength: the shortest, metres.
+        pitch: metres.
+        wavelengths: metres.
         radius: of the aperture, metres.
         distance: from the aperture to the tip of the cone, metres.
+        where: what the warning is about.
     """
-    return wavelength * (radius**2 + distance**2) ** 0.5 / (2 * radius) if radius > 0 else float("inf")
-
-
-def check_sampling(pitch: float, wavelengths: Sequence[float], radius: float, distance: float, where: str) -> None:
-    """Warns ``Undersampled`` where the pitch is larger than ``largest_pitch``: states it, the bound and a remedy."""
-    bound = largest_pitch(min(wavelengths), radius, distance)
+    shortest = min(wavelengths)
+    bound = shortest * (radius**2 + distance**2) ** 0.5 / (2 * radius)
     if pitch > bound * (1 + 1e-9):
-        found = (
+        warn(
             f"{where}: a pitch of {pitch * 1e6:.3g} µm is larger than {bound * 1e6:.3g} µm, the most that a cone of "
+            f"radius {radius * 1e3:.3g} mm over {distance * 1e3:.3g} mm allows at {shortest * 1e9:.0f} nm; "
+            "take a finer pitch, a smaller aperture or a longer distance",
+            Undersampled,
+            stacklevel=3,
         )
-        found += (
-            f"radius {radius * 1e3:.3g} mm over {distance * 1e3:.3g} mm allows at {min(wavelengths) * 1e9:.0f} nm; "
-        )
-        warn(found + "take a finer pitch, a smaller aperture or a longer distance", Undersampled, stacklevel=3)
 
 
 class AngularSpectrum(nn.Module):
@@ -72,23 +72,24 @@ class AngularSpectrum(nn.Module):
         self, size: tuple[int, int], pitch: float, wavelengths: Sequence[float], distance: float, padding: float = 2.0
     ) -> None:
         super().__init__()
-        if not (pitch > 0 and isfinite(distance) and padding >= 1 and min(wavelengths) > 0):
-            found = f"pitch {pitch:g}, distance {distance:g}, padding {padding:g}, wavelengths {list(wavelengths)}"
-            raise SettingError("propagation", found, "finite metres, pitch and wavelengths above 0, padding ≥ 1")
+        check_range("pitch", pitch, above=0, unit="m")
+        check_range("distance", distance, unit="m")
+        check_range("padding", padding, 1)
+        check_range("wavelengths", min(wavelengths), above=0, unit="m")
         self.size = (int(size[0]), int(size[1]))
         self.padded = (round(self.size[0] * padding), round(self.size[1] * padding))
         self.pitch, self.wavelengths, self.distance = float(pitch), tuple(map(float, wavelengths)), float(distance)
         self.register_buffer("transfer", self._transfer().to(torch.complex64), persistent=False)
-        self._check_kept()
+        self._check_band()
 
-    def _check_kept(self) -> None:
+    def _check_band(self) -> None:
         """Light that turns more than the padded grid can follow is cut: most of it beyond a distance."""
         wave = max(self.wavelengths)
-        for padded, own in zip(self.padded, self.size, strict=True):
-            kept = 2 * self._limit(torch.tensor(wave), padded).item() * padded * self.pitch
-            if kept < padded and (kept < LEAST_KEPT or padded < 2 * own):
+        for padded, side in zip(self.padded, self.size, strict=True):
+            passed = 2 * self._limit(torch.tensor(wave), padded).item() * padded * self.pitch
+            if passed < padded and (passed < LEAST_KEPT or padded < 2 * side):
                 warn(
-                    f"angular spectrum: {kept:.0f} of {padded} frequencies follow {wave * 1e9:.0f} nm over "
+                    f"angular spectrum: {passed:.0f} of {padded} frequencies follow {wave * 1e9:.0f} nm over "
                     f"{abs(self.distance):.4g} m, {LEAST_KEPT} and a padding of 2 are needed; take more padding, or "
                     "FocalPlane",
                     Undersampled,
@@ -108,8 +109,8 @@ class AngularSpectrum(nn.Module):
         cosine = torch.sqrt((1 - sine).clamp(min=0))
         phase = -2 * pi * self.distance / waves * sine / (1 + cosine)
         limits = [self._limit(waves, n) for n in self.padded]
-        kept = (fy[:, None].abs() <= limits[0]) & (fx.abs() <= limits[1]) & (sine < 1)
-        return torch.polar(kept.double(), phase)
+        passed = (fy[:, None].abs() <= limits[0]) & (fx.abs() <= limits[1]) & (sine < 1)
+        return torch.polar(passed.double(), phase)
 
     def forward(self, field: Tensor) -> Tensor:
         """Fields (..., L, H, W) at the distance.
@@ -117,9 +118,7 @@ class AngularSpectrum(nn.Module):
         Raises:
             ShapeError: fields of another size or number of wavelengths.
         """
-        wanted = (len(self.wavelengths), *self.size)
-        if tuple(field.shape[-3:]) != wanted:
-            raise ShapeError("field", f"{tuple(field.shape)}", f"(…, {', '.join(map(str, wanted))})")
+        check_shape("field", field, (..., len(self.wavelengths), *self.size))
         return self._filtered(field, self.transfer)
 
     def adjoint(self, field: Tensor) -> Tensor:
@@ -172,18 +171,18 @@ class FocalPlane(nn.Module):
         samples: int = 1,
     ) -> None:
         super().__init__()
-        if not (distance > 0 and isfinite(distance) and min(wavelengths) > 0 and samples >= 1):
-            found = f"distance {distance:g} m, {samples} samples"
-            raise SettingError("propagation", found, "above 0, with wavelengths above 0, and 1 sample or more")
+        check_range("distance", distance, above=0, unit="m")
+        check_range("samples", samples, 1)
+        check_range("wavelengths", min(wavelengths), above=0, unit="m")
         self.size, self.out_size = (int(size[0]), int(size[1])), (int(out_size[0]), int(out_size[1]))
         nodes, weights = (torch.from_numpy(part) for part in np.polynomial.legendre.leggauss(samples))
         waves = torch.tensor(list(map(float, wavelengths)), dtype=torch.float64)[:, None, None]
         places, seen = pixel_places(self.size, pitch), pixel_places(self.out_size, out_pitch)
         for axis, name in enumerate(("rows", "columns")):
-            own, other = places[axis].flatten(), (seen[axis].reshape(-1, 1) + out_pitch / 2 * nodes).flatten()
-            phase = -2 * pi * other[:, None] * own / (waves * distance)
+            here, there = places[axis].flatten(), (seen[axis].reshape(-1, 1) + out_pitch / 2 * nodes).flatten()
+            phase = -2 * pi * there[:, None] * here / (waves * distance)
             if chirp:
-                phase = phase + pi * own**2 / (waves * distance)
+                phase = phase + pi * here**2 / (waves * distance)
             share = (weights / 2).repeat(self.out_size[axis])[:, None]
             scale = (pitch * out_pitch * share / (waves * distance)) ** 0.5
             matrix = torch.polar(scale.expand_as(phase).clone(), phase)
@@ -195,9 +194,7 @@ class FocalPlane(nn.Module):
         Raises:
             ShapeError: fields of another size.
         """
-        if tuple(field.shape[-3:]) != (len(self.rows), *self.size):
-            wanted = f"(…, {len(self.rows)}, {self.size[0]}, {self.size[1]})"
-            raise ShapeError("field", f"{tuple(field.shape)}", wanted)
+        check_shape("field", field, (..., len(self.rows), *self.size))
         return self.rows.to(field.dtype) @ field @ self.columns.to(field.dtype).mT
 
     def adjoint(self, field: Tensor) -> Tensor:

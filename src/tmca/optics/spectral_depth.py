@@ -1,23 +1,30 @@
-"""Optics of the spectral-depth camera: a lens, a phase mask in its aperture, a sensor behind (thesis section 5)."""
+"""Optics of the spectral-depth camera: a lens, a phase mask in its aperture, a sensor behind (thesis section 5); named
+masks to start from."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from math import isfinite
+from math import inf
 from typing import Any
 from warnings import warn
 
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics.depth import DepthPlanes
-from tmca.optics.heights import HeightMaps
+from tmca.optics.heights import HIGHEST, FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
 from tmca.optics.materials import Material
 from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
 from tmca.optics.point_spread import PointSpread
 from tmca.optics.propagation import FocalPlane, Undersampled, check_sampling
+from tmca.optics.zernike import noll, pupil_coordinates
+
+FAMILIES = ("flat", "zernike", "free-form", "rotational", "lens")
+MODES = 18
+"""Noll modes 4 to 21: those of a mirror with 40 actuators, less piston and tilts, which shift an image only."""
+_RADII = 16
 
 
 @dataclass(frozen=True)
@@ -52,16 +59,13 @@ class PhaseMaskBench:
 
     def __post_init__(self) -> None:
         for name in ("diameter", "distance", "pitch"):
-            value = getattr(self, name)
-            if not (isfinite(value) and value > 0):
-                raise SettingError(name, f"{value:g} m", "finite metres above 0")
-        if self.focus is not None and not self.focus > 0:
-            raise SettingError("focus", f"{self.focus:g} m", "above 0, or None without a lens")
+            check_range(name, getattr(self, name), above=0, unit="m")
+        if self.focus is not None:
+            check_range("focus", self.focus, above=0, high=inf, unit="m")
         if len(self.window) != 2 or any(side < 1 or side % 2 == 0 for side in self.window):
             raise SettingError("window", str(self.window), "(h, w), odd")
-        if self.mask_pixels < 2 or self.oversampling < 1:
-            found = f"{self.mask_pixels} mask pixels, oversampling {self.oversampling}"
-            raise SettingError("bench", found, "2 mask pixels or more, oversampling of 1 or more")
+        check_range("mask_pixels", self.mask_pixels, 2)
+        check_range("oversampling", self.oversampling, 1)
         self.phase_material()
 
     def phase_material(self) -> Material | None:
@@ -86,10 +90,10 @@ class PhaseMaskBench:
     def waves(self, wavelengths: Sequence[float], planes: DepthPlanes) -> Tensor:
         """(D, L, H, W) fields of points on the axis just before the mask, behind aperture and lens."""
         aperture = circular_aperture(self.mask_size)
-        fields = (
-            spherical_wave(self.mask_size, self.mask_pitch, wavelengths, float(z), self.focus) for z in planes.metres
+        size, pitch = self.mask_size, self.mask_pitch
+        return torch.stack(
+            [aperture * spherical_wave(size, pitch, wavelengths, float(z), self.focus) for z in planes.metres]
         )
-        return torch.stack([aperture * field for field in fields])
 
     def propagator(self, wavelengths: Sequence[float]) -> FocalPlane:
         """Light from the mask to the samples of the sensor."""
@@ -127,29 +131,26 @@ class PhaseMaskBench:
         The Fourier pair of mask and sensor repeats every ``λ s / mask_pitch`` on the sensor: the window has to be
         smaller than that.
         """
-        sharp = float("inf") if self.focus is None else self.focus
+        radius, shortest = self.diameter / 2, min(wavelengths)
         for depth in (planes.near, planes.far):
-            difference = abs(1 / depth - 1 / sharp)
+            difference = abs(1 / depth - 1 / (inf if self.focus is None else self.focus))
             if difference > 0:
-                where = f"mask, points at {depth:g} m"
-                check_sampling(self.mask_pitch, wavelengths, self.diameter / 2, 1 / difference, where)
+                check_sampling(self.mask_pitch, wavelengths, radius, 1 / difference, f"mask, points at {depth:g} m")
         if self.focus is None:
-            check_sampling(
-                self.mask_pitch, wavelengths, self.diameter / 2, self.distance, "mask, focused on the sensor"
-            )
-        step, finest = self.pitch / self.oversampling, min(wavelengths) * self.distance / (2 * self.diameter)
+            check_sampling(self.mask_pitch, wavelengths, radius, self.distance, "mask, focused on the sensor")
+        step, finest = self.pitch / self.oversampling, shortest * self.distance / (2 * self.diameter)
         if step > finest * (1 + 1e-9):
             warn(
                 f"sensor: samples of {step * 1e6:.3g} µm are coarser than {finest * 1e6:.3g} µm, the most that follows "
-                f"the light of this aperture at {min(wavelengths) * 1e9:.0f} nm; take more oversampling",
+                f"the light of this aperture at {shortest * 1e9:.0f} nm; take more oversampling",
                 Undersampled,
                 stacklevel=3,
             )
-        period, wide = min(wavelengths) * self.distance / self.mask_pitch, max(self.window) * self.pitch
+        period, wide = shortest * self.distance / self.mask_pitch, max(self.window) * self.pitch
         if wide > period * (1 + 1e-9):
             warn(
                 f"window: {max(self.window)} pixels of {self.pitch * 1e6:.3g} µm are wider than the "
-                f"{period * 1e6:.4g} µm after which light repeats at {min(wavelengths) * 1e9:.0f} nm; "
+                f"{period * 1e6:.4g} µm after which light repeats at {shortest * 1e9:.0f} nm; "
                 "take more mask pixels or a smaller window",
                 Undersampled,
                 stacklevel=3,
@@ -162,9 +163,67 @@ def changed_bench(bench: PhaseMaskBench, changes: Mapping[str, Any]) -> PhaseMas
     Raises:
         SettingError: a name that is none of them, or an impossible value.
     """
-    known = [field.name for field in fields(bench)]
     for name in changes:
-        if name not in known:
-            raise SettingError("bench", name, f"some of {', '.join(known)}")
+        check_choice("bench", name, (field.name for field in fields(bench)))
     given = {**changes, **({"window": tuple(changes["window"])} if "window" in changes else {})}
     return replace(bench, **given)
+
+
+def mask_heights(
+    family: str,
+    slots: int,
+    bench: PhaseMaskBench,
+    *,
+    rms: float = 0.1e-6,
+    wavelength: float = 550e-9,
+    modes: int = MODES,
+    stroke: Stroke | None = None,
+    seed: int = 0,
+    learnable: bool = False,
+) -> HeightMaps:
+    """K height maps of a family, different in every slot where they are random.
+
+    ``"flat"``: zero, free-form. ``"zernike"``: random modes from defocus on, as a deformable mirror shows them.
+    ``"free-form"``: the same start, every pixel free. ``"rotational"``: random profiles over the radius. ``"lens"``: a
+    Fresnel lens that focuses objects at infinity on the sensor, free-form.
+
+    Args:
+        family: one of ``FAMILIES``.
+        slots: K.
+        bench: size, pitch and material of the maps.
+        rms: of random heights over the aperture, but for their mean, metres.
+        wavelength: that ``"lens"`` focuses, metres.
+        modes: number of Zernike modes, from Noll's fourth on.
+        stroke: of the device.
+        seed: of random maps.
+        learnable: whether they are learned.
+
+    Raises:
+        SettingError: unknown family, no modes, a negative or huge rms, or a lens on a bench that has one.
+    """
+    check_choice("mask", family, FAMILIES)
+    if family == "lens" and bench.focus is not None:
+        remedy = "or set no focus, for a bench without"
+        raise SettingError("mask", "a lens on a bench with a lens", f"one of {', '.join(FAMILIES[:-1])}", remedy)
+    check_range("slots", slots, 1)
+    check_range("modes", modes, 1)
+    check_range("rms", rms, 0, HIGHEST, unit="m")
+    size, generator = bench.mask_size, torch.Generator().manual_seed(seed)
+    if family == "rotational":
+        radii = 1e-6 * torch.randn(slots, _RADII, generator=generator)
+        shown = RotationalProfile(radii, size).profile()[:, pupil_coordinates(size)[0] <= 1].std(1, correction=0)
+        return RotationalProfile(radii * (rms / shown)[:, None], size, stroke=stroke, learnable=learnable)
+    if family == "flat":
+        heights = torch.zeros(slots, *size)
+    elif family == "lens":
+        heights = fresnel_lens(size, bench.mask_pitch, bench.distance, wavelength, bench.phase_material(), slots)
+    else:
+        # modes have unit variance, and their squares add up
+        drawn = torch.randn(slots, modes, generator=generator)
+        coefficients, indices = drawn * (rms / drawn.norm(dim=-1, keepdim=True)), [noll(4 + n) for n in range(modes)]
+        maps = ZernikeHeights(coefficients, indices, size, stroke=stroke, learnable=learnable)
+        if family == "zernike":
+            return maps
+        heights = maps.profile().detach()
+    heights = heights if stroke is None else heights.clamp(stroke.low, stroke.high)
+    return FreeForm(heights, stroke, learnable=learnable)

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 
 Mode = tuple[int, int]
 """(n, m): radial order and azimuthal frequency, negative for the sine."""
@@ -22,7 +22,7 @@ def noll(index: int) -> Mode:
     Raises:
         SettingError: an index below 1.
     """
-    _check_index("Noll index", index, 1)
+    check_range("Noll index", index, 1, whole=True)
     n = (isqrt(8 * index - 7) - 1) // 2
     place = index - n * (n + 1) // 2 - 1
     m = place + (place + n) % 2
@@ -31,45 +31,18 @@ def noll(index: int) -> Mode:
 
 def noll_index(mode: Mode) -> int:
     """The Noll index of (n, m)."""
-    n, m = checked_mode(mode)
+    n, m = _checked(mode)
     first = n * (n + 1) // 2 + abs(m)
     even = n % 4 in (0, 1)
     later = (m >= 0) if not even else (m <= 0)
     return first + 1 if (later and m != 0) or (m == 0) else first
 
 
-def osa(index: int) -> Mode:
-    """(n, m) of an OSA/ANSI index, 0 for piston. Source: ANSI Z80.28.
-
-    Raises:
-        SettingError: a negative index.
-    """
-    _check_index("OSA index", index, 0)
-    n = (isqrt(8 * index + 1) - 1) // 2
-    return n, 2 * index - n * (n + 2)
-
-
-def osa_index(mode: Mode) -> int:
-    """The OSA/ANSI index of (n, m)."""
-    n, m = checked_mode(mode)
-    return (n * (n + 2) + m) // 2
-
-
-def checked_mode(mode: Mode) -> Mode:
-    """The mode itself.
-
-    Raises:
-        SettingError: |m| above n, or of other parity.
-    """
+def _checked(mode: Mode) -> Mode:
     n, m = mode
     if n < 0 or abs(m) > n or (n - m) % 2:
         raise SettingError("Zernike mode", f"n = {n}, m = {m}", "n ≥ |m| of the same parity")
     return n, m
-
-
-def _check_index(name: str, index: int, least: int) -> None:
-    if isinstance(index, bool) or index != int(index) or index < least:
-        raise SettingError(name, repr(index), f"a whole number, {least} or more")
 
 
 def pupil_coordinates(size: tuple[int, int], diameter: float | None = None) -> tuple[Tensor, Tensor]:
@@ -78,9 +51,8 @@ def pupil_coordinates(size: tuple[int, int], diameter: float | None = None) -> t
     Raises:
         SettingError: a diameter that is not positive.
     """
-    wide = float(min(size) if diameter is None else diameter)
-    if not wide > 0:
-        raise SettingError("diameter", f"{wide:g}", "pixels, above 0")
+    wide = min(size) if diameter is None else diameter
+    check_range("diameter", wide, above=0, unit="pixels")
     y, x = (2 * (torch.arange(n, dtype=torch.float64) - (n - 1) / 2) / wide for n in size)
     return torch.hypot(y[:, None], x[None]), torch.atan2(y[:, None].expand(*size), x[None].expand(*size))
 
@@ -91,7 +63,7 @@ def zernike_modes(modes: Sequence[Mode], size: tuple[int, int], diameter: float 
     A map in metres is then the sum of coefficients in metres rms times modes. y runs downwards, θ from x towards y.
 
     Args:
-        modes: (n, m) of each, see ``noll`` and ``osa``.
+        modes: (n, m) of each, see ``noll``.
         size: (H, W) pixels.
         diameter: of the unit disk, pixels; the smaller side without.
 
@@ -100,11 +72,12 @@ def zernike_modes(modes: Sequence[Mode], size: tuple[int, int], diameter: float 
     """
     rho, theta = pupil_coordinates(size, diameter)
     inside = (rho <= 1).double()
-    found = [
-        torch.from_numpy(radial(n, abs(m), rho.clamp(max=1).numpy())) * _azimuthal(m, theta) * _scale(n, m) * inside
-        for n, m in map(checked_mode, modes)
-    ]
-    return torch.stack(found) if found else torch.zeros(0, *size, dtype=torch.float64)
+    maps = torch.zeros(len(modes), *size, dtype=torch.float64)
+    for place, (n, m) in enumerate(map(_checked, modes)):
+        azimuthal = torch.cos(m * theta) if m >= 0 else torch.sin(-m * theta)
+        scale = float(n + 1 if m == 0 else 2 * (n + 1)) ** 0.5
+        maps[place] = torch.from_numpy(radial(n, abs(m), rho.clamp(max=1).numpy())) * azimuthal * scale * inside
+    return maps
 
 
 def radial(n: int, m: int, rho: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -114,14 +87,6 @@ def radial(n: int, m: int, rho: NDArray[np.float64]) -> NDArray[np.float64]:
     k = (n - m) // 2
     value: NDArray[np.float64] = (-1) ** k * rho**m * eval_jacobi(k, m, 0, 1 - 2 * rho**2)
     return value
-
-
-def _azimuthal(m: int, theta: Tensor) -> Tensor:
-    return torch.cos(m * theta) if m >= 0 else torch.sin(-m * theta)
-
-
-def _scale(n: int, m: int) -> float:
-    return float((n + 1) if m == 0 else 2 * (n + 1)) ** 0.5
 
 
 def fit_zernike(values: Tensor, modes: Sequence[Mode], diameter: float | None = None) -> tuple[Tensor, Tensor]:
@@ -137,9 +102,9 @@ def fit_zernike(values: Tensor, modes: Sequence[Mode], diameter: float | None = 
     """
     size = (values.shape[0], values.shape[1])
     basis, (rho, _) = zernike_modes(modes, size, diameter), pupil_coordinates(size, diameter)
-    known = (rho <= 1) & torch.isfinite(values)
-    if int(known.sum()) < len(basis):
-        raise SettingError("values", f"{int(known.sum())} known pixels", f"at least {len(basis)}, one for each mode")
-    found = torch.linalg.lstsq(basis[:, known].mT, values[known].double()[:, None]).solution[:, 0]
-    left = torch.where(known, values.double() - torch.tensordot(found, basis, 1), torch.zeros((), dtype=torch.float64))
-    return found, left
+    valid = (rho <= 1) & torch.isfinite(values)
+    if int(valid.sum()) < len(basis):
+        raise SettingError("values", f"{int(valid.sum())} known pixels", f"at least {len(basis)}, one for each mode")
+    fit = torch.linalg.lstsq(basis[:, valid].mT, values[valid].double()[:, None]).solution[:, 0]
+    left = torch.where(valid, values.double() - torch.tensordot(fit, basis, 1), torch.zeros((), dtype=torch.float64))
+    return fit, left

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.codes import CodePlane, balanced_choice, one_hot_planes
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import SettingError, check_choice, check_range, check_shape
 
 SENSORS = ("monochrome", "rgb")
 FILTERS = ("clear", "gaussian", "rgbw")
@@ -53,8 +53,7 @@ class ColourCodedAperture(nn.Module):
     ) -> None:
         super().__init__()
         values = torch.as_tensor(filters, dtype=torch.get_default_dtype())
-        if values.ndim != 2 or 0 in values.shape:
-            raise ShapeError("filters", str(tuple(values.shape)), "(R, L)")
+        check_shape("filters", values, ("R", "L"))
         if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 + 1e-6:
             raise SettingError("filters", "values outside [0, 1]", "transmittance of every filter and band")
         self.register_buffer("filters", values)
@@ -118,8 +117,8 @@ def feasible_filters(family: str, wavelengths: Sequence[float], count: int = 4) 
     Raises:
         SettingError: unknown family or none.
     """
-    if family not in FILTERS or count < 1:
-        raise SettingError("filters", f"{family!r}, {count} of them", f"one of {', '.join(FILTERS)}; 1 or more")
+    check_choice("filters", family, FILTERS)
+    check_range("filters", count, 1)
     if family == "clear":
         return torch.ones(1, len(wavelengths))
     if family == "rgbw":
@@ -144,14 +143,13 @@ def channel_response(sensor: str | Tensor | Sequence[Sequence[float]], wavelengt
     if isinstance(sensor, str):
         if sensor not in SENSORS:
             raise SettingError("channels", repr(sensor), f"one of {', '.join(SENSORS)}, or a table (C, L)")
-        found = torch.ones(1, len(wavelengths)) if sensor == "monochrome" else _camera_sensitivities(wavelengths)
-        if found.sum(1).min() <= 0:
+        response = torch.ones(1, len(wavelengths)) if sensor == "monochrome" else _camera_sensitivities(wavelengths)
+        if response.sum(1).min() <= 0:
             bands = f"{min(wavelengths) * 1e9:.0f} to {max(wavelengths) * 1e9:.0f} nm"
             raise SettingError("channels", f"{sensor}, a channel of which is blind at {bands}", "bands that it sees")
-        return found
+        return response
     values = torch.as_tensor(sensor, dtype=torch.get_default_dtype())
-    if values.ndim != 2 or values.shape[1] != len(wavelengths):
-        raise ShapeError("channels", str(tuple(values.shape)), f"(C, {len(wavelengths)})")
+    check_shape("channels", values, ("C", len(wavelengths)))
     if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 or values.sum(1).min() <= 0:
         raise SettingError("channels", "values outside [0, 1], or a blind channel", "a response for every band")
     return values
@@ -163,5 +161,5 @@ def _camera_sensitivities(wavelengths: Sequence[float]) -> Tensor:
 
     table = MSDS_CAMERA_SENSITIVITIES[_CAMERA]
     grid, values = np.asarray(table.wavelengths) * 1e-9, np.asarray(table.values)
-    found = np.stack([np.interp(wavelengths, grid, channel, 0, 0) for channel in values.T / values.max()])
-    return torch.from_numpy(found.clip(0, 1)).float()
+    channels = np.stack([np.interp(wavelengths, grid, channel, 0, 0) for channel in values.T / values.max()])
+    return torch.from_numpy(channels.clip(0, 1)).float()

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from tmca.cameras import CodedCamera
 from tmca.decoders.networks.network import Network
 from tmca.decoders.networks.start import NEED_PRIOR, first_estimate
-from tmca.design.throughput import hold_throughput, throughput_of
+from tmca.design import hold_throughput, throughput_of
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator, TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior

@@ -14,7 +14,7 @@ from tmca.cli.options.sheets import whole_numbers
 from tmca.cli.spectral_depth import depth_range
 
 if TYPE_CHECKING:
-    from tmca.design.mask_search import MaskEffort
+    from tmca.design import MaskEffort
 
 _BENCH = Group("Camera", sort_key=0)
 _SEARCH = Group("Search", sort_key=2)
@@ -97,6 +97,6 @@ class MaskSearchOptions:
         return {**own, **told, "slots": whole_numbers(self.slots), "learn": learn, "rms": rms}
 
     def _effort(self) -> MaskEffort:
-        from tmca.design.mask_search import MaskEffort
+        from tmca.design import MaskEffort
 
         return MaskEffort(self.starts, self.steps)

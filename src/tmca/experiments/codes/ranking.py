@@ -11,8 +11,7 @@ import numpy as np
 from tmca.cameras import CodedCamera, SpectralCamera
 from tmca.codes import write_codes
 from tmca.data.scenes import load_scene
-from tmca.design import MixtureTileMse
-from tmca.design.search import decibels
+from tmca.design import MixtureTileMse, decibels
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.priors import GaussianMixturePrior, GaussianPrior

@@ -6,8 +6,7 @@ from typing import Any
 
 from tmca.cameras import CodedCamera
 from tmca.data.scenes import load_scene
-from tmca.design import Design
-from tmca.design.search import decibels
+from tmca.design import Design, decibels
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, camera_arguments, mean, on_frame
 from tmca.priors import GaussianPrior

@@ -13,8 +13,7 @@ import torch
 
 from tmca.cameras import CodedCamera, LightFieldCamera, SpectralCamera
 from tmca.codes import read_codes, write_codes
-from tmca.design import Design, Effort, Examples, TileMse, design_model, designable, search
-from tmca.design.search import decibels
+from tmca.design import Design, Effort, Examples, TileMse, decibels, design_model, designable, search
 from tmca.experiments.cells import Settings, cell_key
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor

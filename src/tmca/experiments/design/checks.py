@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tmca.design import SensorSheet, design_model, designable
+from tmca.design import KINDS, SensorSheet, design_model, designable
 from tmca.design.flips import tile_bytes
-from tmca.design.kinds import KINDS
 from tmca.design.transfer import example_bytes
 from tmca.errors import DataError, SettingError
 

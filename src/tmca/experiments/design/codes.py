@@ -14,17 +14,10 @@ import numpy as np
 
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
-from tmca.design import (
-    Advice,
-    Candidate,
-    Effort,
-    Examples,
-    SensorSheet,
-    advise,
-    measures,
-)
+from tmca.design import Advice, Candidate, Effort, Examples, SensorSheet, advise, decibels, measures
 from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design.checks import check_search, check_size
+from tmca.experiments.design.words import code_advice
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import check_new, repository_commit
 from tmca.lab.codes_date import CODES_DATE, now
@@ -135,18 +128,29 @@ def _described(
     best = advice.best
     light = measures(best.design.camera)
     return {
-        "command": " ".join(command), "commit": repository_commit(), "advice": advice.sentence(),
+        "command": " ".join(command), "commit": repository_commit(), "advice": code_advice(advice),
         "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
         "camera": best.design.camera.kind, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
         "block": list(examples.model.block), "scenes": list(examples.scenes),
-        "best": {**best.row(), "held_out": best.held_out, "gains": best.gains,
+        "best": {**_row(best), "held_out": best.held_out, "gains": best.gains,
                  "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
                  "levels": {f"{level:g}": share for level, share in light.levels.items()}},
-        "static": advice.static.row(),
-        "chosen": None if advice.chosen is None else advice.chosen.row(),
-        "surveyed": [candidate.row() for candidate in advice.surveyed],
+        "static": _row(advice.static),
+        "chosen": None if advice.chosen is None else _row(advice.chosen),
+        "surveyed": [_row(candidate) for candidate in advice.surveyed],
+    }  # fmt: skip
+
+
+def _row(candidate: Candidate) -> dict[str, Any]:
+    """A design for tables and files."""
+    design = candidate.design
+    return {
+        "codes": design.kind, "slots": design.slots, "expected_psnr": design.psnr,
+        "random_psnr": decibels(design.random),
+        "held_out_psnr": sum(candidate.held_out.values()) / len(candidate.held_out), "gain": candidate.gain,
+        "spread": candidate.spread, "throughput": design.camera.throughput(), "seconds": design.seconds,
     }  # fmt: skip
 
 
@@ -199,7 +203,7 @@ def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
     sheet = {name: value for name, value in found["sensor"].items() if value not in (None, 0.0)}
     channel, (read, shot) = advice.best.design.camera.channel, advice.noise
     about = [
-        advice.sentence(),
+        found["advice"],
         "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
         f"unit. {_light(found)}",

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras.phase_codes import write_phase_codes
-from tmca.design.mask_advice import MaskAdvice, MaskCandidate
-from tmca.design.mask_search import MaskEffort, MaskTask
-from tmca.design.spectral_depth import bhattacharyya, kullback_leibler
+from tmca.design import MaskAdvice, MaskCandidate, MaskEffort, MaskTask
+from tmca.design.spectral_depth import bhattacharyya, confusion, drawn_error, kullback_leibler
 from tmca.experiments.camera_figures import phase_codes_figure, psf_figure
+from tmca.experiments.design.words import mask_advice
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import repository_commit
 from tmca.lab.codes_date import CODES_DATE, now
@@ -51,7 +51,7 @@ _CAVEAT = (
 
 
 def _caveat(advice: MaskAdvice) -> str:
-    return _CAVEAT if advice.static.judged is None else _JUDGED + _CAVEAT
+    return _CAVEAT if advice.static.errors is None else _JUDGED + _CAVEAT
 
 
 def design_files(slots: Sequence[int]) -> list[str]:
@@ -70,9 +70,9 @@ def described(
 ) -> dict[str, Any]:
     """What ``design.json`` holds; ``given`` is added as it is."""
     noise, best = advice.static.camera.noise, advice.best
-    rows = [{**own.row(), "saved": advice.saved(own), "codes": f"codes_k{own.slots}.nc"} for own in advice.candidates]
+    rows = [_row(advice, candidate) for candidate in advice.candidates]
     return {
-        "command": " ".join(command), "commit": repository_commit(), "advice": advice.sentence(),
+        "command": " ".join(command), "commit": repository_commit(), "advice": mask_advice(advice),
         "multiplex": advice.multiplex, "slots": best.slots, "saved": advice.saved(best), **given,
         "noise": {"read": noise.read, "shot": noise.shot}, "bench": asdict(task.bench),
         "depth": best.camera.planes.metres.tolist(), "wavelengths": list(best.camera.wavelengths),
@@ -80,6 +80,19 @@ def described(
         "shutter": task.shutter, "mask": task.family, "stroke": None if task.stroke is None else asdict(task.stroke),
         "learn": list(task.learn), "window": task.window, "seed": task.seed, "effort": asdict(effort),
         "scenes": list(prior.sources), "caveat": _caveat(advice), "designs": rows,
+    }  # fmt: skip
+
+
+def _row(advice: MaskAdvice, candidate: MaskCandidate) -> dict[str, Any]:
+    """A design for tables and files."""
+    error, random_error = candidate.errors or (None, None)
+    return {
+        "judged": error, "random_judged": random_error, "slots": candidate.slots, "confusion": candidate.confusion,
+        "random_confusion": float(confusion(candidate.random_covariance)),
+        "error": drawn_error(candidate.covariance), "random_error": drawn_error(candidate.random_covariance),
+        "throughput": candidate.camera.throughput(), "start": candidate.start, "seconds": candidate.seconds,
+        "fisher": candidate.information.tolist(), "random_fisher": candidate.random_information.tolist(),
+        "saved": advice.saved(candidate), "codes": f"codes_k{candidate.slots}.nc",
     }  # fmt: skip
 
 
@@ -133,7 +146,7 @@ def _distances(candidates: Sequence[MaskCandidate]) -> Figure:
 def _sections(advice: MaskAdvice, found: Mapping[str, Any], figures: Mapping[str, Figure]) -> list[Section]:
     effort, noise = found["effort"], found["noise"]
     about = [
-        advice.sentence(),
+        found["advice"],
         f"Read noise {noise['read']:.3g}, shot variance {noise['shot']:.3g} per unit (1 = one band of a white scene); "
         f"windows of {found['window']} pixels, {len(found['wavelengths'])} bands, {len(found['depth'])} planes.",
         f"Equal effort: {effort['starts']} starts of {effort['steps']} steps for every K, at equal exposure time; more "

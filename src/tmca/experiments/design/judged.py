@@ -9,8 +9,7 @@ import numpy as np
 
 from tmca.cameras import CodedCamera, Snapshot, SpectralCamera
 from tmca.codes import read_codes
-from tmca.design import SensorSheet
-from tmca.design.measures import CodeMeasures, measures
+from tmca.design import CodeMeasures, SensorSheet, measures
 from tmca.errors import DataError, SettingError
 from tmca.plots.codes import measures_figure
 from tmca.plots.style import save_figure

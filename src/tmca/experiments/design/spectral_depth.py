@@ -12,9 +12,7 @@ import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.bands import at_bands
-from tmca.design import SensorSheet
-from tmca.design.mask_advice import MaskAdvice
-from tmca.design.mask_search import MaskEffort, MaskTask, Told, search_masks
+from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
 from tmca.errors import DataError, SettingError
 from tmca.experiments.design.checks import named_once
 from tmca.experiments.design.depth_page import described, design_files, write_design
@@ -50,7 +48,7 @@ def design_spectral_depth(
     effort: MaskEffort | None = None,
     seed: int = 0,
     overwrite: bool = False,
-    progress: Told | None = None,
+    progress: Progress | None = None,
     command: Sequence[str] = (),
 ) -> tuple[MaskAdvice, dict[str, Any]]:
     """Search phase masks that tell depths apart, static and time-multiplexed with the same effort, into a folder.
@@ -106,7 +104,7 @@ def design_spectral_depth(
         modes,
     )
     for count in counts:
-        task.made(count, 0)
+        task.camera_of(count, 0)
     named_once(scenes)
     check_folder(out)
     told, effort = progress or (lambda share, step: None), effort or MaskEffort()
@@ -152,7 +150,7 @@ def _camera(preset: str, bands: int, changes: Mapping[str, Any]) -> dict[str, An
     return {**kept, "filters": "clear", "channels": "monochrome", **changes, "bands": waves}
 
 
-def _cubes(scenes: Sequence[str], waves: Sequence[float], told: Told) -> list[torch.Tensor]:
+def _cubes(scenes: Sequence[str], waves: Sequence[float], told: Progress) -> list[torch.Tensor]:
     """Example scenes (L, H, W) at these bands; some of the rendered training scenes without any."""
     from tmca.data import split_rendered
 
@@ -168,11 +166,11 @@ def _prior(
     prior: str | Path | GaussianPrior | None,
     cubes: Sequence[torch.Tensor],
     task: MaskTask,
-    told: Told,
+    told: Progress,
 ) -> GaussianPrior:
     from tmca.priors import load_prior, rendered_prior
 
-    window = max(task.window, task.made(1, 0).tile_size)  # a judge decodes windows of a tile at least
+    window = max(task.window, task.camera_of(1, 0).tile_size)  # a judge decodes windows of a tile at least
     waves, block = task.camera["bands"], needed_block(window, task.bench.window)
     if prior is not None:
         if scenes:

@@ -46,7 +46,7 @@ def coded_camera(cell: Settings, size: tuple[int, int], codes: str | None = None
 
 def search(cell: Settings, folder: Path) -> Measured:
     """Masks that are searched under one noise; how well they and random ones tell depths apart."""
-    from tmca.design.mask_search import MaskEffort, MaskTask, search_masks
+    from tmca.design import MaskEffort, MaskTask, search_masks
     from tmca.design.spectral_depth import kullback_leibler
     from tmca.priors import load_prior
 
@@ -88,13 +88,12 @@ def _reading(cell: Settings) -> dict[str, Any]:
 
 def foretold(cell: Settings, folder: Path) -> Measured:
     """What the prior says of a code under a noise, before any scene is seen."""
-    from tmca.design.depth_information import depth_information
-    from tmca.design.spectral_depth import confusion, foretell, kullback_leibler
+    from tmca.design.spectral_depth import confusion, depth_information, kullback_leibler, predict_windows
     from tmca.priors import load_prior
 
     camera, prior = _camera(cell, SIZE), cast("GaussianPrior", load_prior(cell["prior"]))
     with torch.no_grad():
-        found = foretell(camera, prior, cell["window"])
+        found = predict_windows(camera, prior, cell["window"])
         distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))
         return {"figures": {
             **_on_examples(cell, camera, prior),

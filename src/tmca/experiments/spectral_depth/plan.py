@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tmca.design.mask_search import MaskEffort
+from tmca.design import MaskEffort
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.spectral_depth.rows import (
     CODES,

@@ -41,7 +41,7 @@ _CHECKS = 4
 def channels_of(scene: xr.Dataset, camera: SpectralDepthCamera) -> NDArray[np.float32]:
     """(L + 1, H, W): cube, and inverse depth as a share of the range, NaN where it is unknown or outside."""
     depth, planes = torch.from_numpy(np.array(scene["depth"].values, dtype=np.float64)), camera.planes
-    place = torch.where(planes.known(depth), planes.share_of(depth), torch.full_like(depth, torch.nan))
+    place = torch.where(planes.within(depth), planes.share_of(depth), torch.full_like(depth, torch.nan))
     return np.concatenate((scene["radiance"].values, place.numpy()[None])).astype(np.float32)
 
 

@@ -1,4 +1,4 @@
-"""PSNR, SSIM and UIQI against other libraries, slow loops and cases worked by hand."""
+"""Figures of cubes against other libraries, slow loops and cases worked by hand."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import xarray
 from skimage.metrics import structural_similarity
 
 from tmca.errors import SettingError, ShapeError
-from tmca.metrics import all_metrics, psnr, ssim, uiqi
+from tmca.metrics import all_metrics, dd, ergas, psnr, sam, ssim, uiqi
 
 
 def _cubes(shape, seed=0, noise=0.1):
@@ -29,14 +29,8 @@ def test_psnr_of_a_uniform_error_is_known():
 def test_identical_cubes_are_perfect():
     _, truth = _cubes((3, 40, 41))
     found = all_metrics(truth, truth)
-    assert found == {
-        "psnr": math.inf,
-        "ssim": pytest.approx(1),
-        "uiqi": pytest.approx(1),
-        "sam": 0,
-        "ergas": 0,
-        "dd": 0,
-    }
+    one = pytest.approx(1)
+    assert found == {"psnr": math.inf, "ssim": one, "uiqi": one, "sam": 0, "ergas": 0, "dd": 0}
 
 
 def test_psnr_is_averaged_over_images_not_pooled():
@@ -113,6 +107,94 @@ def test_uiqi_is_not_disturbed_by_a_bright_neighbour():
     assert dark == pytest.approx(uiqi(estimate[..., :16], truth[..., :16], window=16), rel=1e-9)
 
 
+def _positive(shape=(2, 5, 9, 8)):
+    """Spectra that are nowhere zero."""
+    estimate, truth = _cubes(shape, seed=1, noise=0.05)
+    return estimate + 0.1, truth + 0.1
+
+
+def test_sam_agrees_with_torchmetrics_in_degrees():
+    functional = pytest.importorskip("torchmetrics.functional.image")
+    estimate, truth = (torch.from_numpy(c) for c in _positive())
+    theirs = functional.spectral_angle_mapper(estimate, truth)
+    assert sam(estimate, truth) == pytest.approx(math.degrees(float(theirs)), rel=1e-6)
+
+
+def test_sam_of_known_angles():
+    truth = np.zeros((2, 1, 3))
+    truth[0] = 2.0
+    estimate = np.array([[[5.0, 1.0, 0.0]], [[0.0, 1.0, 7.0]]])
+    assert sam(estimate, truth) == pytest.approx((0 + 45 + 90) / 3)
+
+
+def test_sam_ignores_brightness():
+    _, truth = _positive()
+    assert sam(0.3 * truth, truth) == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("angle", [1e-9, 1e-7, 1e-3])
+def test_sam_resolves_tiny_angles(angle):
+    truth = np.array([1.0, 0.0]).reshape(2, 1, 1)
+    estimate = np.array([math.cos(angle), math.sin(angle)]).reshape(2, 1, 1)
+    assert sam(estimate, truth) == pytest.approx(math.degrees(angle), rel=1e-9)
+
+
+def test_sam_of_very_dark_spectra_is_the_same():
+    estimate, truth = _positive()
+    assert sam(estimate * 1e-200, truth * 1e-200) == pytest.approx(sam(estimate, truth))
+
+
+def test_zero_true_spectra_are_left_out_and_counted():
+    estimate, truth = _positive((2, 4, 3, 3))
+    expected = sam(estimate[:1, :, 1:], truth[:1, :, 1:])
+    truth[0, :, 0] = 0
+    angle, excluded = sam(estimate, truth, reduction="none", return_excluded=True)
+    assert excluded.tolist() == [3, 0]
+    assert angle[0] == pytest.approx(expected)
+    assert sam(estimate, truth, return_excluded=True)[1] == 3
+
+
+def test_a_zero_estimate_counts_a_right_angle():
+    _, truth = _positive((1, 4, 1, 2))
+    estimate = truth.copy()
+    estimate[..., 0] = 0
+    assert sam(estimate, truth) == pytest.approx(45)
+
+
+def test_an_image_without_any_spectrum_has_no_angle():
+    assert math.isnan(sam(np.ones((2, 2, 2)), np.zeros((2, 2, 2))))
+
+
+def test_ergas_of_a_hand_worked_case():
+    truth = np.stack([np.full((2, 2), 1.0), np.full((2, 2), 4.0)])
+    estimate = truth + np.array([0.3, 1.6]).reshape(2, 1, 1)
+    # relative errors 0.3 and 0.4: sqrt((0.09 + 0.16) / 2).
+    assert ergas(estimate, truth) == pytest.approx(100 * math.sqrt(0.125))
+    assert ergas(estimate, truth, ratio=4) == pytest.approx(25 * math.sqrt(0.125))
+
+
+def test_ergas_agrees_with_torchmetrics():
+    functional = pytest.importorskip("torchmetrics.functional.image")
+    estimate, truth = (torch.from_numpy(c) for c in _positive())
+    # torchmetrics multiplies by its ratio where Wald divides: they meet at 1.
+    theirs = functional.error_relative_global_dimensionless_synthesis(estimate, truth, ratio=1)
+    assert ergas(estimate, truth) == pytest.approx(float(theirs), rel=1e-6)
+
+
+def test_ergas_of_a_dark_band():
+    truth = np.stack([np.zeros((2, 2)), np.ones((2, 2))])
+    assert ergas(truth, truth) == 0
+    assert ergas(truth + 0.1, truth) == math.inf
+
+
+def test_dd_is_the_mean_absolute_difference():
+    truth = torch.zeros(2, 1, 2, 2)
+    estimate = truth.clone()
+    estimate[0, 0, 0, 0], estimate[1, 0, 1, 1] = 0.4, -0.8
+    np.testing.assert_allclose(dd(estimate, truth, reduction="none"), [0.1, 0.2], rtol=1e-6)
+    assert dd(estimate, truth) == pytest.approx(0.15)
+
+
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_tensors_arrays_and_labelled_arrays_agree(dtype):
     estimate, truth = (torch.from_numpy(c).to(dtype) for c in _cubes((3, 33, 40)))
@@ -128,7 +210,7 @@ def test_gradients_do_not_get_in_the_way():
     assert psnr(estimate.requires_grad_(), truth) == psnr(estimate.detach(), truth)
 
 
-@pytest.mark.parametrize("metric", [psnr, ssim, uiqi])
+@pytest.mark.parametrize("metric", [psnr, ssim, uiqi, sam, ergas, dd])
 def test_different_shapes_are_refused_by_name(metric):
     with pytest.raises(ShapeError, match=r"\(3, 32, 32\).*\(3, 32, 33\)"):
         metric(np.ones((3, 32, 32)), np.ones((3, 32, 33)))
@@ -150,6 +232,7 @@ def test_impossible_settings_are_refused():
         lambda: uiqi(cube, cube, window=1),
         lambda: psnr(cube, cube, reduction="sum"),
         lambda: psnr(cube + 1j, cube),
+        lambda: ergas(cube, cube, ratio=0),
     ):
         with pytest.raises(SettingError):
             call()

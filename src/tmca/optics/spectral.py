@@ -1,12 +1,15 @@
-"""Dispersion: where each band falls on the sensor."""
+"""Optics of the spectral camera: where each band falls on the sensor, and the blur of the relay before it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, floor, isfinite
+from math import ceil, floor, inf, isfinite
 from numbers import Real
 from typing import cast
+
+import torch
+from torch import Tensor
 
 from tmca.errors import SettingError
 
@@ -47,12 +50,11 @@ class Dispersion:
         """Pixels per band, or one displacement for each band, as a ``Dispersion`` of ``bands`` bands."""
         if isinstance(displacement, Real):
             return cls.linear(bands, float(displacement))
-        found = (
-            displacement if isinstance(displacement, Dispersion) else cls(tuple(cast(Sequence[float], displacement)))
-        )
-        if found.bands != bands:
-            raise SettingError("dispersion", f"{found.bands} values", f"one for each of {bands} bands")
-        return found
+        if not isinstance(displacement, Dispersion):
+            displacement = cls(tuple(cast(Sequence[float], displacement)))
+        if displacement.bands != bands:
+            raise SettingError("dispersion", f"{displacement.bands} values", f"one for each of {bands} bands")
+        return displacement
 
     @property
     def bands(self) -> int:
@@ -76,10 +78,37 @@ class Dispersion:
 
     def taps(self) -> tuple[tuple[int, int, float], ...]:
         """(band, offset on the snapshot, weight) of every tap: one per band, two where it falls between pixels."""
-        found = []
+        taps = []
         for band, d in enumerate(self.displacement):
             whole, part = floor(d) - self.origin, d - floor(d)
-            found.append((band, whole, 1 - part))
+            taps.append((band, whole, 1 - part))
             if part > 0:
-                found.append((band, whole + 1, part))
-        return tuple(found)
+                taps.append((band, whole + 1, part))
+        return tuple(taps)
+
+
+def gaussian_spread(sigma: float | Sequence[float], bands: int, radius: int | None = None) -> Tensor:
+    """Blur of the relay optics between mask and sensor: a Gaussian of unit energy for each band.
+
+    Args:
+        sigma: standard deviation in pixels, one value or one per band; 0 is a perfect relay.
+        bands: number of bands L.
+        radius: half width of the kernel, pixels; 3 standard deviations if None.
+
+    Returns:
+        (L, 2·radius+1, 2·radius+1).
+
+    Raises:
+        SettingError: negative sigma or a wrong number of them.
+    """
+    try:
+        sigmas = [float(sigma)] * bands if isinstance(sigma, Real) else [float(s) for s in cast(Sequence[float], sigma)]
+    except (TypeError, ValueError):
+        sigmas = []
+    if len(sigmas) != bands or not all(0 <= s < inf for s in sigmas):
+        raise SettingError("relay blur", str(sigma), f"one or {bands} standard deviations ≥ 0, in pixels")
+    reach = radius if radius is not None else max(1, round(3 * max(sigmas)))
+    axis = torch.arange(-reach, reach + 1, dtype=torch.float64)
+    lines = [torch.exp(-(axis**2) / (2 * s**2)) if s > 0 else (axis == 0).double() for s in sigmas]
+    squares = (torch.outer(line, line) for line in lines)
+    return torch.stack([square / square.sum() for square in squares]).to(torch.get_default_dtype())
