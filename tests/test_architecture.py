@@ -52,6 +52,34 @@ def test_imports_only_go_down(file):
         assert other == room or FLOORS[other] < FLOORS[room], f"{file} imports {other}, which lies above {room}"
 
 
+def imported_files(file):
+    """Files of the package that a file imports at its top or inside functions, not for the type checker alone."""
+    tree = ast.parse(file.read_text())
+    typing_only = [
+        node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
+    ]
+    skipped = {inner for node in typing_only for part in node.body for inner in ast.walk(part)}
+    for node in ast.walk(tree):
+        if node in skipped or not isinstance(node, ast.ImportFrom | ast.Import):
+            continue
+        module = getattr(node, "module", None)
+        for alias in node.names:
+            place = SOURCE.parent.joinpath(*(f"{module}.{alias.name}" if module else alias.name).split("."))
+            outer = place.parent if module else place
+            found = [place.with_suffix(".py"), place / "__init__.py", outer.with_suffix(".py"), outer / "__init__.py"]
+            yield from [path for path in found if path.exists()][:1]
+
+
+@pytest.mark.parametrize("room", ["priors"])
+def test_no_room_has_an_import_circle(room):
+    files = [file for file in FILES if file.relative_to(SOURCE).parts[0] == room]
+    files = [file for file in files if not file.stem.endswith("figures")]  # which move to a room of pictures
+    needs = {file: {other for other in imported_files(file) if other in files} for file in files}
+    while free := [file for file, others in needs.items() if not others]:
+        needs = {file: others - {*free} for file, others in needs.items() if file not in free}
+    assert [str(file.relative_to(SOURCE)) for file in needs] == []
+
+
 def test_every_room_has_its_floor():
     rooms = {path.name for path in SOURCE.iterdir() if path.is_dir() and (path / "__init__.py").exists()}
     assert rooms <= set(FLOORS)

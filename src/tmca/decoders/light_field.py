@@ -26,8 +26,7 @@ from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.decoders.patch_based.dictionary import DictionaryDecoder
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import PatchDictionary
-from tmca.priors.files import HOW_TO_LEARN
-from tmca.priors.light_field import check_views
+from tmca.priors.prior import HOW_TO_LEARN
 
 LIGHT_FIELD_METHODS = ("lmmse", "mixture", "dictionary", "dictionary-omp", "admm-tv", "tikhonov", "dagger", "network")
 
@@ -70,7 +69,7 @@ def decode_light_field(
     _check_dictionary(method, dictionary)
     camera, start = snapshot.camera, time.perf_counter()
     if prior is not None:
-        check_views(prior, camera.views)
+        prior.check(camera)
     with torch.no_grad():
         if needs_prior(method):
             found = by_prior(snapshot, method, prior, uncertainty, progress)

@@ -1,0 +1,197 @@
+"""What all priors of scene blocks have in common, and their files: labelled NetCDF4 that opens in plain xarray."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.errors import DataError, SettingError, ShapeError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMAT = "tmca prior 1"
+NAMES = {"gaussian": "a Gaussian prior", "mixture": "a Gaussian-mixture prior", "dictionary": "a dictionary"}
+HOW_TO_LEARN = {
+    "gaussian": "`tmca prior learn` (of light fields `learn-views`)",
+    "mixture": "`tmca prior learn … --mixture` (of light fields `learn-views`)",
+    "dictionary": "`tmca prior learn-views … --dictionary --out …`",
+}
+"""What writes a file of each kind."""
+_SPELLED = {"gaussian": "gaussian", "mixture": "gaussian mixture", "dictionary": "dictionary"}
+"""Kinds as files call them."""
+_DIMENSIONS = {
+    "mean": ("channel", "y", "x"),
+    "covariance": ("pixel", "other_pixel"),
+    "autocovariance": ("channel", "other_channel", "dy", "dx"),
+    "basis": ("pixel", "direction"),
+    "kind_mean": ("kind", "direction"),
+    "kind_covariance": ("kind", "direction", "other_direction"),
+    "kind_scale": ("kind",),
+    "gain_level": ("gain",),
+    "weight": ("kind", "gain"),
+    "atom": ("number", "view", "y", "x"),
+    "scale": ("number",),
+}
+
+
+@dataclass(frozen=True)
+class About:
+    """What a file says of a prior beside its arrays.
+
+    Args:
+        wavelengths: of the channels, metres, or None.
+        sources: names of the scenes it was learned from.
+        attributes: of the file.
+    """
+
+    wavelengths: tuple[float, ...] | None
+    sources: tuple[str, ...]
+    attributes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Prior(ABC):
+    """What scene blocks (L, h, w) look like. A subclass says what kind it is, and is then read from files too."""
+
+    kind: ClassVar[str]
+    kinds: ClassVar[dict[str, type[Prior]]] = {}
+
+    def __init_subclass__(cls, **settings: Any) -> None:
+        super().__init_subclass__(**settings)
+        Prior.kinds[cls.kind] = cls
+
+    @property
+    @abstractmethod
+    def block(self) -> tuple[int, int, int]:
+        """(L, h, w)."""
+
+    @property
+    @abstractmethod
+    def wavelengths(self) -> tuple[float, ...] | None:
+        """Of the L channels, in metres; None where they are views or not known."""
+
+    @property
+    @abstractmethod
+    def sources(self) -> tuple[str, ...]:
+        """Names (and checksums) of the scenes it was learned from."""
+
+    @classmethod
+    @abstractmethod
+    def learn(cls, *examples: Any, **settings: Any) -> Self:
+        """The prior of blocks (h, w) cut from example cubes (L, H, W)."""
+
+    @abstractmethod
+    def sample(self, count: int, seed: int) -> Tensor:
+        """(count, L, h, w) random blocks of this prior."""
+
+    @abstractmethod
+    def figure(self) -> Figure:
+        """A picture of it."""
+
+    @abstractmethod
+    def arrays(self) -> dict[str, Tensor]:
+        """What its file holds, by name."""
+
+    def attributes(self) -> dict[str, Any]:
+        """What else its file says."""
+        return {}
+
+    @classmethod
+    @abstractmethod
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: About) -> Self:
+        """The prior of a file; KeyError or ValueError where it is damaged."""
+
+    def check(self, camera: Any) -> None:
+        """Whether it is one of the scenes that a camera sees.
+
+        Raises:
+            ShapeError: another number of bands or views.
+            SettingError: bands that are more than a nanometre away.
+        """
+        if camera.kind == "light-field":
+            v, u = camera.views
+            if self.block[0] != v * u:
+                raise ShapeError("prior", f"{self.block[0]} views", f"the camera's {v}×{u}", "learn one for them")
+            return
+        if self.block[0] != len(camera.wavelengths):
+            found, wanted = f"{self.block[0]} channels", f"the camera's {len(camera.wavelengths)}"
+            raise ShapeError("prior", found, wanted, "learn the prior on the same bands")
+        pairs = zip(self.wavelengths or camera.wavelengths, camera.wavelengths, strict=True)
+        for band, (length, seen) in enumerate(pairs, start=1):
+            if abs(length - seen) > 1e-9:
+                found, wanted = f"band {band} at {length * 1e9:.4g} nm", f"the camera's {seen * 1e9:.4g} nm"
+                raise SettingError("prior", found, wanted, "learn a prior at the camera's bands")
+
+    def to(self, device: torch.device | str) -> Self:
+        """The prior on a device; itself if it is there."""
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        moved = {name: part.to(device) for name, part in parts.items() if isinstance(part, (Tensor, Prior))}
+        return self if all(part is parts[name] for name, part in moved.items()) else replace(self, **moved)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the prior as NetCDF4, whole or not at all.
+
+        Raises:
+            OutputError: the file exists, or cannot be written.
+        """
+        import xarray as xr
+
+        from tmca.data import write_dataset
+
+        variables = {name: (_DIMENSIONS[name], values.cpu().numpy()) for name, values in self.arrays().items()}
+        about = {"format": FORMAT, "kind": _SPELLED[self.kind], "sources": "\n".join(self.sources)}
+        data = xr.Dataset(variables, attrs={**about, "block": list(self.block), **self.attributes()})
+        if self.wavelengths is not None:
+            data = data.assign_coords(wavelength=("channel", np.array(self.wavelengths), {"units": "m"}))
+        return write_dataset(data, path, overwrite=overwrite)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a prior of this kind that ``save`` wrote.
+
+        Raises:
+            DataError: no such file, no prior of this kind in it, or damaged content.
+        """
+        prior = load_prior(path)
+        if not isinstance(prior, cls):
+            wanted = f"name one that {HOW_TO_LEARN[cls.kind]} wrote"
+            raise DataError(path, NAMES[prior.kind], NAMES[cls.kind], wanted)
+        return prior
+
+
+def load_prior(path: str | Path) -> Prior:
+    """Read a prior file of any kind.
+
+    Raises:
+        DataError: no such file, no prior in it, or damaged content.
+    """
+    from tmca.data import read_dataset
+
+    data = read_dataset(path)
+    kind = {spelled: kind for kind, spelled in _SPELLED.items()}.get(str(data.attrs.get("kind")), "")
+    if data.attrs.get("format") != FORMAT or kind not in Prior.kinds:
+        raise DataError(path, "no prior in it", f"a file written by {HOW_TO_LEARN['gaussian']}", "learn one")
+    arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in _DIMENSIONS if n in data}
+    if not all(values.isfinite().all() for values in arrays.values()):
+        raise DataError(path, "values that are not finite", "numbers", "learn the prior again")
+    sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
+    lengths = tuple(data["wavelength"].values.tolist()) if "wavelength" in data.coords else None
+    try:
+        return Prior.kinds[kind].from_arrays(arrays, About(lengths, sources, data.attrs))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(path, f"a damaged prior ({error})", "every part of it", "copy the file again") from error
+
+
+def check_kind(prior: Prior, kind: str) -> None:
+    """Raises SettingError unless a prior is of this kind."""
+    if prior.kind != kind:
+        where = "dictionary" if kind == "dictionary" else "prior"
+        raise SettingError(where, NAMES[prior.kind], NAMES[kind], f"learn one with {HOW_TO_LEARN[kind]}")
