@@ -18,7 +18,7 @@ ABOUT = {"wavelengths": (450e-9, 550e-9, 650e-9), "sources": ("a", "b")}
 NINE = [torch.rand(9, 12, 13, generator=torch.Generator().manual_seed(0))]
 MADE = {
     "gaussian": lambda: GaussianPrior.learn(CUBES, (3, 7), **ABOUT),
-    "not stationary": lambda: GaussianPrior.learn(CUBES, (3, 7), stationary=False, samples=100, **ABOUT),
+    "not stationary": lambda: MADE["mixture"]().component(0),
     "views": lambda: GaussianPrior.learn(NINE, (3, 4), views=(3, 3), sources=["plane"]),
     "mixture": lambda: GaussianMixturePrior.learn(CUBES, (2, 6), kinds=3, rank=5, gains=2, samples=300, **ABOUT),
     "dictionary": lambda: PatchDictionary.learn(

@@ -1,5 +1,7 @@
 """Moments of spectral-depth snapshots against the explicit matrix of the camera."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -123,6 +125,6 @@ def test_priors_that_do_not_fit_are_refused():
     psf, _, _, colour, shutter = parts(made, 2)
     with pytest.raises(ShapeError, match="prior"):
         snapshot_moments(prior_of((6, 6)), psf, colour, shutter, 4)
-    cubes = [torch.rand(2, 20, 20)]
+    prior = prior_of((8, 10))
     with pytest.raises(SettingError, match="prior"):
-        snapshot_moments(GaussianPrior.learn(cubes, (8, 10), stationary=False), psf, colour, shutter, 4)
+        snapshot_moments(replace(prior, moments=prior.covariance), psf, colour, shutter, 4)

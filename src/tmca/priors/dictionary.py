@@ -12,7 +12,7 @@ from torch import Tensor
 
 from tmca.errors import ShapeError
 from tmca.priors.dictionary_learning import AtomLearner
-from tmca.priors.prior import About, Prior
+from tmca.priors.prior import Prior
 from tmca.priors.statistics import scenes
 
 if TYPE_CHECKING:
@@ -117,9 +117,9 @@ class PatchDictionary(Prior):
         return {"views": list(self.views), "residual": self.residual, "notes": json.dumps(self.notes)}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Tensor], about: About) -> Self:
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         """The dictionary of a file."""
-        atoms, notes = arrays["atom"], json.loads(about.attributes["notes"])
+        atoms, notes = arrays["atom"], json.loads(about["notes"])
         atoms = torch.nn.functional.normalize(atoms.flatten(1), dim=1).reshape(atoms.shape)
-        v, u = (int(number) for number in about.attributes["views"])
-        return cls(atoms, arrays["scale"], (v, u), float(about.attributes["residual"]), about.sources, notes)
+        v, u = (int(number) for number in about["views"])
+        return cls(atoms, arrays["scale"], (v, u), float(about["residual"]), about["sources"], notes)

@@ -192,17 +192,14 @@ def sample_places(maps: Sequence[Tensor], count: int, generator: torch.Generator
     most = sum(values.numel() for values in maps)
     if not 1 <= count <= most:
         raise SettingError("coreset", f"{count} patches", f"1 to {most}, the places there are", "take fewer patches")
-    keys, places = [], []
-    for values in maps:  # the largest of log p + Gumbel noise are a draw without replacement
-        uniform = torch.rand(values.numel(), generator=generator, dtype=torch.float64).clamp_min(1e-300)
-        key = values.flatten().double().log() - (-uniform.log()).log()
-        largest = key.topk(min(count, len(key)))
-        keys.append(largest.values)
-        places.append(largest.indices)
-    best = torch.cat(keys).topk(count).indices
-    which = torch.cat([torch.full_like(indices, i) for i, indices in enumerate(places)])[best].tolist()
-    widths = [values.shape[1] for values in maps]
-    return [(i, *divmod(p, widths[i])) for i, p in zip(which, torch.cat(places)[best].tolist(), strict=True)]
+    weights = torch.cat([values.flatten() for values in maps]).double()
+    uniform = torch.rand(most, generator=generator, dtype=torch.float64).clamp_min(1e-300)
+    # the largest of log p + Gumbel noise are a draw without replacement
+    drawn = (weights.log() - (-uniform.log()).log()).topk(count).indices
+    ends = torch.tensor([values.numel() for values in maps]).cumsum(0)
+    which = torch.bucketize(drawn, ends, right=True)
+    inside = drawn - torch.nn.functional.pad(ends, (1, 0))[which]
+    return [(i, *divmod(p, maps[i].shape[1])) for i, p in zip(which.tolist(), inside.tolist(), strict=True)]
 
 
 def _cut(cubes: Sequence[Tensor], places: Sequence[tuple[int, int, int]], patch: tuple[int, int]) -> Tensor:

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
-from tmca.priors.prior import About, Prior
+from tmca.priors.prior import Prior
 from tmca.priors.statistics import (
     autocovariance,
     directed_autocovariance,
-    sample_moments,
     scenes,
     toeplitz_rows,
     two_sided,
@@ -104,21 +103,17 @@ class GaussianPrior(Prior):
         cubes: Iterable[Tensor],
         block: tuple[int, int] = (12, 36),
         *,
-        stationary: bool = True,
         views: tuple[int, int] | None = None,
-        samples: int = 24000,
-        seed: int = 0,
         floor: float = FLOOR,
         wavelengths: Sequence[float] | None = None,
         sources: Sequence[str] = (),
     ) -> Self:
-        """The prior of blocks (h, w) cut from example cubes (L, H, W), which may differ in size.
+        """The stationary prior of blocks (h, w) of example cubes (L, H, W), which may differ in size.
+
+        Moments are averaged over every position and its mirror images, which uses all the examples' pixels.
 
         Args:
-            stationary: average over every position and its mirror images, which uses all the examples' pixels; else
-                plain moments of ``samples`` random blocks, half of them mirrored on each axis.
-            views: (V, U) of light fields, whose views are the channels, row by row; averaged over every position, and
-                over mirror images of pixels and views together.
+            views: (V, U) of light fields, whose views are the channels, row by row, and are mirrored with the pixels.
             floor: variance added to every pixel.
 
         Raises:
@@ -126,17 +121,14 @@ class GaussianPrior(Prior):
             DataError: values that are not finite.
         """
         examples = scenes(cubes, block, views)
-        if floor < 0 or samples < 2:
-            raise SettingError("learn", f"floor {floor}, samples {samples}", "floor ≥ 0 and samples ≥ 2")
-        if views is not None:
-            mean, moments = directed_autocovariance(examples, block, views)
-            same = moments[:, :, block[0] - 1, block[1] - 1]
-        elif stationary:
+        if floor < 0:
+            raise SettingError("floor", f"{floor}", "≥ 0")
+        if views is None:
             mean, moments = autocovariance(examples, block)
             same = moments[:, :, 0, 0]
         else:
-            mean, moments = sample_moments(examples, block, samples, seed)
-            same = moments
+            mean, moments = directed_autocovariance(examples, block, views)
+            same = moments[:, :, block[0] - 1, block[1] - 1]
         same += floor * torch.eye(len(same), dtype=same.dtype)  # a view: of a pixel with itself
         lengths = None if wavelengths is None else tuple(float(v) for v in wavelengths)
         return cls(mean, moments, lengths, tuple(sources))
@@ -173,10 +165,10 @@ class GaussianPrior(Prior):
         return {"mean": self.mean, "autocovariance" if self.stationary else "covariance": self.moments}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Tensor], about: About) -> Self:
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         """The prior of a file."""
         name = "autocovariance" if "autocovariance" in arrays else "covariance"
-        return cls(arrays["mean"], arrays[name], about.wavelengths, about.sources)
+        return cls(arrays["mean"], arrays[name], about["wavelengths"], about["sources"])
 
 
 def pooled(priors: Sequence[GaussianPrior], weights: Sequence[float] | None = None) -> GaussianPrior:

@@ -71,9 +71,9 @@ def learn_prior(
         usual = block_of(camera, kind)
     needed = block is not None or getattr(camera, "kind", "") == "spectral-depth"
     size = _inside(examples, block or usual, needed)
+    about |= {"sources": [_identity(example) for example in examples]} | ({} if kind == "gaussian" else {"seed": seed})
     about |= _MIXTURE_OF_VIEWS if of_views and kind == "mixture" else {}
-    sources = [_identity(example) for example in examples]
-    return Prior.kinds[kind].learn(cubes, size, **{**about, "seed": seed, "sources": sources, **settings})
+    return Prior.kinds[kind].learn(cubes, size, **{**about, **settings})
 
 
 def block_of(camera: Any, kind: str = "gaussian", window: int | None = None) -> tuple[int, int]:

@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
 from tmca.priors.gaussian import FLOOR, GaussianPrior
-from tmca.priors.prior import About, Prior
+from tmca.priors.prior import Prior
 from tmca.priors.statistics import random_blocks, scenes
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class GaussianMixturePrior(Prior):
         return self.base.arrays() | {there: getattr(self, name) for name, there in _IN_FILES.items()}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Tensor], about: About) -> Self:
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         """The prior of a file."""
         base = GaussianPrior.from_arrays(arrays, about)
         return cls(base, **{name: arrays[there] for name, there in _IN_FILES.items()})

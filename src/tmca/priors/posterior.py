@@ -119,21 +119,11 @@ def sufficient_precision(prior: GaussianPrior, model: BlockModel, noise: Noise) 
     return torch.float32 if variance > 1e-6 * signal else torch.float64
 
 
-def expected_mse(
-    prior: GaussianPrior,
-    taps: Taps,
-    noise: Noise,
-    *,
-    period: tuple[int, int] | None = None,
-    blocks: int = 32,
-    seed: int = 0,
-    dtype: torch.dtype = torch.float64,
-) -> Tensor:
+def expected_mse(prior: GaussianPrior, taps: Taps, noise: Noise, *, blocks: int = 32, seed: int = 0) -> Tensor:
     """Expected mean squared error of the linear estimate of single blocks; differentiable in ``taps.code``.
 
-    The mean of the posterior variance over the judged columns of the blocks, over ``blocks`` random places of the
-    frame, or every phase of a tiled code where its ``period`` (rows, columns) is given. Overlapping blocks, blended,
-    do somewhat better than this.
+    The mean of the posterior variance over the judged columns of ``blocks`` at random places of the frame. Overlapping
+    blocks, blended, do somewhat better than this.
 
     Returns:
         Scalar, in squared irradiance. ``-10 log10`` of it is the expected PSNR.
@@ -147,20 +137,19 @@ def expected_mse(
     model = BlockModel.of(taps, prior.block)
     height, width = taps.code.shape[1:]
     grid = BlockGrid.cover(model, (height, width), (height, width))
-    places = _phases(grid, period) if period else _places(grid, blocks, seed)
-    solver, padded = GaussianSolver(prior, model, noise, dtype), grid.pad_code(taps.code)
-    first, last = model.judged
-    total = padded.new_zeros((), dtype=dtype)
-    for start in range(0, len(places), _TOGETHER):
+    solver, padded = GaussianSolver(prior, model, noise, torch.float64), grid.pad_code(taps.code)
+    (first, last), places = model.judged, _places(grid, blocks, seed)
+    total = padded.new_zeros((), dtype=torch.float64)
+    for start in range(0, blocks, _TOGETHER):
         windows = grid.code_windows(padded, places[start : start + _TOGETHER])
         variance = solver.posterior(windows).error_variance().unflatten(1, prior.block)
         total = total + variance[..., first:last].mean((1, 2, 3)).sum()
-    return total / len(places)
+    return total / blocks
 
 
-def expected_psnr(prior: GaussianPrior, taps: Taps, noise: Noise, *, period: tuple[int, int] | None = None) -> float:
+def expected_psnr(prior: GaussianPrior, taps: Taps, noise: Noise) -> float:
     """``expected_mse`` as a peak signal-to-noise ratio in dB."""
-    return float(-10 * torch.log10(expected_mse(prior, taps, noise, period=period)))
+    return float(-10 * torch.log10(expected_mse(prior, taps, noise)))
 
 
 def _places(grid: BlockGrid, count: int, seed: int) -> list[tuple[int, int]]:
@@ -169,10 +158,3 @@ def _places(grid: BlockGrid, count: int, seed: int) -> list[tuple[int, int]]:
     share = torch.rand(count, 2, generator=generator).tolist()
     (top, bottom), (left, right) = (grid.tops[0], grid.tops[-1]), (grid.lefts[0], grid.lefts[-1])
     return [(top + int(v * (bottom - top + 1)), left + int(u * (right - left + 1))) for v, u in share]
-
-
-def _phases(grid: BlockGrid, period: tuple[int, int]) -> list[tuple[int, int]]:
-    """Corners of one block at each phase of the tile, inside the frame; a frame too small for a phase leaves it out."""
-    rows = min(period[0], grid.tops[-1] - grid.tops[0] + 1)
-    columns = min(period[1], grid.lefts[-1] - grid.lefts[0] + 1)
-    return [(grid.tops[0] + y, grid.lefts[0] + x) for y in range(rows) for x in range(columns)]

@@ -43,21 +43,6 @@ _DIMENSIONS = {
 
 
 @dataclass(frozen=True)
-class About:
-    """What a file says of a prior beside its arrays.
-
-    Args:
-        wavelengths: of the channels, metres, or None.
-        sources: names of the scenes it was learned from.
-        attributes: of the file.
-    """
-
-    wavelengths: tuple[float, ...] | None
-    sources: tuple[str, ...]
-    attributes: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
 class Prior(ABC):
     """What scene blocks (L, h, w) look like. A subclass says what kind it is, and is then read from files too."""
 
@@ -106,8 +91,8 @@ class Prior(ABC):
 
     @classmethod
     @abstractmethod
-    def from_arrays(cls, arrays: Mapping[str, Tensor], about: About) -> Self:
-        """The prior of a file; KeyError or ValueError where it is damaged."""
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
+        """The prior of a file that says this about it; KeyError or ValueError where it is damaged."""
 
     def check(self, camera: Any) -> None:
         """Whether it is one of the scenes that a camera sees.
@@ -185,7 +170,7 @@ def load_prior(path: str | Path) -> Prior:
     sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
     lengths = tuple(data["wavelength"].values.tolist()) if "wavelength" in data.coords else None
     try:
-        return Prior.kinds[kind].from_arrays(arrays, About(lengths, sources, data.attrs))
+        return Prior.kinds[kind].from_arrays(arrays, {**data.attrs, "wavelengths": lengths, "sources": sources})
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(path, f"a damaged prior ({error})", "every part of it", "copy the file again") from error
 

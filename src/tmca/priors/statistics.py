@@ -129,13 +129,3 @@ def random_blocks(
         cut = cube[:, y : y + h, x : x + w].unflatten(0, views or (-1, 1))
         out[i] = cut.flip(axes + [axis - 2 for axis in axes if views]).flatten(0, 1)
     return out
-
-
-def sample_moments(examples: list[Tensor], block: tuple[int, int], count: int, seed: int) -> tuple[Tensor, Tensor]:
-    """Mean (L, h, w) and covariance (n, n) of ``count`` random blocks, mirrored at random."""
-    mean, square, batch = torch.zeros(()), torch.zeros(()), 4000
-    for start in range(0, count, batch):
-        part = random_blocks(examples, block, min(batch, count - start), seed + start, mirrored=True).flatten(1)
-        mean, square = mean + part.sum(0), square + part.mT @ part
-    mean = mean / count
-    return mean.reshape(-1, *block), square / count - torch.outer(mean, mean)
