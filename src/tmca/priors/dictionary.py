@@ -42,6 +42,9 @@ class PatchDictionary(Prior):
     """
 
     kind: ClassVar[str] = "dictionary"
+    called: ClassVar[str] = "a dictionary"
+    learned_by: ClassVar[str] = "`tmca prior learn-views … --dictionary --out …`"
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {"atom": ("number", "view", "y", "x"), "scale": ("number",)}
     wavelengths: ClassVar[None] = None
     atoms: Tensor
     scales: Tensor

@@ -6,13 +6,14 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from tmca.errors import DataError, SettingError
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import block_of, learn_prior
-from tmca.priors.prior import HOW_TO_LEARN, Prior, check_kind, load_prior
+from tmca.priors.prior import Prior, check_kind, load_prior
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,7 +81,7 @@ def find_prior(
     return prior
 
 
-def cache_folder() -> Path:
+def _cache_folder() -> Path:
     """Where priors are cached: ``TMCA_CACHE``, else ``tmca`` in the user's cache folder."""
     if "TMCA_CACHE" in os.environ:
         return Path(os.environ["TMCA_CACHE"])
@@ -92,14 +93,14 @@ def _rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress: P
     from tmca.data import make_folder
 
     if kind == "dictionary":
-        raise SettingError("dictionary", "none", "one", f"learn one with {HOW_TO_LEARN[kind]} and name it")
+        raise SettingError("dictionary", "none", "one", f"learn one with {Prior.kinds[kind].learned_by}")
     if camera.kind == "spectral-depth" and block is None:
         block = block_of(camera, kind)
     source = _light_fields if camera.kind == "light-field" else _cubes
     label, identity, scenes = source(camera, kind)
     identity += [] if block is None else [list(block)]
     digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
-    file = cache_folder() / f"rendered-{label}-{digest}.nc"
+    file = _cache_folder() / f"rendered-{label}-{digest}.nc"
     if file.exists():
         try:
             return load_prior(file)
@@ -147,8 +148,6 @@ def _cubes(camera: Any, kind: str) -> tuple[str, list[Any], _Scenes]:
 
 def _light_fields(camera: Any, kind: str) -> tuple[str, list[Any], _Scenes]:
     """The same for light fields of the camera's views."""
-    from functools import partial
-
     from tmca import __version__
     from tmca.data import rendered_light_field, split_rendered_light_fields
 

@@ -41,6 +41,13 @@ class GaussianPrior(Prior):
     """
 
     kind: ClassVar[str] = "gaussian"
+    called: ClassVar[str] = "a Gaussian prior"
+    learned_by: ClassVar[str] = "`tmca prior learn` (of light fields `learn-views`)"
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "mean": ("channel", "y", "x"),
+        "covariance": ("pixel", "other_pixel"),
+        "autocovariance": ("channel", "other_channel", "dy", "dx"),
+    }
     mean: Tensor
     moments: Tensor
     wavelengths: tuple[float, ...] | None = None

@@ -18,8 +18,7 @@ from tmca.priors.spectral_depth import WINDOW, needed_block
 if TYPE_CHECKING:
     import xarray as xr
 
-_ENTRIES = {"gaussian": 5184, "mixture": 3456}
-_ROWS = {"gaussian": 12, "mixture": 8}
+_ROWS, _ENTRIES, _MIXTURE_ROWS, _MIXTURE_ENTRIES = 12, 5184, 8, 3456
 _COMPLETE, _FEWEST_ROWS = 14, 2
 _VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
 _MIXTURE_OF_VIEWS: dict[str, Any] = {"kinds": 8, "rank": 150, "gains": 4, "samples": 16_000}
@@ -58,7 +57,7 @@ def learn_prior(
     examples = [_values(scene) for scene in scenes]
     of_views = "view_v" in examples[0].dims
     if kind not in Prior.kinds or (kind == "dictionary" and not of_views):
-        raise SettingError("kind", repr(kind), "gaussian, mixture or, of light fields, dictionary")
+        raise SettingError("kind", repr(kind), f"{', '.join(Prior.kinds)} (a dictionary: of light fields)")
     if of_views:
         about: dict[str, Any] = {"views": _common_views(examples)}
         cubes = [views.flatten(0, 1) for example in examples for views in views_of(example)]
@@ -117,7 +116,8 @@ def _usual_block(kind: str, bands: int = 0, spread: int = 0, views: tuple[int, i
         side = min(_LARGEST_SIDE, max(3, int((_VIEW_ENTRIES / (views[0] * views[1])) ** 0.5)))
         return side - 1 + side % 2, side - 1 + side % 2
     columns = max(2 * spread + _COMPLETE, 24)
-    return max(_FEWEST_ROWS, min(_ROWS[kind], _ENTRIES[kind] // (bands * columns))), columns
+    rows, entries = (_MIXTURE_ROWS, _MIXTURE_ENTRIES) if kind == "mixture" else (_ROWS, _ENTRIES)
+    return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
 
 
 def _inside(examples: Sequence[xr.DataArray], block: tuple[int, int], needed: bool) -> tuple[int, int]:

@@ -56,6 +56,18 @@ class GaussianMixturePrior(Prior):
     """
 
     kind: ClassVar[str] = "mixture"
+    in_files: ClassVar[str] = "gaussian mixture"
+    called: ClassVar[str] = "a Gaussian-mixture prior"
+    learned_by: ClassVar[str] = "`tmca prior learn … --mixture` (of light fields `learn-views`)"
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        **GaussianPrior.dimensions,
+        "basis": ("pixel", "direction"),
+        "kind_mean": ("kind", "direction"),
+        "kind_covariance": ("kind", "direction", "other_direction"),
+        "kind_scale": ("kind",),
+        "gain_level": ("gain",),
+        "weight": ("kind", "gain"),
+    }
     base: GaussianPrior
     basis: Tensor
     means: Tensor

@@ -18,35 +18,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMAT = "tmca prior 1"
-NAMES = {"gaussian": "a Gaussian prior", "mixture": "a Gaussian-mixture prior", "dictionary": "a dictionary"}
-HOW_TO_LEARN = {
-    "gaussian": "`tmca prior learn` (of light fields `learn-views`)",
-    "mixture": "`tmca prior learn … --mixture` (of light fields `learn-views`)",
-    "dictionary": "`tmca prior learn-views … --dictionary --out …`",
-}
-"""What writes a file of each kind."""
-_SPELLED = {"gaussian": "gaussian", "mixture": "gaussian mixture", "dictionary": "dictionary"}
-"""Kinds as files call them."""
-_DIMENSIONS = {
-    "mean": ("channel", "y", "x"),
-    "covariance": ("pixel", "other_pixel"),
-    "autocovariance": ("channel", "other_channel", "dy", "dx"),
-    "basis": ("pixel", "direction"),
-    "kind_mean": ("kind", "direction"),
-    "kind_covariance": ("kind", "direction", "other_direction"),
-    "kind_scale": ("kind",),
-    "gain_level": ("gain",),
-    "weight": ("kind", "gain"),
-    "atom": ("number", "view", "y", "x"),
-    "scale": ("number",),
-}
 
 
 @dataclass(frozen=True)
 class Prior(ABC):
-    """What scene blocks (L, h, w) look like. A subclass says what kind it is, and is then read from files too."""
+    """What scene blocks (L, h, w) look like.
+
+    A subclass says what kind it is, and is then learned, found and read from files too; the room's ``__init__`` has to
+    import it. Its class attributes: ``kind``; ``called``, with its article; ``learned_by``, the command that writes its
+    file; ``dimensions`` of the arrays in its file; ``in_files``, its kind as files spell it, where that differs.
+    """
 
     kind: ClassVar[str]
+    called: ClassVar[str]
+    learned_by: ClassVar[str]
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]]
+    in_files: ClassVar[str] = ""
     kinds: ClassVar[dict[str, type[Prior]]] = {}
 
     def __init_subclass__(cls, **settings: Any) -> None:
@@ -131,8 +118,8 @@ class Prior(ABC):
 
         from tmca.data import write_dataset
 
-        variables = {name: (_DIMENSIONS[name], values.cpu().numpy()) for name, values in self.arrays().items()}
-        about = {"format": FORMAT, "kind": _SPELLED[self.kind], "sources": "\n".join(self.sources)}
+        variables = {name: (self.dimensions[name], values.cpu().numpy()) for name, values in self.arrays().items()}
+        about = {"format": FORMAT, "kind": self.in_files or self.kind, "sources": "\n".join(self.sources)}
         data = xr.Dataset(variables, attrs={**about, "block": list(self.block), **self.attributes()})
         if self.wavelengths is not None:
             data = data.assign_coords(wavelength=("channel", np.array(self.wavelengths), {"units": "m"}))
@@ -147,8 +134,7 @@ class Prior(ABC):
         """
         prior = load_prior(path)
         if not isinstance(prior, cls):
-            wanted = f"name one that {HOW_TO_LEARN[cls.kind]} wrote"
-            raise DataError(path, NAMES[prior.kind], NAMES[cls.kind], wanted)
+            raise DataError(path, prior.called, cls.called, f"name one that {cls.learned_by} wrote")
         return prior
 
 
@@ -161,16 +147,17 @@ def load_prior(path: str | Path) -> Prior:
     from tmca.data import read_dataset
 
     data = read_dataset(path)
-    kind = {spelled: kind for kind, spelled in _SPELLED.items()}.get(str(data.attrs.get("kind")), "")
-    if data.attrs.get("format") != FORMAT or kind not in Prior.kinds:
-        raise DataError(path, "no prior in it", f"a file written by {HOW_TO_LEARN['gaussian']}", "learn one")
-    arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in _DIMENSIONS if n in data}
+    kinds = {kind.in_files or kind.kind: kind for kind in Prior.kinds.values()}
+    kind = kinds.get(str(data.attrs.get("kind")))
+    if data.attrs.get("format") != FORMAT or kind is None:
+        raise DataError(path, "no prior in it", "a file written by `tmca prior learn`", "learn one")
+    arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in kind.dimensions if n in data}
     if not all(values.isfinite().all() for values in arrays.values()):
         raise DataError(path, "values that are not finite", "numbers", "learn the prior again")
     sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
     lengths = tuple(data["wavelength"].values.tolist()) if "wavelength" in data.coords else None
     try:
-        return Prior.kinds[kind].from_arrays(arrays, {**data.attrs, "wavelengths": lengths, "sources": sources})
+        return kind.from_arrays(arrays, {**data.attrs, "wavelengths": lengths, "sources": sources})
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(path, f"a damaged prior ({error})", "every part of it", "copy the file again") from error
 
@@ -178,5 +165,5 @@ def load_prior(path: str | Path) -> Prior:
 def check_kind(prior: Prior, kind: str) -> None:
     """Raises SettingError unless a prior is of this kind."""
     if prior.kind != kind:
-        where = "dictionary" if kind == "dictionary" else "prior"
-        raise SettingError(where, NAMES[prior.kind], NAMES[kind], f"learn one with {HOW_TO_LEARN[kind]}")
+        where, wanted = "dictionary" if kind == "dictionary" else "prior", Prior.kinds[kind]
+        raise SettingError(where, prior.called, wanted.called, f"learn one with {wanted.learned_by}")
