@@ -55,24 +55,21 @@ def learn_prior(
     if not scenes:
         raise SettingError("prior", "no example scenes", "at least one")
     examples = [_values(scene) for scene in scenes]
-    of_views = "view_v" in examples[0].dims
-    if kind not in Prior.kinds or (kind == "dictionary" and not of_views):
+    views = _common_views(examples) if "view_v" in examples[0].dims else None
+    if kind not in Prior.kinds or (kind == "dictionary" and views is None):
         raise SettingError("kind", repr(kind), f"{', '.join(Prior.kinds)} (a dictionary: of light fields)")
-    if of_views:
-        about: dict[str, Any] = {"views": _common_views(examples)}
-        cubes = [views.flatten(0, 1) for example in examples for views in views_of(example)]
-        usual = _usual_block(kind, views=about["views"])
+    about: dict[str, Any] = {"wavelengths": _common_wavelengths(examples)} if views is None else {"views": views}
+    if block is None and camera is None:
+        usual = _usual_block(kind, len(about.get("wavelengths", ())), spread, views)
     else:
-        about = {"wavelengths": _common_wavelengths(examples)}
-        cubes = [torch.from_numpy(example.values.copy()) for example in examples]
-        usual = _usual_block(kind, len(cubes[0]), spread)
-    if camera is not None and block is None:
-        usual = block_of(camera, kind)
-    needed = block is not None or getattr(camera, "kind", "") == "spectral-depth"
-    size = _inside(examples, block or usual, needed)
-    about |= {"sources": [_identity(example) for example in examples]} | ({} if kind == "gaussian" else {"seed": seed})
-    about |= _MIXTURE_OF_VIEWS if of_views and kind == "mixture" else {}
-    return Prior.kinds[kind].learn(cubes, size, **{**about, **settings})
+        usual = block or block_of(camera, kind)
+    if block is not None or (camera is not None and camera.kind == "spectral-depth"):
+        _check_sizes(examples, usual)
+    about |= {} if kind == "gaussian" else {"seed": seed}
+    about |= _MIXTURE_OF_VIEWS if kind == "mixture" and views is not None else {}
+    cubes = [cube for example in examples for cube in _cubes(example)]
+    sources = [_identity(example) for example in examples]
+    return Prior.kinds[kind].learn(cubes, _inside(examples, usual), sources=sources, **{**about, **settings})
 
 
 def block_of(camera: Any, kind: str = "gaussian", window: int | None = None) -> tuple[int, int]:
@@ -120,15 +117,26 @@ def _usual_block(kind: str, bands: int = 0, spread: int = 0, views: tuple[int, i
     return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
 
 
-def _inside(examples: Sequence[xr.DataArray], block: tuple[int, int], needed: bool) -> tuple[int, int]:
-    """The block, no larger than any scene; DataError where it is needed as large as it is."""
+def _inside(examples: Sequence[xr.DataArray], block: tuple[int, int]) -> tuple[int, int]:
+    """The block, no larger than any scene."""
+    rows, columns = (min(example.sizes[axis] for example in examples) for axis in ("y", "x"))
+    return min(block[0], rows), min(block[1], columns)
+
+
+def _check_sizes(examples: Sequence[xr.DataArray], block: tuple[int, int]) -> None:
+    """Raises DataError for a scene that is smaller than the block."""
     for example in examples:
         rows, columns = example.sizes["y"], example.sizes["x"]
-        if needed and (rows < block[0] or columns < block[1]):
+        if rows < block[0] or columns < block[1]:
             found, wanted = f"{rows}×{columns} pixels", f"at least the {block[0]}×{block[1]} of the prior's blocks"
             raise DataError(_name(example), found, wanted, "leave it out, or choose smaller blocks")
-        block = (min(block[0], rows), min(block[1], columns))
-    return block
+
+
+def _cubes(example: xr.DataArray) -> list[Tensor]:
+    """(L, H, W) a cube, or the views of every colour of a light field."""
+    if "view_v" in example.dims:
+        return [views.flatten(0, 1) for views in views_of(example)]
+    return [torch.from_numpy(example.values.copy())]
 
 
 def _values(scene: xr.DataArray | xr.Dataset) -> xr.DataArray:
