@@ -43,6 +43,7 @@ class PatchDictionary(Prior):
 
     kind: ClassVar[str] = "dictionary"
     called: ClassVar[str] = "a dictionary"
+    argument: ClassVar[str] = "dictionary"
     learned_by: ClassVar[str] = "`tmca prior learn-views … --dictionary --out …`"
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {"atom": ("number", "view", "y", "x"), "scale": ("number",)}
     wavelengths: ClassVar[None] = None

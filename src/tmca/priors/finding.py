@@ -31,9 +31,9 @@ def find_prior(
     camera: Any,
     given: str | Path | Prior | None = None,
     kind: Literal["gaussian"] = "gaussian",
+    progress: Progress | None = None,
     *,
     block: tuple[int, int] | None = None,
-    progress: Progress | None = None,
 ) -> GaussianPrior: ...
 
 
@@ -42,9 +42,9 @@ def find_prior(
     camera: Any,
     given: str | Path | Prior | None,
     kind: str,
+    progress: Progress | None = None,
     *,
     block: tuple[int, int] | None = None,
-    progress: Progress | None = None,
 ) -> Prior: ...
 
 
@@ -52,9 +52,9 @@ def find_prior(
     camera: Any,
     given: str | Path | Prior | None = None,
     kind: str = "gaussian",
+    progress: Progress | None = None,
     *,
     block: tuple[int, int] | None = None,
-    progress: Progress | None = None,
 ) -> Prior:
     """The prior of a camera's scenes.
 
@@ -65,8 +65,8 @@ def find_prior(
         camera: whose bands or views the prior has to have.
         given: it, its file, or None for that of the rendered scenes.
         kind: ``"gaussian"``, ``"mixture"`` or ``"dictionary"``.
-        block: (rows, columns) of the rendered scenes' prior instead of the camera's.
         progress: called where it has to be learned.
+        block: (rows, columns) of the rendered scenes' prior instead of the camera's.
 
     Raises:
         DataError: no such file, or no prior in it.
@@ -93,7 +93,8 @@ def _rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress: P
     from tmca.data import make_folder
 
     if kind == "dictionary":
-        raise SettingError("dictionary", "none", "one", f"learn one with {Prior.kinds[kind].learned_by}")
+        wanted = Prior.kinds[kind]
+        raise SettingError(wanted.argument, "none", wanted.called, f"learn one with {wanted.learned_by}")
     if camera.kind == "spectral-depth" and block is None:
         block = block_of(camera, kind)
     source = _light_fields if camera.kind == "light-field" else _cubes

@@ -26,7 +26,8 @@ class Prior(ABC):
 
     A subclass says what kind it is, and is then learned, found and read from files too; the room's ``__init__`` has to
     import it. Its class attributes: ``kind``; ``called``, with its article; ``learned_by``, the command that writes its
-    file; ``dimensions`` of the arrays in its file; ``in_files``, its kind as files spell it, where that differs.
+    file; ``dimensions`` of the arrays in its file; ``in_files``, its kind as files spell it, where that differs;
+    ``argument``, by which decoders take it.
     """
 
     kind: ClassVar[str]
@@ -34,6 +35,7 @@ class Prior(ABC):
     learned_by: ClassVar[str]
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]]
     in_files: ClassVar[str] = ""
+    argument: ClassVar[str] = "prior"
     kinds: ClassVar[dict[str, type[Prior]]] = {}
 
     def __init_subclass__(cls, **settings: Any) -> None:
@@ -91,16 +93,17 @@ class Prior(ABC):
         if camera.kind == "light-field":
             v, u = camera.views
             if self.block[0] != v * u:
-                raise ShapeError("prior", f"{self.block[0]} views", f"the camera's {v}×{u}", "learn one for them")
+                found, wanted = f"{self.block[0]} views", f"the camera's {v}×{u}"
+                raise ShapeError(self.argument, found, wanted, "learn one for them")
             return
         if self.block[0] != len(camera.wavelengths):
             found, wanted = f"{self.block[0]} channels", f"the camera's {len(camera.wavelengths)}"
-            raise ShapeError("prior", found, wanted, "learn the prior on the same bands")
+            raise ShapeError(self.argument, found, wanted, "learn it on the same bands")
         pairs = zip(self.wavelengths or camera.wavelengths, camera.wavelengths, strict=True)
         for band, (length, seen) in enumerate(pairs, start=1):
             if abs(length - seen) > 1e-9:
                 found, wanted = f"band {band} at {length * 1e9:.4g} nm", f"the camera's {seen * 1e9:.4g} nm"
-                raise SettingError("prior", found, wanted, "learn a prior at the camera's bands")
+                raise SettingError(self.argument, found, wanted, "learn one at the camera's bands")
 
     def to(self, device: torch.device | str) -> Self:
         """The prior on a device; itself if it is there."""
@@ -164,6 +167,7 @@ def load_prior(path: str | Path) -> Prior:
 
 def check_kind(prior: Prior, kind: str) -> None:
     """Raises SettingError unless a prior is of this kind."""
-    if prior.kind != kind:
-        where, wanted = "dictionary" if kind == "dictionary" else "prior", Prior.kinds[kind]
-        raise SettingError(where, prior.called, wanted.called, f"learn one with {wanted.learned_by}")
+    wanted = Prior.kinds[kind]
+    if not isinstance(prior, wanted):
+        found, remedy = getattr(prior, "called", "something else"), f"learn one with {wanted.learned_by}"
+        raise SettingError(wanted.argument, found, wanted.called, remedy)
