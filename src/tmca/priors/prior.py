@@ -135,7 +135,7 @@ class Prior(ABC):
         Raises:
             DataError: no such file, no prior of this kind in it, or damaged content.
         """
-        prior = load_prior(path)
+        prior = _read(path, cls.learned_by)
         if not isinstance(prior, cls):
             raise DataError(path, prior.called, cls.called, f"name one that {cls.learned_by} wrote")
         return prior
@@ -147,13 +147,18 @@ def load_prior(path: str | Path) -> Prior:
     Raises:
         DataError: no such file, no prior in it, or damaged content.
     """
+    return _read(path, "`tmca prior learn`")
+
+
+def _read(path: str | Path, learned_by: str) -> Prior:
+    """The prior in a file, which this command would write."""
     from tmca.data import read_dataset
 
     data = read_dataset(path)
     kinds = {kind.in_files or kind.kind: kind for kind in Prior.kinds.values()}
     kind = kinds.get(str(data.attrs.get("kind")))
     if data.attrs.get("format") != FORMAT or kind is None:
-        raise DataError(path, "no prior in it", "a file written by `tmca prior learn`", "learn one")
+        raise DataError(path, "no prior in it", f"a file written by {learned_by}", "learn one")
     arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in kind.dimensions if n in data}
     if not all(values.isfinite().all() for values in arrays.values()):
         raise DataError(path, "values that are not finite", "numbers", "learn the prior again")
