@@ -19,7 +19,7 @@ from tmca.data.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
 from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
 from tmca.decoders.patch_based.depth_posterior import DepthPosterior
 from tmca.experiments.spectral_depth.imaging import reading_range, take_spectral_depth_snapshot
-from tmca.priors import load_prior
+from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 from tmca.training.scenes import named_scenes
 
@@ -69,7 +69,7 @@ def main() -> None:
     asked.add_argument("--prior", required=True, help="of the quick preset's bands, learned from the same scenes")
     asked.add_argument("--codes", nargs="*", default=[], help="files of masks for the quick preset")
     given = asked.parse_args()
-    prior, scenes = load_prior(given.prior), named_scenes(given.scenes)
+    prior, scenes = GaussianPrior.load(given.prior), named_scenes(given.scenes)
     for name, camera in cameras(given.codes):
         known = list(taken(camera, scenes))
         for contamination, reach in product(CONTAMINATIONS, REACHES):

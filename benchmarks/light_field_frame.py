@@ -17,7 +17,7 @@ import torch
 from tmca.cameras import LightFieldCamera
 from tmca.decoders import NeuralDecoder, build_network
 from tmca.experiments.light_field.rows import NETWORKS
-from tmca.priors import rendered_light_field_prior
+from tmca.priors import find_prior
 from tmca.training.light_field import LIGHT_FIELD_PRESETS
 
 BOUND = 4.0
@@ -42,7 +42,7 @@ def main() -> None:
     height, width = (int(side) for side in arguments.size.split("x"))
     camera = LightFieldCamera(arguments.views, (height, width), 8, period=16)
     network = build_network(**settings_of(arguments.network), bands=arguments.views**2, views=camera.views).eval()
-    prior = rendered_light_field_prior(arguments.views) if network.start == "lmmse" else None
+    prior = find_prior(camera) if network.start == "lmmse" else None
     with torch.no_grad():
         snapshot = camera(torch.rand(1, *camera.scene_shape))
         start = time.process_time()

@@ -24,20 +24,12 @@ from tmca.decoders.decoding import needs_prior
 from tmca.decoders.networks.depth_weights import TwoHeadedDecoder
 from tmca.decoders.networks.two_headed import DEPTH_STARTS, build_depth_network
 from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import SettingError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.lab.exported_decoder import FORMATS, export_decoder, load_exported
 from tmca.lab.real_captures.movie import MOVIE_METHODS, decode_movie
 from tmca.optics import DepthPlanes
-from tmca.priors import (
-    GaussianMixturePrior,
-    PatchDictionary,
-    learn_light_field_mixture,
-    rendered_light_field_prior,
-    rendered_prior,
-)
-from tmca.priors.light_field import views_of
+from tmca.priors import PatchDictionary, find_prior, learn_prior
 from tmca.sensor import Sensor
 
 SIZES = {
@@ -162,29 +154,17 @@ def prepare(case: Case, what: str) -> None:
     """Learn or make what decoders build on, and keep it; rendered priors keep themselves (``TMCA_CACHE``)."""
     if what.startswith("export"):
         _export(case, what.removeprefix("export "))
-    elif case.kind == "spectral-depth":
-        find_depth_prior(None, case.camera)
-    elif case.kind != "light field":
-        _rendered(case, what == "mixture")
-    elif what == "prior":
-        rendered_light_field_prior(case.camera.views[0])
-    else:
+    elif case.kind == "light field" and what != "prior":
         _learn_views(case, what)
-
-
-def _rendered(case: Case, mixture: bool) -> Any:
-    return rendered_prior(case.camera.wavelengths, case.camera.dispersion.spread, mixture=mixture)
+    else:
+        find_prior(case.camera, None, "mixture" if what == "mixture" else "gaussian")
 
 
 def _learn_views(case: Case, what: str) -> None:
     names = sorted(split_rendered_light_fields()["train"])
     views = case.camera.views[0]
     fields = [rendered_light_field(name, views=views, size=_EXAMPLES)["light_field"] for name in names]
-    if what == "mixture":
-        learn_light_field_mixture(fields).save(case.folder / "mixture.nc", overwrite=True)
-    else:
-        examples = [one for field in fields for one in views_of(field)]
-        PatchDictionary.learn(examples).save(case.folder / "dictionary.nc", overwrite=True)
+    learn_prior(fields, case.camera, what).save(case.folder / f"{what}.nc", overwrite=True)
 
 
 def _export(case: Case, format: str) -> None:
@@ -234,11 +214,8 @@ def decoder_of(case: Case, name: str) -> Frame:
 
 
 def _prior(case: Case, mixture: bool) -> Any:
-    if case.kind != "light field":
-        return _rendered(case, mixture)
-    if mixture:
-        return GaussianMixturePrior.load(case.folder / "mixture.nc")
-    return rendered_light_field_prior(case.camera.views[0])
+    given = case.folder / "mixture.nc" if mixture and case.kind == "light field" else None
+    return find_prior(case.camera, given, "mixture" if mixture else "gaussian")
 
 
 def _network(case: Case, settings: dict[str, Any], **own: Any) -> Any:
@@ -258,7 +235,7 @@ def _by_network(case: Case, name: str) -> Frame:
 
 
 def _depth_decoder(case: Case, name: str) -> Frame:
-    prior = None if name.endswith("snapshot") else find_depth_prior(None, case.camera)
+    prior = None if name.endswith("snapshot") else find_prior(case.camera)
     if prior is not None and name == "likelihood":
         likelihood = PatchLikelihood(prior, case.camera)
         return lambda values: likelihood(values, planes=False)

@@ -12,6 +12,7 @@ from tmca.errors import SettingError, ShapeError
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.adaptation import error_moments, refitted
 from tmca.priors.posterior import NOISE_FLOOR, GaussianSolver
+from tmca.sensor import Noise
 
 SCENE = smooth_scene(60, 80, seed=1)
 PRIOR = GaussianPrior.learn([SCENE], (4, 12))
@@ -24,7 +25,7 @@ def test_error_moments_are_those_of_the_dense_posterior(name, shot):
     model = BlockModel.of(taps, PRIOR.block)
     grid = BlockGrid.cover(model, (4, 12), (4, 12))
     windows = grid.code_windows(grid.pad_code(taps.code), [(0, 0)])
-    found = error_moments(PRIOR, GaussianSolver(PRIOR, model, 0.05, shot, torch.float64).posterior(windows))
+    found = error_moments(PRIOR, GaussianSolver(PRIOR, model, Noise(0.05, shot), torch.float64).posterior(windows))
     # complete measurements of the same block, as rows of a dense matrix
     rows = torch.zeros(model.measurements, taps.code[0].numel() * 3, dtype=torch.float64)
     weights = model.complete(windows)[0].flatten(1).mT
@@ -53,7 +54,7 @@ def test_a_refitted_prior_has_a_positive_covariance_and_the_estimate_s_moments()
     taps = camera("single disperser", 20, 31)
     grid = BlockGrid.cover(BlockModel.of(taps, PRIOR.block), (20, 31), (4, 8))
     windows = grid.code_windows(grid.pad_code(taps.code), grid.positions[:3])
-    unknown = error_moments(PRIOR, GaussianSolver(PRIOR, grid.model, 0.05, 0.0, torch.float64).posterior(windows))
+    unknown = error_moments(PRIOR, GaussianSolver(PRIOR, grid.model, Noise(0.05), torch.float64).posterior(windows))
     fitted = refitted(PRIOR, SCENE[:, :20, :31], unknown)
     assert torch.linalg.eigvalsh(fitted.covariance).min() > 0
     own = GaussianPrior.learn([SCENE[:, :20, :31]], (4, 12))

@@ -10,6 +10,7 @@ from tmca.errors import ShapeError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
+from tmca.sensor import Noise
 
 BLOCK = (3, 4, 12)
 
@@ -41,7 +42,7 @@ def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
     model, read, shot = BlockModel.of(taps, BLOCK), 0.05, 0.01
     scene = prior.sample(6, seed=4)
     y = noisy(snapshot(taps, scene), read, shot)[:, 0, :, 2:12].flatten(1)
-    posterior = MixtureSolver(prior, model, read, shot, torch.float64).posterior(taps.code[None])
+    posterior = MixtureSolver(prior, model, Noise(read, shot), torch.float64).posterior(taps.code[None])
     estimate, variance = posterior.moments(0, y, True)
     basis = torch.eye(144, dtype=torch.float64).reshape(-1, *BLOCK)
     A = snapshot(taps, basis)[:, 0, :, 2:12].flatten(1).mT.numpy()

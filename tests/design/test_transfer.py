@@ -9,8 +9,7 @@ from tmca.design.measures import block_matrices
 from tmca.design.tile import windows
 from tmca.design.transfer import TransferMse, example_bytes, learn_examples
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.priors import GaussianPrior, cropped, pooled
-from tmca.priors.pooling import around
+from tmca.priors import GaussianPrior, pooled
 
 WAVES = (4e-7, 5e-7, 6e-7)
 SCENES = {name: smooth_scene(20 + 7 * s, 33, seed=10 + s) * (1 + s) for s, name in enumerate("abc")}
@@ -35,7 +34,7 @@ def test_a_scene_that_is_as_the_prior_says_errs_as_expected(noise):
 @pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])
 def test_the_error_on_another_scene_is_that_of_dense_matrices(noise):
     scene = GaussianPrior.learn([SCENES["c"]], (3, 9))
-    model, moments = block_error().model, around(scene, PRIOR.mean).covariance
+    model, moments = block_error().model, scene.around(PRIOR.mean).covariance
     found = TransferMse.of(block_error(), PRIOR, scene)(seen(), *noise)
     judged = model.in_judged(torch.arange(moments.shape[0])[None]).flatten()
     for value, matrix in zip(found, block_matrices(model, seen()), strict=True):
@@ -53,13 +52,6 @@ def test_scenes_pooled_by_area_are_those_learned_together():
     found = pooled(alone, [cube[0].numel() for cube in SCENES.values()])
     torch.testing.assert_close(found.mean, together.mean)
     torch.testing.assert_close(found.moments, together.moments, rtol=1e-6, atol=1e-9)
-
-
-def test_a_cropped_prior_is_that_of_smaller_blocks():
-    small = cropped(PRIOR, 2, 5)
-    assert small.block == (3, 2, 5)
-    full = PRIOR.covariance.reshape(3, 3, 9, 3, 3, 9)[:, :2, :5, :, :2, :5].reshape(30, 30)
-    torch.testing.assert_close(small.covariance, full)
 
 
 def test_examples_judge_each_scene_under_the_others(examples):
@@ -85,14 +77,12 @@ def test_the_memory_of_examples_is_known_before_they_are_learned(examples):
 
 
 def test_what_cannot_be_pooled_is_refused():
-    for error, refused in (
-        (SettingError, lambda: pooled([])),
-        (SettingError, lambda: pooled([PRIOR], [0.0])),
-        (ShapeError, lambda: pooled([PRIOR, cropped(PRIOR, 2, 5)])),
-        (ShapeError, lambda: cropped(PRIOR, 4, 9)),
-    ):
-        with pytest.raises(error):
-            refused()
+    with pytest.raises(SettingError, match="pooled"):
+        pooled([])
+    with pytest.raises(SettingError, match="weights"):
+        pooled([PRIOR], [0.0])
+    with pytest.raises(ShapeError, match="blocks"):
+        pooled([PRIOR, GaussianPrior.learn([SCENES["a"]], (2, 5))])
 
 
 def test_examples_in_another_light_are_those_that_darker_scenes_teach(examples):

@@ -13,8 +13,8 @@ from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.decoders import Weights
 from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.truth import evaluate_light_field
-from tmca.priors import GaussianPrior, PatchDictionary, learn_light_field_prior
-from tmca.priors.light_field import _MIXTURE
+from tmca.priors import GaussianPrior, PatchDictionary, learn_prior
+from tmca.priors.learning import _MIXTURE_OF_VIEWS
 
 SCENE = {"views": 3, "size": (24, 30)}
 
@@ -23,7 +23,7 @@ SCENE = {"views": 3, "size": (24, 30)}
 def prior(tmp_path_factory):
     path = tmp_path_factory.mktemp("prior") / "prior.nc"
     fields = [load_light_field(name, **SCENE) for name in ("rocket", "rocket:1")]
-    return learn_light_field_prior(fields, block=(5, 5)).save(path) or path
+    return learn_prior(fields, block=(5, 5)).save(path) or path
 
 
 def test_views_go_through_the_camera_and_back(prior, tmp_path, capsys, monkeypatch):
@@ -102,7 +102,7 @@ def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
 
 def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(_MIXTURE, "samples", 2000)
+    monkeypatch.setitem(_MIXTURE_OF_VIEWS, "samples", 2000)
     main(["prior", "learn-views", "rocket", "--views", "3", "--mixture", "--out", "m.nc", "--figure", "m.png"])
     assert "Gaussian mixture of blocks 9 ×" in capsys.readouterr().out
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])

@@ -1,5 +1,6 @@
 """The expected error of a code is the error that is then measured."""
 
+import numpy as np
 import pytest
 import torch
 
@@ -8,6 +9,7 @@ from tmca.errors import SettingError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior, expected_mse, expected_psnr
 from tmca.priors.posterior import GaussianSolver
+from tmca.sensor import Noise
 
 BLOCK = (3, 2, 9)
 
@@ -17,50 +19,55 @@ def prior():
     return GaussianPrior.learn([smooth_scene(60, 80, seed=1)], BLOCK[1:])
 
 
-def measured_mse(prior, taps, blocks, read_noise, shot):
+def measured_mse(prior, taps, blocks, noise):
     """Mean squared error of the estimates of blocks (N, L, h, w), each seen through the same code."""
-    model = BlockModel.of(taps, BLOCK)
-    grid = BlockGrid(model, BLOCK[1:], (0,), (0,))
-    y = noisy(snapshot(taps, blocks), read_noise, shot)[:, 0]
-    posterior = GaussianSolver(prior, model, read_noise, shot, torch.float64).posterior(taps.code[None])
+    model = BlockModel.of(taps, prior.block)
+    grid = BlockGrid(model, prior.block[1:], (0,), (0,))
+    y = noisy(snapshot(taps, blocks), noise.read, noise.shot)[:, 0]
+    posterior = GaussianSolver(prior, model, noise, torch.float64).posterior(taps.code[None])
     error = posterior.estimate(0, grid.snapshot_windows(y, [(0, 0)])[0]).reshape(blocks.shape) - blocks
     first, last = model.judged
     return float(error[..., first:last].square().mean())
 
 
+def expected_mse_of(prior, taps, noise):
+    """What the prior expects of the one block that the code is as large as."""
+    model = BlockModel.of(taps, prior.block)
+    first, last = model.judged
+    variance = GaussianSolver(prior, model, noise).posterior(taps.code[None]).error_variance()
+    return float(variance.reshape(prior.block)[..., first:last].mean())
+
+
 @pytest.mark.parametrize("name", CAMERAS)
-@pytest.mark.parametrize(("read_noise", "shot"), [(0.0, 0.0), (0.05, 0.0), (0.01, 0.01)])
-def test_on_scenes_of_the_prior_the_measured_error_is_the_expected_one(prior, name, read_noise, shot):
+@pytest.mark.parametrize("noise", [Noise(), Noise(0.05), Noise(0.01, 0.01)])
+def test_on_scenes_of_the_prior_the_measured_error_is_the_expected_one(prior, name, noise):
     taps = camera(name, 2, 40, period=(2, 2))
     window = Taps(taps.code[:, :, :9], taps.channels, taps.offsets, 3, 9 + max(taps.offsets))
-    measured = measured_mse(prior, window, prior.sample(4000, seed=2), read_noise, shot)
-    model = BlockModel.of(taps, BLOCK)
-    variance = GaussianSolver(prior, model, read_noise, shot).posterior(window.code[None]).error_variance()
-    first, last = model.judged
-    expected = float(variance.reshape(BLOCK)[..., first:last].mean())
-    assert measured == pytest.approx(expected, rel=0.03)
+    measured = measured_mse(prior, window, prior.sample(4000, seed=2), noise)
+    assert measured == pytest.approx(expected_mse_of(prior, window, noise), rel=0.03)
 
 
-def test_a_period_means_all_its_phases_and_random_places_agree_with_it(prior):
+def test_random_places_agree_with_all_phases_of_a_tiled_code(prior):
     taps = camera("single disperser", 8, 200, period=(2, 3))
-    phases = expected_mse(prior, taps, 0.02, period=(2, 3))
-    places = expected_mse(prior, taps, 0.02, blocks=600)
-    assert float(places) == pytest.approx(float(phases), rel=0.05)
-    assert expected_psnr(prior, taps, 0.02, period=(2, 3)) == pytest.approx(float(-10 * torch.log10(phases)))
+    parts = (taps.code[:, y : y + 2, x : x + 9] for y in range(2) for x in range(20, 23))
+    phases = [Taps(part, taps.channels, taps.offsets, 3, 9 + max(taps.offsets)) for part in parts]
+    expected = np.mean([expected_mse_of(prior, phase, Noise(0.02)) for phase in phases])
+    assert float(expected_mse(prior, taps, Noise(0.02), blocks=600)) == pytest.approx(expected, rel=0.05)
+    assert expected_psnr(prior, taps, Noise(0.02)) == pytest.approx(-10 * np.log10(expected), abs=0.3)
 
 
 def test_more_noise_makes_more_error(prior):
     taps = camera("single disperser", 4, 30)
-    errors = [float(expected_mse(prior, taps, sigma)) for sigma in (0.0, 0.01, 0.1, 10.0)]
+    errors = [float(expected_mse(prior, taps, Noise(sigma))) for sigma in (0.0, 0.01, 0.1, 10.0)]
     assert errors == sorted(errors)
     assert errors[-1] == pytest.approx(float(prior.covariance.diagonal().mean()), rel=0.05)
-    assert float(expected_mse(prior, taps, 0.01, 0.01)) > errors[1]
+    assert float(expected_mse(prior, taps, Noise(0.01, 0.01))) > errors[1]
 
 
 def test_more_light_is_less_noise(prior):
     taps = camera("single disperser", 4, 30)
-    dim = expected_mse(prior.scaled(0.25), taps, 0.01, 0.0)
-    torch.testing.assert_close(dim, expected_mse(prior, taps, 0.04, 0.0) / 16, rtol=1e-4, atol=0)
+    dim = expected_mse(prior.scaled(0.25), taps, Noise(0.01))
+    torch.testing.assert_close(dim, expected_mse(prior, taps, Noise(0.04)) / 16, rtol=1e-4, atol=0)
     with pytest.raises(SettingError, match="gain"):
         prior.scaled(0.0)
 
@@ -69,17 +76,17 @@ def test_expected_error_has_the_right_gradient(prior):
     taps = camera("single disperser", 2, 9)
 
     def error(code):
-        return expected_mse(prior, Taps(code, taps.channels, taps.offsets, 3, 11), 0.05, 0.01, blocks=3) * 1e3
+        other = Taps(code, taps.channels, taps.offsets, 3, 11)
+        return expected_mse(prior, other, Noise(0.05, 0.01), blocks=3) * 1e3
 
     assert torch.autograd.gradcheck(error, (taps.code.clone().requires_grad_(),), atol=1e-5)
 
 
 def test_impossible_noise_or_no_blocks_are_refused(prior):
-    taps = camera("single disperser", 4, 30)
-    with pytest.raises(SettingError, match="read noise -1"):
-        expected_mse(prior, taps, -1.0)
-    with pytest.raises(SettingError, match="at least 1"):
-        expected_mse(prior, taps, blocks=0)
+    with pytest.raises(SettingError, match="noise"):
+        Noise(-1.0)
+    with pytest.raises(SettingError, match="blocks"):
+        expected_mse(prior, camera("single disperser", 4, 30), Noise(), blocks=0)
 
 
 def test_expected_error_agrees_on_real_training_patches_and_ranks_the_codes(real_data):
@@ -103,15 +110,13 @@ def test_expected_error_agrees_on_real_training_patches_and_ranks_the_codes(real
     unseen = random_blocks(
         [cube(path) for path in read_split(real_data / "splits" / "spectral_test.txt")], block[1:], 2000, 4, False
     )
-    found = []
+    pairs = []
     for slots, one_hot in ((1, False), (8, False), (4, True)):
         taps = _multiplexed(slots, one_hot, *block)
-        expected, errors = expected_mse_of_block(prior, taps, block), []
-        for blocks in (seen, unseen):
-            errors.append(block_error(prior, taps, blocks, block))
-        assert abs(10 * torch.log10(torch.tensor(errors[0] / expected))) < 0.2
-        found.append((expected, errors[1]))
-    assert sorted(found, key=lambda pair: pair[0]) == sorted(found, key=lambda pair: pair[1])
+        expected = expected_mse_of(prior, taps, Noise())
+        assert abs(10 * np.log10(measured_mse(prior, taps, seen, Noise()) / expected)) < 0.2
+        pairs.append((expected, measured_mse(prior, taps, unseen, Noise())))
+    assert sorted(pairs, key=lambda pair: pair[0]) == sorted(pairs, key=lambda pair: pair[1])
 
 
 def _multiplexed(slots, one_hot, bands, h, w):
@@ -126,20 +131,3 @@ def _multiplexed(slots, one_hot, bands, h, w):
         shutter = torch.rand(slots, h, w + bands, generator=g, dtype=torch.float64).round()
     code = torch.stack([(shutter[:, :, l : l + w] * aperture).mean(0) for l in range(bands)])
     return Taps(code, tuple(range(bands)), tuple(range(bands)), bands, w + bands - 1)
-
-
-def expected_mse_of_block(prior, taps, block):
-    model = BlockModel.of(taps, block)
-    first, last = model.judged
-    variance = GaussianSolver(prior, model, 0.0, 0.0).posterior(taps.code[None]).error_variance()
-    return float(variance.reshape(block)[..., first:last].mean())
-
-
-def block_error(prior, taps, blocks, block):
-    model = BlockModel.of(taps, block)
-    grid = BlockGrid(model, block[1:], (0,), (0,))
-    posterior = GaussianSolver(prior, model, 0.0, 0.0).posterior(taps.code[None])
-    y = snapshot(taps, blocks)[:, 0]
-    error = posterior.estimate(0, grid.snapshot_windows(y, [(0, 0)])[0]).reshape(blocks.shape) - blocks
-    first, last = model.judged
-    return float(error[..., first:last].square().mean())

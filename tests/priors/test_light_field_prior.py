@@ -10,7 +10,7 @@ from tmca.cameras import LightFieldCamera
 from tmca.decoders import PatchLMMSE
 from tmca.decoders.patch_based.mixture import MixtureLMMSE
 from tmca.errors import ShapeError
-from tmca.priors import GaussianMixturePrior, GaussianPrior, cropped, pooled
+from tmca.priors import GaussianMixturePrior, GaussianPrior, pooled
 from tmca.priors.statistics import random_blocks
 
 VIEWS = (3, 3)
@@ -105,24 +105,13 @@ def test_light_fields_mirrored_with_their_views_teach_the_same():
     torch.testing.assert_close(one.moments, other.moments)
 
 
-def test_pooled_and_cropped_priors_are_those_learned_so():
+def test_pooled_priors_are_those_learned_together():
     fields = [parallax(1), parallax(-1, seed=2)]
     whole = GaussianPrior.learn(fields, (4, 5), views=VIEWS, floor=0.0)
     parts = [GaussianPrior.learn([f], (4, 5), views=VIEWS, floor=0.0) for f in fields]
     near = pooled(parts)
     # each around its own mean, beyond whose frame it is dark
     torch.testing.assert_close(near.moments, whole.moments, atol=2e-3, rtol=0)
-    small = GaussianPrior.learn(fields, (2, 3), views=VIEWS, floor=0.0)
-    torch.testing.assert_close(cropped(whole, 2, 3).moments, small.moments)
-    torch.testing.assert_close(cropped(whole, 2, 3).covariance, small.covariance)
-
-
-def test_it_comes_back_from_its_file(tmp_path):
-    prior = GaussianPrior.learn([parallax(1)], (3, 4), views=VIEWS, sources=["plane"])
-    back = GaussianPrior.load(prior.save(tmp_path / "prior.nc"))
-    assert torch.equal(back.moments, prior.moments)
-    assert not back.mirrored
-    assert back.sources == ("plane",)
 
 
 def test_the_estimate_is_that_of_dense_matrices():

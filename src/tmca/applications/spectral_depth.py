@@ -75,7 +75,7 @@ def spectral_depth_metrics(
     """
     from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
 
-    known = planes.depth_of(torch.from_numpy(np.array(truth["depth"].values)))
+    known = planes.within(torch.from_numpy(np.array(truth["depth"].values)))
     real = np.where(known.numpy(), truth["depth"].values, np.nan)
     figures = {"depth_mae": depth_mae(depth, real), "depth_rmse": depth_rmse(depth, real)}
     if planes.count > 1:

@@ -26,8 +26,6 @@ from tmca.decoders.networks.neural import NeuralDecoder, Weights
 from tmca.decoders.patch_based.dictionary import DictionaryDecoder
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import PatchDictionary
-from tmca.priors.files import HOW_TO_LEARN
-from tmca.priors.light_field import check_views
 
 LIGHT_FIELD_METHODS = ("lmmse", "mixture", "dictionary", "dictionary-omp", "admm-tv", "tikhonov", "dagger", "network")
 
@@ -70,7 +68,7 @@ def decode_light_field(
     _check_dictionary(method, dictionary)
     camera, start = snapshot.camera, time.perf_counter()
     if prior is not None:
-        check_views(prior, camera.views)
+        prior.check(camera)
     with torch.no_grad():
         if needs_prior(method):
             found = by_prior(snapshot, method, prior, uncertainty, progress)
@@ -92,7 +90,7 @@ def decode_light_field(
 def _check_dictionary(method: str, dictionary: PatchDictionary | None) -> None:
     uses = method.startswith("dictionary")
     if uses and dictionary is None:
-        remedy = f"learn one with {HOW_TO_LEARN['dictionary']} and name it with dictionary= (--dictionary)"
+        remedy = f"learn one with {PatchDictionary.learned_by} and name it with dictionary= (--dictionary)"
         raise SettingError("dictionary", "none", f"one for the decoder {method}", remedy)
     if dictionary is not None and not uses:
         wanted = "none: only dictionary and dictionary-omp use it"

@@ -16,7 +16,8 @@ from torch import Tensor
 
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.posterior import check_noise, noise_variance
+from tmca.priors.posterior import noise_variance
+from tmca.sensor import Noise
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class BlockMse:
         Raises:
             SettingError: negative noise.
         """
-        check_noise(read_noise, shot)
+        Noise(read_noise, shot)  # refuses a negative one
         pixels = model.pixels()
         flat, shape = pixels.flatten(), (*pixels.shape, *pixels.shape)
         rows = prior.rows(flat, torch.float64)
@@ -64,7 +65,7 @@ class BlockMse:
         Raises:
             SettingError: negative noise.
         """
-        check_noise(read_noise, shot)
+        Noise(read_noise, shot)  # refuses a negative one
         return replace(self, read_noise=read_noise, shot=shot)
 
     def __call__(self, windows: Tensor) -> Tensor:
@@ -102,7 +103,7 @@ class Products:
         covariant, spread = quadratic(error.covariance, weights)
         reaching, reached = quadratic(error.reach, weights)
         expected = (weights * error.mean).sum(-1)
-        noise = noise_variance(expected, error.read_noise, error.shot)
+        noise = noise_variance(expected, Noise(error.read_noise, error.shot))
         factor = torch.linalg.cholesky(spread + torch.diag_embed(noise))
         return cls(covariant, reaching, torch.cholesky_inverse(factor), reached)
 

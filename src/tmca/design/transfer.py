@@ -14,9 +14,9 @@ from tmca.design.block_mse import BlockMse, Products, quadratic
 from tmca.design.tile import TileMse, even_places, windows
 from tmca.errors import DataError, SettingError, ShapeError, check_range
 from tmca.priors.blocks import BlockModel
-from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.pooling import around, pooled
+from tmca.priors.gaussian import GaussianPrior, pooled
 from tmca.priors.posterior import noise_variance
+from tmca.sensor import Noise
 
 _PLACES = 16
 """Blocks that are judged at once."""
@@ -48,7 +48,7 @@ class TransferMse:
     def of(cls, error: BlockMse, prior: GaussianPrior, scene: GaussianPrior) -> TransferMse:
         """The error on scenes of one stationary prior of an estimator built on another."""
         model = error.model
-        pixels, moved = model.pixels(), around(scene, prior.mean)
+        pixels, moved = model.pixels(), scene.around(prior.mean)
         flat, shape = pixels.flatten(), error.covariance.shape
         true, expected = moved.rows(flat, torch.float64), prior.rows(flat, torch.float64)
         crossed = model.in_judged(true) @ model.in_judged(expected).mT
@@ -63,7 +63,7 @@ class TransferMse:
         products = Products.of(self.error.under(read_noise, shot), weights)
         measured = quadratic(self.covariance, weights)[1]
         crossed = quadratic(self.crossed, weights)[1]
-        noise = noise_variance((weights * self.mean).sum(-1), read_noise, shot)
+        noise = noise_variance((weights * self.mean).sum(-1), Noise(read_noise, shot))
         spent = (products.sandwiched * (measured + torch.diag_embed(noise))).sum((1, 2))
         return self.variance - 2 * (products.inverse * crossed).sum((1, 2)) + spent
 

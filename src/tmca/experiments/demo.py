@@ -86,14 +86,14 @@ def run_demo(
 def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> dict[str, list[dict[str, Any]]]:
     """Everything that the demo writes, into a folder that exists; returns the rows of its tables."""
     from tmca.data import rendered_scene, select_bands
-    from tmca.priors import rendered_prior
+    from tmca.priors import find_prior
 
     told(0.0, "rendering scenes")
     scenes = {name: select_bands(rendered_scene(name, size=size)["radiance"], BANDS) for name in SCENES}
     for name, scene in scenes.items():
         scene.attrs["name"] = name
     told(0.1, "learning the prior of rendered scenes")
-    prior = rendered_prior(next(iter(scenes.values()))["wavelength"].values.tolist(), BANDS - 1)
+    prior = find_prior(SpectralCamera(bands=next(iter(scenes.values()))["wavelength"].values.tolist(), size=size))
     rows, sections = [], []
     for index, (name, scene) in enumerate(scenes.items()):
         results = {}

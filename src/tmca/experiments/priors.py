@@ -12,7 +12,7 @@ from tmca.data.scenes import load_scene
 from tmca.decoders.patch_based.depth_likelihood import usual_window
 from tmca.errors import OutputError, SettingError
 from tmca.plots.style import save_figure
-from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior, load_prior
+from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior
 from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 
@@ -60,7 +60,8 @@ def learn_to_file(
         cubes.append(at_bands(cube, wavelengths) if wavelengths else cube)
     told(0.5, f"learning the {'mixture ' if mixture else ''}prior")
     wide = cubes[0].sizes["wavelength"] - 1 if spread is None else spread
-    prior = learn_prior(cubes, spread=wide, mixture=mixture, block=block, seed=seed)
+    kind = "mixture" if mixture else "gaussian"
+    prior = learn_prior(cubes, None, kind, spread=wide, block=block, seed=seed)
     prior.save(out, overwrite=overwrite)
     if figure is not None:
         save_figure(prior.figure(), figure, overwrite=overwrite)
@@ -82,14 +83,13 @@ def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: 
     """Expected PSNR and light throughput of a camera under a prior, mean over blocks of a 128-pixel frame.
 
     Raises:
-        SettingError: unknown preset, a mixture prior, or relay blur.
+        DataError: a file without a Gaussian prior.
+        SettingError: unknown preset, or relay blur.
     """
-    known = load_prior(prior)
-    if not isinstance(known, GaussianPrior):
-        raise SettingError(prior, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
+    known = GaussianPrior.load(prior)
     size = (max(_FRAME, known.block[1]), max(_FRAME, known.block[2]))
     settings = settings | {"bands": known.wavelengths or known.block[0], "size": size, "sensor": Sensor(**sensor)}
     camera = SpectralCamera.from_preset(preset, **settings) if preset else SpectralCamera(**settings)
     noise = camera.noise
-    value = expected_psnr(known, camera.taps(), noise.read, noise.shot)
+    value = expected_psnr(known, camera.taps(), noise)
     return {"expected_psnr": value, "throughput": camera.throughput(), "read_noise": noise.read, "shot": noise.shot}

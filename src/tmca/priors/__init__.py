@@ -2,17 +2,12 @@
 
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
-from tmca.priors.expected_error import expected_mse, expected_psnr
-from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.learning import Prior, block_for, cache_folder, learn_prior, load_prior, rendered_prior
-from tmca.priors.light_field import (
-    learn_light_field_mixture,
-    learn_light_field_prior,
-    light_field_block,
-    rendered_light_field_prior,
-)
+from tmca.priors.finding import find_prior
+from tmca.priors.gaussian import GaussianPrior, pooled
+from tmca.priors.learning import block_of, learn_prior, views_of
 from tmca.priors.mixture import GaussianMixturePrior
-from tmca.priors.pooling import cropped, pooled
+from tmca.priors.posterior import expected_mse, expected_psnr
+from tmca.priors.prior import Prior, check_kind, load_prior
 
 __all__ = [
     "BlockGrid",
@@ -21,17 +16,13 @@ __all__ = [
     "GaussianPrior",
     "PatchDictionary",
     "Prior",
-    "block_for",
-    "cache_folder",
-    "cropped",
+    "block_of",
+    "check_kind",
     "expected_mse",
     "expected_psnr",
-    "learn_light_field_mixture",
-    "learn_light_field_prior",
+    "find_prior",
     "learn_prior",
-    "light_field_block",
     "load_prior",
     "pooled",
-    "rendered_light_field_prior",
-    "rendered_prior",
+    "views_of",
 ]

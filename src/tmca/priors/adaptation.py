@@ -50,20 +50,19 @@ def error_moments(prior: GaussianPrior, posterior: BlockPosterior) -> Tensor:
         SettingError: a prior that is not stationary.
     """
     if not prior.mirrored:
-        raise SettingError(
-            "prior", "one that is not the same in mirror image", "a stationary prior of cubes", "learn one anew"
-        )
+        found, wanted = "one that is not the same in mirror image", "a stationary prior of cubes"
+        raise SettingError("prior", found, wanted, "learn one anew")
     (bands, h, _), (first, last) = prior.block, posterior.model.judged
     width = last - first
-    known = torch.zeros(bands, bands, h, width, dtype=torch.float64, device=prior.moments.device)
+    removed = torch.zeros(bands, bands, h, width, dtype=torch.float64, device=prior.moments.device)
     for factor, cross in zip(posterior.factor, posterior.cross.unbind(1), strict=True):
         part = posterior.model.in_judged(cross)
         white = torch.linalg.solve_triangular(factor.to(part.dtype), part, upper=False)
-        known += _correlation(white.unflatten(1, (bands, h, width))) / len(posterior.factor)
+        removed += _correlation(white.unflatten(1, (bands, h, width))) / len(posterior.factor)
     pairs = (h - torch.arange(h)[:, None]) * (width - torch.arange(width))
     before = prior.moments[..., :width] * pairs.to(prior.moments)
     unknown = torch.zeros_like(prior.moments)
-    unknown[..., :width] = (before - known) / (h * width)
+    unknown[..., :width] = (before - removed) / (h * width)
     return unknown
 
 

@@ -43,19 +43,11 @@ class BlockModel:
         """
         origin, span = min(taps.offsets), max(taps.offsets) - min(taps.offsets)
         if block[0] != taps.scene_channels:
-            raise ShapeError(
-                "prior",
-                f"{block[0]} channels",
-                f"the {taps.scene_channels} of the codes",
-                "learn the prior on the same bands",
-            )
+            found, wanted = f"{block[0]} channels", f"the {taps.scene_channels} of the codes"
+            raise ShapeError("prior", found, wanted, "learn the prior on the same bands")
         if block[2] <= span:
-            raise ShapeError(
-                "prior",
-                f"blocks {block[2]} columns wide",
-                f"more than the dispersion of {span}",
-                "learn wider blocks",
-            )
+            found, wanted = f"blocks {block[2]} columns wide", f"more than the dispersion of {span}"
+            raise ShapeError("prior", found, wanted, "learn wider blocks")
         return cls(block, taps.channels, tuple(o - origin for o in taps.offsets), origin)
 
     @property
@@ -145,13 +137,8 @@ class BlockGrid:
     def padding(self) -> tuple[int, int, int, int]:
         """Zeros to add left, right, above and below the frame so that every block lies inside."""
         _, h, w = self.model.block
-        left = max(0, -min(self.lefts))
-        return (
-            left,
-            max(0, max(self.lefts) + w - self.frame[1]),
-            0,
-            max(0, max(self.tops) + h - self.frame[0]),
-        )
+        right, below = max(self.lefts) + w - self.frame[1], max(self.tops) + h - self.frame[0]
+        return max(0, -min(self.lefts)), max(0, right), 0, max(0, below)
 
     def pad_code(self, code: Tensor) -> Tensor:
         """A code (taps, H, W) with zeros around, where blocks hang over the frame."""

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import ShapeError
+from tmca.priors.dictionary_learning import AtomLearner
+from tmca.priors.prior import Prior
 from tmca.priors.statistics import scenes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_CORESET = 8000
+PATCH = (11, 11)
+"""Rows and columns of patches where none are given."""
 
 
 @dataclass(frozen=True)
-class PatchDictionary:
+class PatchDictionary(Prior):
     """Patches x of shape (L, h, w) as ``mean + Σ_k c_k atom_k`` with few coefficients c (Marwah et al. 2013).
 
     It is overcomplete in the leading subspace that atoms are learned in (400 dimensions by default), not in all 3025
@@ -38,6 +41,12 @@ class PatchDictionary:
         notes: how it was learned, plain JSON types.
     """
 
+    kind: ClassVar[str] = "dictionary"
+    called: ClassVar[str] = "a dictionary"
+    argument: ClassVar[str] = "dictionary"
+    learned_by: ClassVar[str] = "`tmca prior learn-views … --dictionary --out …`"
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {"atom": ("number", "view", "y", "x"), "scale": ("number",)}
+    wavelengths: ClassVar[None] = None
     atoms: Tensor
     scales: Tensor
     views: tuple[int, int]
@@ -61,69 +70,41 @@ class PatchDictionary:
     @classmethod
     def learn(
         cls,
-        light_fields: Sequence[Tensor],
-        patch: tuple[int, int] = (11, 11),
+        cubes: Iterable[Tensor],
+        patch: tuple[int, int] = PATCH,
         *,
-        atoms: int = 1024,
-        coreset: int | None = None,
-        rank: int = 400,
-        penalty: float = 0.02,
-        passes: int = 2,
-        batch: int = 256,
-        seed: int = 0,
+        views: tuple[int, int],
         sources: Sequence[str] = (),
         progress: Callable[[float], None] | None = None,
-    ) -> PatchDictionary:
-        """The dictionary of the patches of light fields (V, U, H, W), which may differ in size.
-
-        A coreset of patches, chosen by variance, is given to scikit-learn's ``MiniBatchDictionaryLearning``.
+        **settings: Any,
+    ) -> Self:
+        """The dictionary of the patches of light fields (V·U, H, W), which may differ in size.
 
         Args:
             patch: (h, w) pixels.
-            atoms: number K of atoms.
-            coreset: number of patches to learn from; 8000, or as many as there are, without.
-            rank: dimensions of the leading subspace in which atoms are learned.
-            penalty: of the absolute coefficients while learning, as a share of the typical norm of a patch.
-            passes: times that each patch is seen.
-            batch: patches per step.
-            seed: of the coreset and of the first atoms.
+            views: (V, U), row by row.
             sources: names to keep.
-            progress: told the share that is done.
+            progress: called with the share that is done.
+            settings: of ``AtomLearner``.
 
         Raises:
-            ShapeError: no light field, other view grids, or a patch larger than a light field.
-            DataError: values that are not finite.
+            ShapeError: no light field, other views, or a patch larger than a light field.
+            DataError: values that are not finite, or no patch that varies.
             SettingError: impossible numbers, or more patches than there are places.
         """
-        from tmca.priors.dictionary_learning import learn_atoms
+        examples, learner = scenes(cubes, patch, views), AtomLearner(**settings)
+        learned = learner(examples, patch, progress or (lambda share: None))
+        atoms = learned.atoms.reshape(len(learned.atoms), len(examples[0]), *patch)
+        return cls(atoms, learned.scales, views, learned.residual, tuple(sources), learned.notes)
 
-        views = _common_views(light_fields)
-        cubes = scenes((field.flatten(0, 1) for field in light_fields), patch)
-        coreset = min(_CORESET, _places(cubes, patch)) if coreset is None else coreset
-        counts = {"atoms": atoms, "coreset": coreset, "rank": rank, "passes": passes, "batch": batch}
-        _check(counts, penalty)
-        found = learn_atoms(
-            cubes,
-            patch,
-            atoms=atoms,
-            patches=coreset,
-            rank=rank,
-            penalty=penalty,
-            passes=passes,
-            batch=batch,
-            seed=seed,
-            progress=progress,
-        )
-        notes = counts | {"seed": seed, "penalty": found.penalty, "entries": found.entries}
-        notes |= {"mean": found.mean[0], "mean_deviation": found.mean[1]}
-        shape = (atoms, cubes[0].shape[0], *patch)
-        return cls(found.atoms.reshape(shape), found.scales, views, found.residual, tuple(sources), notes)
-
-    def to(self, device: torch.device | str) -> PatchDictionary:
-        """The dictionary on a device; itself if it is there."""
-        if self.atoms.device == torch.device(device):
-            return self
-        return replace(self, atoms=self.atoms.to(device), scales=self.scales.to(device))
+    def sample(self, count: int, seed: int) -> Tensor:
+        """(count, L, h, w) random blocks: Laplacian coefficients, which the LASSO has in mind, around random means."""
+        generator = torch.Generator().manual_seed(seed)
+        uniform = torch.rand(count, len(self.atoms), generator=generator, dtype=torch.float64) - 0.5
+        codes = -self.scales * uniform.sign() * (1 - 2 * uniform.abs()).log()
+        means = torch.randn(count, generator=generator, dtype=torch.float64) * self.notes.get("mean_deviation", 0.0)
+        means = means + self.notes.get("mean", 0.0)
+        return (codes @ self.atoms.flatten(1)).reshape(count, *self.block) + means[:, None, None, None]
 
     def figure(self, atoms: int = 48) -> Figure:
         """The most used atoms as mosaics of their views."""
@@ -131,47 +112,18 @@ class PatchDictionary:
 
         return dictionary_figure(self.atoms.numpy(), self.scales.numpy(), self.views, atoms)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the dictionary as NetCDF4, whole or not at all.
+    def arrays(self) -> dict[str, Tensor]:
+        """Atoms, in single precision, and scales."""
+        return {"atom": self.atoms.float(), "scale": self.scales}
 
-        Raises:
-            OutputError: the file exists, or cannot be written.
-        """
-        from tmca.priors.files import write_dictionary
-
-        return write_dictionary(path, self, overwrite=overwrite)
+    def attributes(self) -> dict[str, Any]:
+        """Views, residual and notes."""
+        return {"views": list(self.views), "residual": self.residual, "notes": json.dumps(self.notes)}
 
     @classmethod
-    def load(cls, path: str | Path) -> PatchDictionary:
-        """Read a dictionary that ``save`` wrote.
-
-        Raises:
-            DataError: no such file, no dictionary in it, or damaged content.
-        """
-        from tmca.priors.files import read_dictionary
-
-        return read_dictionary(path)
-
-
-def _check(counts: dict[str, int], penalty: float) -> None:
-    for name, value in counts.items():
-        if value < 1:
-            raise SettingError(name, f"{value}", "at least 1")
-    if not penalty > 0:
-        raise SettingError("penalty", f"{penalty}", "above 0")
-
-
-def _common_views(light_fields: Sequence[Tensor]) -> tuple[int, int]:
-    """(V, U) of light fields (V, U, H, W) that share it."""
-    if not light_fields:
-        raise ShapeError("light fields", "none", "at least one (V, U, H, W)")
-    for i, values in enumerate(light_fields):
-        first = tuple(light_fields[0].shape[:2])
-        if values.ndim != 4 or tuple(values.shape[:2]) != first:
-            raise ShapeError(f"light field {i}", f"{tuple(values.shape)}", f"(V, U, H, W) with (V, U) = {first}")
-    return int(light_fields[0].shape[0]), int(light_fields[0].shape[1])
-
-
-def _places(cubes: Sequence[Tensor], patch: tuple[int, int]) -> int:
-    """How many patches there are."""
-    return sum((cube.shape[1] - patch[0] + 1) * (cube.shape[2] - patch[1] + 1) for cube in cubes)
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
+        """The dictionary of a file."""
+        atoms, notes = arrays["atom"], json.loads(about["notes"])
+        atoms = torch.nn.functional.normalize(atoms.flatten(1), dim=1).reshape(atoms.shape)
+        v, u = (int(number) for number in about["views"])
+        return cls(atoms, arrays["scale"], (v, u), float(about["residual"]), about["sources"], notes)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
+from tmca.priors.prior import Prior
 from tmca.priors.statistics import (
     autocovariance,
     directed_autocovariance,
-    sample_moments,
     scenes,
-    toeplitz,
     toeplitz_rows,
     two_sided,
 )
@@ -30,7 +28,7 @@ FLOOR = 1e-6
 
 
 @dataclass(frozen=True)
-class GaussianPrior:
+class GaussianPrior(Prior):
     """Scene blocks x of shape (L, h, w) as samples of one Gaussian.
 
     Args:
@@ -42,6 +40,14 @@ class GaussianPrior:
         sources: names (and checksums) of the scenes it was learned from.
     """
 
+    kind: ClassVar[str] = "gaussian"
+    called: ClassVar[str] = "a Gaussian prior"
+    learned_by: ClassVar[str] = "`tmca prior learn` (of light fields `learn-views`)"
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "mean": ("channel", "y", "x"),
+        "covariance": ("pixel", "other_pixel"),
+        "autocovariance": ("channel", "other_channel", "dy", "dx"),
+    }
     mean: Tensor
     moments: Tensor
     wavelengths: tuple[float, ...] | None = None
@@ -80,7 +86,9 @@ class GaussianPrior:
     @cached_property
     def covariance(self) -> Tensor:
         """(n, n) covariance of the flattened block, float64."""
-        return toeplitz(self.displaced) if self.stationary else self.moments
+        if not self.stationary:
+            return self.moments
+        return toeplitz_rows(self.displaced, torch.arange(self.mean.numel(), device=self.mean.device))
 
     @property
     def variance(self) -> Tensor:
@@ -102,41 +110,33 @@ class GaussianPrior:
         cubes: Iterable[Tensor],
         block: tuple[int, int] = (12, 36),
         *,
-        stationary: bool = True,
         views: tuple[int, int] | None = None,
-        samples: int = 24000,
-        seed: int = 0,
         floor: float = FLOOR,
         wavelengths: Sequence[float] | None = None,
         sources: Sequence[str] = (),
-    ) -> GaussianPrior:
-        """The prior of blocks (h, w) cut from example cubes (L, H, W), which may differ in size.
+    ) -> Self:
+        """The stationary prior of blocks (h, w) of example cubes (L, H, W), which may differ in size.
+
+        Moments are averaged over every position and its mirror images, which uses all the examples' pixels.
 
         Args:
-            stationary: average over every position and its mirror images, which uses all the examples' pixels; else
-                plain moments of ``samples`` random blocks, half of them mirrored on each axis.
-            views: (V, U) of light fields, whose views are the channels, row by row; averaged over every position, and
-                over mirror images of pixels and views together.
+            views: (V, U) of light fields, whose views are the channels, row by row, and are mirrored with the pixels.
             floor: variance added to every pixel.
 
         Raises:
             ShapeError: no cube, different band counts, or a block larger than a cube.
             DataError: values that are not finite.
         """
-        examples = scenes(cubes, block)
-        if floor < 0 or samples < 2:
-            raise SettingError("learn", f"floor {floor}, samples {samples}", "floor ≥ 0 and samples ≥ 2")
-        if views is not None:
-            if views[0] * views[1] != len(examples[0]):
-                raise ShapeError("views", f"{views[0]}×{views[1]}", f"{len(examples[0])} in all, as the examples have")
-            mean, moments = directed_autocovariance(examples, block, views)
-            moments[:, :, block[0] - 1, block[1] - 1] += floor * torch.eye(len(moments), dtype=moments.dtype)
-        elif stationary:
+        examples = scenes(cubes, block, views)
+        if floor < 0:
+            raise SettingError("floor", f"{floor}", "≥ 0")
+        if views is None:
             mean, moments = autocovariance(examples, block)
-            moments[:, :, 0, 0] += floor * torch.eye(len(moments), dtype=moments.dtype)
+            same = moments[:, :, 0, 0]
         else:
-            mean, moments = sample_moments(examples, block, samples, seed)
-            moments += floor * torch.eye(len(moments), dtype=moments.dtype)
+            mean, moments = directed_autocovariance(examples, block, views)
+            same = moments[:, :, block[0] - 1, block[1] - 1]
+        same += floor * torch.eye(len(same), dtype=same.dtype)  # a view: of a pixel with itself
         lengths = None if wavelengths is None else tuple(float(v) for v in wavelengths)
         return cls(mean, moments, lengths, tuple(sources))
 
@@ -148,13 +148,12 @@ class GaussianPrior:
         """
         if not gain > 0:
             raise SettingError("gain", f"{gain}", "a number above 0")
-        return GaussianPrior(gain * self.mean, gain**2 * self.moments, self.wavelengths, self.sources)
+        return replace(self, mean=gain * self.mean, moments=gain**2 * self.moments)
 
-    def to(self, device: torch.device | str) -> GaussianPrior:
-        """The prior on a device; itself if it is there."""
-        if self.mean.device == torch.device(device):
-            return self
-        return replace(self, mean=self.mean.to(device), moments=self.moments.to(device))
+    def around(self, mean: Tensor) -> GaussianPrior:
+        """A stationary prior's second moments around another mean (L, h, w)."""
+        away = (self.mean - mean)[:, 0, 0]
+        return replace(self, mean=mean, moments=self.moments + torch.outer(away, away)[:, :, None, None])
 
     def sample(self, count: int, seed: int) -> Tensor:
         """(count, L, h, w) random blocks of this prior."""
@@ -168,27 +167,38 @@ class GaussianPrior:
 
         return gaussian_figure(self.mean.numpy(), self.covariance.numpy(), self.wavelengths)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the prior as NetCDF4, whole or not at all.
-
-        Raises:
-            OutputError: the file exists, or cannot be written.
-        """
-        from tmca.priors.files import write_prior
-
-        name = "autocovariance" if self.stationary else "covariance"
-        arrays = {"mean": self.mean, name: self.moments}
-        return write_prior(path, "gaussian", arrays, self.wavelengths, self.sources, overwrite=overwrite)
+    def arrays(self) -> dict[str, Tensor]:
+        """Mean and moments."""
+        return {"mean": self.mean, "autocovariance" if self.stationary else "covariance": self.moments}
 
     @classmethod
-    def load(cls, path: str | Path) -> GaussianPrior:
-        """Read a prior that ``save`` wrote.
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
+        """The prior of a file."""
+        name = "autocovariance" if "autocovariance" in arrays else "covariance"
+        return cls(arrays["mean"], arrays[name], about["wavelengths"], about["sources"])
 
-        Raises:
-            DataError: no such file, no prior in it, or damaged content.
-        """
-        from tmca.priors.files import read_prior
 
-        arrays, wavelengths, sources = read_prior(path, "gaussian")
-        moments = arrays["autocovariance"] if "autocovariance" in arrays else arrays["covariance"]
-        return cls(arrays["mean"], moments, wavelengths, sources)
+def pooled(priors: Sequence[GaussianPrior], weights: Sequence[float] | None = None) -> GaussianPrior:
+    """The prior of a scene that is one of several, each with a stationary prior of its own.
+
+    With weights in proportion to the scenes' areas it is the prior that ``GaussianPrior.learn`` finds from all of them.
+
+    Args:
+        priors: stationary, of the same block and wavelengths.
+        weights: share of each, in any unit; equal if None.
+
+    Raises:
+        SettingError: no priors, weights that are not positive, or a prior that is not stationary.
+        ShapeError: priors of different blocks.
+    """
+    if not priors or any(not prior.stationary for prior in priors):
+        raise SettingError("pooled", f"{len(priors)} priors", "one stationary prior at least")
+    if len({(prior.block, prior.mirrored) for prior in priors}) > 1:
+        raise ShapeError("pooled", f"blocks {sorted({prior.block for prior in priors})}", "one block for all")
+    shares = torch.ones(len(priors)) if weights is None else torch.tensor(list(weights))
+    if len(shares) != len(priors) or not bool((shares > 0).all()):
+        raise SettingError("weights", f"{shares.tolist()}", f"{len(priors)} numbers above 0")
+    parts = list(zip((shares.double() / shares.double().sum()).tolist(), priors, strict=True))
+    mean = torch.stack([share * prior.mean for share, prior in parts]).sum(0)
+    moments = torch.stack([share * prior.around(mean).moments for share, prior in parts]).sum(0)
+    return replace(priors[0], mean=mean, moments=moments, sources=tuple(s for prior in priors for s in prior.sources))

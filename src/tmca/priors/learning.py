@@ -1,161 +1,177 @@
-"""Priors for a camera: learned from labelled cubes, loaded from a file, or the rendered scenes' own."""
+"""Priors of any kind for any camera, learned from labelled scenes."""
 
 from __future__ import annotations
 
 import hashlib
-import json
-import os
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
+from torch import Tensor
 
 from tmca.errors import DataError, SettingError
-from tmca.priors.files import kind_of
-from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.mixture import GaussianMixturePrior
+from tmca.priors.dictionary import PATCH
+from tmca.priors.prior import Prior
+from tmca.priors.spectral_depth import WINDOW, needed_block
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Prior = GaussianPrior | GaussianMixturePrior
-Told = Callable[[float, str], None]
-"""Takes the share that is done, and what is done next."""
-
-_ENTRIES = {False: 5184, True: 3456}
-_ROWS = {False: 12, True: 8}
-_JUDGED, _FEWEST_ROWS = 14, 2
-_RENDERED_SIZE, _RENDERED_RANGE = (256, 256), (400e-9, 700e-9)
-_KEPT = 1
-"""Raised when the rendering changes: priors kept by earlier versions are then learned anew."""
-
-
-def block_for(bands: int, spread: int, *, mixture: bool = False) -> tuple[int, int]:
-    """(rows, columns) of the blocks for a camera: wide enough that some columns see all their light from inside.
-
-    For 12 bands at one pixel per band it is 12×36 (Gaussian) and 8×36 (mixture). On training scenes left out one by
-    one, 16×36 gives 0.1 dB more for twice the matrix, 6×36 0.5 dB less (``benchmarks/defaults.py``); other cameras get
-    as many rows, two at least, as keep the covariance about that large.
-
-    Args:
-        bands: number of bands L.
-        spread: columns by which the snapshot is wider than the scene, pixels.
-        mixture: for a mixture prior.
-    """
-    columns = max(2 * spread + _JUDGED, 24)
-    rows = max(_FEWEST_ROWS, min(_ROWS[mixture], _ENTRIES[mixture] // (bands * columns)))
-    return rows, columns
+_ROWS, _ENTRIES, _MIXTURE_ROWS, _MIXTURE_ENTRIES = 12, 5184, 8, 3456
+_COMPLETE, _FEWEST_ROWS = 14, 2
+_VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
+_MIXTURE_OF_VIEWS: dict[str, Any] = {"kinds": 8, "rank": 150, "gains": 4, "samples": 16_000}
+"""Light fields have fewer directions worth their time than cubes."""
 
 
 def learn_prior(
-    cubes: Sequence[xr.DataArray],
+    scenes: Sequence[xr.DataArray | xr.Dataset],
+    camera: Any = None,
+    kind: str = "gaussian",
     *,
-    spread: int,
-    mixture: bool = False,
+    spread: int = 0,
     block: tuple[int, int] | None = None,
     seed: int = 0,
+    **settings: Any,
 ) -> Prior:
-    """Learn a prior from example cubes.
+    """Learn a prior from example scenes.
 
     Args:
-        cubes: (wavelength, y, x) relative irradiance, all with the same wavelengths.
-        spread: columns by which the camera's snapshot is wider than the scene; it sets the block.
-        mixture: a Gaussian mixture instead of one Gaussian.
+        scenes: cubes (wavelength, y, x), all with the same wavelengths, or light fields (view_v, view_u, y, x), or with
+            colours first, which count as light fields of their own, all of the same views; relative irradiance, or
+            datasets that hold them.
+        camera: whose ``block_of`` the prior gets; that of most cameras shrinks to the smallest scene.
+        kind: ``"gaussian"``, ``"mixture"`` or, of light fields, ``"dictionary"``.
+        spread: columns by which dispersion widens the snapshot, for cubes without a camera.
         block: (rows, columns) instead of the camera's.
         seed: of random blocks.
+        settings: further ones of the ``learn`` of that kind.
 
     Raises:
-        SettingError: no cubes.
-        DataError: cubes of different wavelengths.
+        SettingError: no scenes, or a kind that there is not.
+        DataError: scenes of different wavelengths or views, or smaller than a block that is needed.
     """
-    if not cubes:
+    if not scenes:
         raise SettingError("prior", "no example scenes", "at least one")
-    wavelengths = cubes[0]["wavelength"].values
-    for cube in cubes:
-        if cube["wavelength"].shape != wavelengths.shape or abs(cube["wavelength"].values - wavelengths).max() > 1e-10:
-            name = str(cube.attrs.get("name", "example"))
-            raise DataError(name, "other wavelengths", "those of the first example", "select the same bands of all")
-    kind = GaussianMixturePrior if mixture else GaussianPrior
-    examples = [torch.from_numpy(cube.values.copy()) for cube in cubes]
-    shape = block or block_for(len(wavelengths), spread, mixture=mixture)
-    smallest = (min(cube.sizes["y"] for cube in cubes), min(cube.sizes["x"] for cube in cubes))
-    shape = (min(shape[0], smallest[0]), min(shape[1], smallest[1])) if block is None else shape
-    names = [_identity(cube) for cube in cubes]
-    return kind.learn(examples, shape, seed=seed, wavelengths=wavelengths.tolist(), sources=names)
+    examples = [_values(scene) for scene in scenes]
+    views = _common_views(examples) if "view_v" in examples[0].dims else None
+    if kind not in Prior.kinds or (kind == "dictionary" and views is None):
+        raise SettingError("kind", repr(kind), f"{', '.join(Prior.kinds)} (a dictionary: of light fields)")
+    about: dict[str, Any] = {"wavelengths": _common_wavelengths(examples)} if views is None else {"views": views}
+    if block is None and camera is None:
+        usual = _usual_block(kind, len(about.get("wavelengths", ())), spread, views)
+    else:
+        usual = block or block_of(camera, kind)
+    if block is not None or (camera is not None and camera.kind == "spectral-depth"):
+        _check_sizes(examples, usual)
+    about |= {} if kind == "gaussian" else {"seed": seed}
+    about |= _MIXTURE_OF_VIEWS if kind == "mixture" and views is not None else {}
+    cubes = [cube for example in examples for cube in _cubes(example)]
+    sources = [_identity(example) for example in examples]
+    return Prior.kinds[kind].learn(cubes, _inside(examples, usual), sources=sources, **{**about, **settings})
 
 
-def _identity(cube: xr.DataArray) -> str:
-    name = cube.attrs.get("name", cube.attrs.get("source", "cube"))
-    return f"{name} sha256 {hashlib.sha256(cube.values.tobytes()).hexdigest()}"
-
-
-def load_prior(path: str | Path) -> Prior:
-    """Read a prior file of either kind.
-
-    Raises:
-        DataError: no such file, no prior in it, or damaged content.
-    """
-    return GaussianMixturePrior.load(path) if kind_of(path) == "gaussian mixture" else GaussianPrior.load(path)
-
-
-def rendered_prior(
-    wavelengths: Sequence[float],
-    spread: int,
-    *,
-    mixture: bool = False,
-    block: tuple[int, int] | None = None,
-    progress: Told | None = None,
-) -> Prior:
-    """The prior of the rendered training scenes at these wavelengths, learned on first use and kept.
-
-    It is kept in the folder ``TMCA_CACHE``, or ``tmca`` in the user's cache folder.
+def block_of(camera: Any, kind: str = "gaussian", window: int | None = None) -> tuple[int, int]:
+    """(rows, columns) of the blocks of a camera's prior.
 
     Args:
-        wavelengths: of the bands, metres, within 400–700 nm.
-        spread: columns by which the camera's snapshot is wider than the scene.
-        mixture: a Gaussian mixture instead of one Gaussian.
-        block: (rows, columns) instead of the camera's.
-        progress: told what is done, where it has to be learned.
+        camera: spectral, light-field or spectral-depth.
+        kind: of the prior.
+        window: side of the windows that depth is decoded from; the usual one, or a tile of the codes, if None. Smaller
+            windows share the blocks of usual ones.
 
     Raises:
-        SettingError: wavelengths that the rendered scenes do not have.
+        SettingError: no window is given for a spectral-depth camera whose shutter patterns do not repeat.
     """
-    from tmca import __version__
-    from tmca.data import make_folder, rendered_scene, split_rendered
-
-    if min(wavelengths) < _RENDERED_RANGE[0] - 1e-12 or max(wavelengths) > _RENDERED_RANGE[1] + 1e-12:
-        raise SettingError(
-            "prior",
-            f"bands from {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm",
-            "400 to 700 nm, where the rendered scenes are known",
-            "pass --prior with one from `tmca prior learn --all-bands`, or use admm-tv",
-        )
-    names = sorted(split_rendered()["train"])
-    identity = [_KEPT, __version__, [round(w * 1e12) for w in wavelengths], spread, mixture, names, _RENDERED_SIZE]
-    identity += [] if block is None else [list(block)]
-    digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
-    file = cache_folder() / f"rendered-{'mixture' if mixture else 'gaussian'}-{digest}.nc"
-    if file.exists():
-        try:
-            return load_prior(file)
-        except DataError:
-            pass  # a damaged file of ours: learned anew below, and replaced
-    cubes, told = [], progress or (lambda share, step: None)
-    for index, name in enumerate(names):
-        told(0.5 * index / len(names), f"first use: rendering {name} for the prior, which is then kept")
-        cube = rendered_scene(name, wavelengths=list(wavelengths), size=_RENDERED_SIZE)["radiance"]
-        cube.attrs["name"] = name
-        cubes.append(cube)
-    told(0.5, f"first use: learning the {'mixture ' if mixture else ''}prior, which is then kept")
-    prior = learn_prior(cubes, spread=spread, mixture=mixture, block=block)
-    make_folder(file.parent)
-    prior.save(file, overwrite=True)
-    return prior
+    if camera.kind == "spectral-depth":
+        side = camera.tile_size if window is None else window
+        return needed_block(max(WINDOW, side), camera.bench.window)
+    if camera.kind == "light-field":
+        return _usual_block(kind, views=camera.views)
+    return _usual_block(kind, len(camera.wavelengths), camera.dispersion.spread)
 
 
-def cache_folder() -> Path:
-    """Where priors are kept: ``TMCA_CACHE``, else ``tmca`` in the user's cache folder."""
-    if "TMCA_CACHE" in os.environ:
-        return Path(os.environ["TMCA_CACHE"])
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tmca"
+def views_of(light_field: xr.DataArray) -> list[Tensor]:
+    """A labelled light field as tensors (V, U, H, W), one for each colour."""
+    values = torch.from_numpy(np.ascontiguousarray(light_field.values, dtype=np.float32))
+    return list(values) if values.ndim == 5 else [values]
+
+
+def _usual_block(kind: str, bands: int = 0, spread: int = 0, views: tuple[int, int] | None = None) -> tuple[int, int]:
+    """(rows, columns) of blocks of cubes or views.
+
+    Blocks of cubes are wide enough that some columns see all their light from inside. For 12 bands at one pixel per
+    band they are 12×36 (Gaussian) and 8×36 (mixture). On training scenes left out one by one, 16×36 gives 0.1 dB more
+    for twice the matrix, 6×36 0.5 dB less (``benchmarks/defaults.py``); other cameras get as many rows, two at least,
+    as keep the covariance about that large. Blocks of views are square and of odd sides: 9×9 for 5×5 views, 5×5 for
+    9×9, 11×11 at most.
+    """
+    if kind == "dictionary":
+        return PATCH
+    if views is not None:
+        side = min(_LARGEST_SIDE, max(3, int((_VIEW_ENTRIES / (views[0] * views[1])) ** 0.5)))
+        return side - 1 + side % 2, side - 1 + side % 2
+    columns = max(2 * spread + _COMPLETE, 24)
+    rows, entries = (_MIXTURE_ROWS, _MIXTURE_ENTRIES) if kind == "mixture" else (_ROWS, _ENTRIES)
+    return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
+
+
+def _inside(examples: Sequence[xr.DataArray], block: tuple[int, int]) -> tuple[int, int]:
+    """The block, no larger than any scene."""
+    rows, columns = (min(example.sizes[axis] for example in examples) for axis in ("y", "x"))
+    return min(block[0], rows), min(block[1], columns)
+
+
+def _check_sizes(examples: Sequence[xr.DataArray], block: tuple[int, int]) -> None:
+    """Raises DataError for a scene that is smaller than the block."""
+    for example in examples:
+        rows, columns = example.sizes["y"], example.sizes["x"]
+        if rows < block[0] or columns < block[1]:
+            found, wanted = f"{rows}×{columns} pixels", f"at least the {block[0]}×{block[1]} of the prior's blocks"
+            raise DataError(_name(example), found, wanted, "leave it out, or choose smaller blocks")
+
+
+def _cubes(example: xr.DataArray) -> list[Tensor]:
+    """(L, H, W) a cube, or the views of every colour of a light field."""
+    if "view_v" in example.dims:
+        return [views.flatten(0, 1) for views in views_of(example)]
+    return [torch.from_numpy(example.values.copy())]
+
+
+def _values(scene: xr.DataArray | xr.Dataset) -> xr.DataArray:
+    """The cube or light field of a scene."""
+    import xarray as xr
+
+    if isinstance(scene, xr.DataArray):
+        return scene
+    return scene["light_field" if "light_field" in scene else "radiance"]
+
+
+def _common_views(examples: Sequence[xr.DataArray]) -> tuple[int, int]:
+    """(V, U) of light fields that share it."""
+    grids = [(example.sizes["view_v"], example.sizes["view_u"]) for example in examples]
+    for example, (v, u) in zip(examples, grids, strict=True):
+        if (v, u) != grids[0]:
+            raise DataError(_name(example), f"{v}×{u} views", f"{grids[0][0]}×{grids[0][1]} as in the first example")
+    return grids[0]
+
+
+def _common_wavelengths(examples: Sequence[xr.DataArray]) -> list[float]:
+    """Those of cubes that share them, metres."""
+    wavelengths = examples[0]["wavelength"].values
+    for example in examples:
+        other = example["wavelength"].values
+        if other.shape != wavelengths.shape or abs(other - wavelengths).max() > 1e-10:
+            wanted = "those of the first example"
+            raise DataError(_name(example), "other wavelengths", wanted, "select the same bands of all")
+    lengths: list[float] = wavelengths.tolist()
+    return lengths
+
+
+def _name(example: xr.DataArray) -> str:
+    return str(example.attrs.get("name", example.attrs.get("source", "example")))
+
+
+def _identity(example: xr.DataArray) -> str:
+    return f"{_name(example)} sha256 {hashlib.sha256(example.values.tobytes()).hexdigest()}"

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from tmca.priors.blocks import BlockModel
-from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.mixture import GaussianMixturePrior
-from tmca.priors.posterior import GaussianSolver, check_noise, explained_variance, noise_variance, sufficient_precision
+from tmca.priors.posterior import GaussianSolver, explained_variance, noise_variance, sufficient_precision
+from tmca.sensor import Noise
 
 # Components less probable than this add nothing to the variance worth their time.
 NEGLIGIBLE = 1e-2
@@ -56,24 +56,24 @@ class MixturePosterior:
     Args:
         solver: the prior in the precision of the heavy products.
         cross: (m, P, n) covariance A S of measurements with pixels under the base.
-        spread: (P, m, m) covariance A S Aᵀ of measurements under the base.
+        signal: (P, m, m) covariance A S Aᵀ of measurements under the base.
         inside: (P, m, d) A U.
         centre: (P, m) expected measurements A μ of the base.
     """
 
     solver: MixtureSolver
     cross: Tensor
-    spread: Tensor
+    signal: Tensor
     inside: Tensor
     centre: Tensor
 
-    def moments(self, block: int, measured: Tensor, spread: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) of one block and, if ``spread``, the variance (N, judged) of its judged columns."""
+    def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
+        """Estimate (N, n) of one block and, if asked for, the variance (N, judged) of its judged columns."""
         likely = self.components(block, *self._likely(block, measured))
         logs, solved = likely.shares(measured)
         share = torch.softmax(logs, 0)
         estimate = self._mean(block, likely, share, solved)
-        if not spread:
+        if not with_variance:
             return estimate, None
         return estimate, self._variance(block, likely, share, solved, estimate)
 
@@ -82,10 +82,10 @@ class MixturePosterior:
         s, prior = self.solver, self.solver.prior
         inside, gains = self.inside[block, some], prior.gains[levels]
         used, place = kinds.unique(return_inverse=True)
-        base = self.spread[block, some][:, some]
+        base = self.signal[block, some][:, some]
         whole = prior.scales[used, None, None] * base.double() + (inside @ s.changes[used] @ inside.mT).double()
         expected = gains[:, None] * (self.centre[block, some] + s.means[kinds] @ inside.mT).double()
-        noise = noise_variance(expected, s.read_noise, s.shot)
+        noise = noise_variance(expected, s.noise)
         factors = torch.linalg.cholesky(gains[:, None, None] ** 2 * whole[place] + torch.diag_embed(noise))
         return Components(kinds, gains, factors, expected, prior.weights[kinds, levels].log())
 
@@ -105,31 +105,31 @@ class MixturePosterior:
         """(N, n) mean of the component estimates by shares (M, N); ``solved`` (M, N, m) is G⁻¹(y - A μ)."""
         s = self.solver
         some, of = (share > NOTHING).nonzero(as_tuple=True)  # few components matter to each of the N
-        kinds, lit = likely.kinds[some], share[some, of] * likely.gains[some]
-        pulled = (lit * likely.gains[some])[:, None] * solved[some, of]
-        inside, tilt = pulled.to(s.dtype) @ self.inside[block], lit[:, None].to(s.dtype) * s.means[kinds]
+        kinds, light = likely.kinds[some], share[some, of] * likely.gains[some]
+        pulled = (light * likely.gains[some])[:, None] * solved[some, of]
+        inside, tilt = pulled.to(s.dtype) @ self.inside[block], light[:, None].to(s.dtype) * s.means[kinds]
         for kind in kinds.unique():
-            own = (kinds == kind).nonzero()[:, 0]
-            tilt = tilt.index_add(0, own, inside[own] @ s.changes[kind])
+            members = (kinds == kind).nonzero()[:, 0]
+            tilt = tilt.index_add(0, members, inside[members] @ s.changes[kind])
 
         def gathered(values: Tensor) -> Tensor:
             """Sum over the components of each measurement."""
             return values.new_zeros(share.shape[1], *values.shape[1:]).index_add(0, of, values)
 
         whole = gathered(s.prior.scales[kinds, None] * pulled).to(s.dtype) @ self.cross[:, block]
-        return whole + gathered(tilt) @ s.basis.mT + gathered(lit)[:, None].to(s.dtype) * s.centre
+        return whole + gathered(tilt) @ s.basis.mT + gathered(light)[:, None].to(s.dtype) * s.centre
 
     def _variance(self, block: int, likely: Components, share: Tensor, solved: Tensor, estimate: Tensor) -> Tensor:
         """(N, judged) variance within the components plus that between them."""
         pick = self.solver.model.in_judged
         total, weight = torch.zeros_like(pick(estimate)), torch.zeros_like(estimate[:, :1])
         for index in (share.amax(1) > NEGLIGIBLE).nonzero()[:, 0].tolist():
-            own = share[index].to(estimate.dtype)[:, None]
+            probability = share[index].to(estimate.dtype)[:, None]
             alone = torch.zeros_like(share)
             alone[index] = 1
             away = pick(self._mean(block, likely, alone, solved) - estimate)
-            total += own * (self._within(block, likely, index) + away.square())
-            weight += own
+            total += probability * (self._within(block, likely, index) + away.square())
+            weight += probability
         return total / weight
 
     def _within(self, block: int, likely: Components, index: int) -> Tensor:
@@ -147,22 +147,15 @@ class MixtureSolver:
     Args:
         prior: of the blocks.
         model: geometry of the camera's taps on the blocks.
-        read_noise: standard deviation, in snapshot units.
-        shot: variance of the shot noise per snapshot unit (full scale / full well).
+        noise: of the sensor.
         dtype: of the heavy products; None takes float32 where the noise allows it.
     """
 
     def __init__(
-        self,
-        prior: GaussianMixturePrior,
-        model: BlockModel,
-        read_noise: float,
-        shot: float,
-        dtype: torch.dtype | None = None,
+        self, prior: GaussianMixturePrior, model: BlockModel, noise: Noise, dtype: torch.dtype | None = None
     ) -> None:
-        check_noise(read_noise, shot)
-        self.prior, self.model, self.read_noise, self.shot = prior, model, read_noise, shot
-        self.dtype = dtype or sufficient_precision(prior.base, model, read_noise, shot)
+        self.prior, self.model, self.noise = prior, model, noise
+        self.dtype = dtype or sufficient_precision(prior.base, model, noise)
         self.centre, self.basis = prior.base.mean.reshape(-1).to(self.dtype), prior.basis.to(self.dtype)
         self.means, self.changes = prior.means.to(self.dtype), prior.changes.to(self.dtype)
         self.variance = prior.decoupled.diagonal().to(self.dtype)
@@ -175,15 +168,14 @@ class MixtureSolver:
         """The posterior of blocks under code windows (P, taps, h, w)."""
         model, weights = self.model, self.model.complete(windows.to(self.dtype))
         cross = model.cross_covariance(weights, self.rows)
-        spread = model.measure(weights, cross).transpose(0, 1)
+        signal = model.measure(weights, cross).transpose(0, 1)
         inside = model.measure(weights, self.basis.mT[:, None].expand(-1, len(windows), -1)).permute(1, 2, 0)
         centre = model.measure(weights, self.centre.expand(len(windows), -1))
-        return MixturePosterior(self, cross, spread, inside.contiguous(), centre)
+        return MixturePosterior(self, cross, signal, inside.contiguous(), centre)
 
     def typical_variance(self, windows: Tensor) -> Tensor:
         """(n,) posterior variance of each pixel under the base, averaged over code windows."""
-        base: GaussianPrior = self.prior.base
-        return GaussianSolver(base, self.model, self.read_noise, self.shot, self.dtype).typical_variance(windows)
+        return GaussianSolver(self.prior.base, self.model, self.noise, self.dtype).typical_variance(windows)
 
 
 def glance(model: BlockModel) -> Tensor:

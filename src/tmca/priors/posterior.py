@@ -1,4 +1,4 @@
-"""The Gaussian posterior of scene blocks given their complete measurements."""
+"""The Gaussian posterior of scene blocks given their complete measurements, and the error that it expects."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError
-from tmca.priors.blocks import BlockModel
+from tmca.operators.taps import Taps
+from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianPrior
+from tmca.sensor import Noise
 
 # Variance added to every measurement, in squared snapshot units: G stays invertible without noise and without light.
 NOISE_FLOOR = 1e-9
+_TOGETHER = 8
+"""Blocks whose matrices are held at once while errors are predicted."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +58,10 @@ class BlockPosterior:
         white = torch.linalg.solve_triangular(self.factor.to(cross.dtype), cross, upper=False)
         return (self.variance - white.square().sum(1)).clamp(min=0)
 
-    def moments(self, block: int, measured: Tensor, spread: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) of one block and, if ``spread``, the variance (N, judged) of its judged columns."""
+    def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
+        """Estimate (N, n) of one block and, if asked for, the variance (N, judged) of its judged columns."""
         estimate = self.estimate(block, measured)
-        if not spread:
+        if not with_variance:
             return estimate, None
         removed = explained_variance(self.factor[block], self.model.in_judged(self.cross[:, block]))
         return estimate, (self.model.in_judged(self.variance) - removed).clamp(min=0).expand(len(estimate), -1)
@@ -77,25 +81,13 @@ class GaussianSolver:
     Args:
         prior: of the blocks.
         model: geometry of the camera's taps on the blocks.
-        read_noise: standard deviation, in snapshot units.
-        shot: variance of the shot noise per snapshot unit (full scale / full well).
+        noise: of the sensor.
         dtype: of the heavy products; None takes float32 where the noise allows it.
-
-    Raises:
-        SettingError: negative noise.
     """
 
-    def __init__(
-        self,
-        prior: GaussianPrior,
-        model: BlockModel,
-        read_noise: float,
-        shot: float,
-        dtype: torch.dtype | None = None,
-    ) -> None:
-        check_noise(read_noise, shot)
-        self.model, self.read_noise, self.shot = model, read_noise, shot
-        self.dtype = dtype or sufficient_precision(prior, model, read_noise, shot)
+    def __init__(self, prior: GaussianPrior, model: BlockModel, noise: Noise, dtype: torch.dtype | None = None) -> None:
+        self.model, self.noise = model, noise
+        self.dtype = dtype or sufficient_precision(prior, model, noise)
         self.mean = prior.mean.reshape(-1).to(self.dtype)
         self.variance = prior.variance.to(self.dtype)
         self.rows = prior.rows(model.pixels(), self.dtype)
@@ -105,9 +97,8 @@ class GaussianSolver:
         weights = self.model.complete(windows.to(self.dtype))
         cross = self.model.cross_covariance(weights, self.rows)
         expected = self.model.measure(weights, self.mean.expand(len(windows), -1))
-        spread = self.model.measure(weights, cross).transpose(0, 1).double()
-        noise = noise_variance(expected, self.read_noise, self.shot)
-        factor = torch.linalg.cholesky(spread + torch.diag_embed(noise))
+        signal = self.model.measure(weights, cross).transpose(0, 1).double()
+        factor = torch.linalg.cholesky(signal + torch.diag_embed(noise_variance(expected, self.noise)))
         return BlockPosterior(self.model, self.mean, self.variance, cross, factor, expected)
 
     def typical_variance(self, windows: Tensor) -> Tensor:
@@ -115,20 +106,55 @@ class GaussianSolver:
         return self.posterior(windows).error_variance().mean(0)
 
 
-def check_noise(read_noise: float, shot: float) -> None:
-    """Raises SettingError unless both are numbers ≥ 0."""
-    if not (read_noise >= 0 and shot >= 0):
-        raise SettingError("noise", f"read noise {read_noise}, shot {shot}", "numbers ≥ 0")
-
-
-def noise_variance(expected: Tensor, read_noise: float, shot: float) -> Tensor:
+def noise_variance(expected: Tensor, noise: Noise) -> Tensor:
     """Noise variance, float64, of measurements whose expected values are given."""
-    return read_noise**2 + NOISE_FLOOR + shot * expected.double().clamp(min=0)
+    return noise.read**2 + NOISE_FLOOR + noise.shot * expected.double().clamp(min=0)
 
 
-def sufficient_precision(prior: GaussianPrior, model: BlockModel, read_noise: float, shot: float) -> torch.dtype:
+def sufficient_precision(prior: GaussianPrior, model: BlockModel, noise: Noise) -> torch.dtype:
     """float32 where the noise stands well above its rounding errors, float64 where there is next to none."""
     pixels = model.pixels()
     signal = prior.variance[pixels].sum(1).mean()
-    noise = read_noise**2 + shot * prior.mean.reshape(-1)[pixels].mean()
-    return torch.float32 if noise > 1e-6 * signal else torch.float64
+    variance = noise.read**2 + noise.shot * prior.mean.reshape(-1)[pixels].mean()
+    return torch.float32 if variance > 1e-6 * signal else torch.float64
+
+
+def expected_mse(prior: GaussianPrior, taps: Taps, noise: Noise, *, blocks: int = 32, seed: int = 0) -> Tensor:
+    """Expected mean squared error of the linear estimate of single blocks; differentiable in ``taps.code``.
+
+    The mean of the posterior variance over the judged columns of ``blocks`` at random places of the frame. Overlapping
+    blocks, blended, do somewhat better than this.
+
+    Returns:
+        Scalar, in squared irradiance. ``-10 log10`` of it is the expected PSNR.
+
+    Raises:
+        ShapeError: the prior's bands or block do not fit the taps.
+        SettingError: no blocks.
+    """
+    if blocks < 1:
+        raise SettingError("blocks", f"{blocks}", "at least 1")
+    model = BlockModel.of(taps, prior.block)
+    height, width = taps.code.shape[1:]
+    grid = BlockGrid.cover(model, (height, width), (height, width))
+    solver, padded = GaussianSolver(prior, model, noise, torch.float64), grid.pad_code(taps.code)
+    (first, last), places = model.judged, _places(grid, blocks, seed)
+    total = padded.new_zeros((), dtype=torch.float64)
+    for start in range(0, blocks, _TOGETHER):
+        windows = grid.code_windows(padded, places[start : start + _TOGETHER])
+        variance = solver.posterior(windows).error_variance().unflatten(1, prior.block)
+        total = total + variance[..., first:last].mean((1, 2, 3)).sum()
+    return total / blocks
+
+
+def expected_psnr(prior: GaussianPrior, taps: Taps, noise: Noise) -> float:
+    """``expected_mse`` as a peak signal-to-noise ratio in dB."""
+    return float(-10 * torch.log10(expected_mse(prior, taps, noise)))
+
+
+def _places(grid: BlockGrid, count: int, seed: int) -> list[tuple[int, int]]:
+    """Corners (top, left) of ``count`` blocks, uniformly random over the frame."""
+    generator = torch.Generator().manual_seed(seed)
+    share = torch.rand(count, 2, generator=generator).tolist()
+    (top, bottom), (left, right) = (grid.tops[0], grid.tops[-1]), (grid.lefts[0], grid.lefts[-1])
+    return [(top + int(v * (bottom - top + 1)), left + int(u * (right - left + 1))) for v, u in share]

@@ -8,22 +8,17 @@ point spread functions, filters and shutter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import SettingError, ShapeError
 from tmca.operators.spectral_depth import framed, periodic_transfer_functions
 from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.learning import Prior, learn_prior
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-
+WINDOW = 12
+"""Side of the windows that depth is decoded from, pixels."""
 CONTAMINATION = 0.1
 """Share of what a window sees that decoders and designs expect from any plane: the one with which the spectrum of
 training scenes is told best behind random masks and optimised ones (``benchmarks/depth_likelihood.py``)."""
@@ -49,41 +44,6 @@ def needed_block(window: int, psf: tuple[int, int]) -> tuple[int, int]:
     return (window + psf[0] - 1, window + psf[1] - 1)
 
 
-def learn_depth_prior(
-    names: Sequence[str],
-    load: Callable[[str], xr.DataArray],
-    window: int,
-    psf: tuple[int, int],
-    told: Callable[[int, int, str], None] | None = None,
-) -> Prior:
-    """The prior of some scenes, its blocks as large as windows of m pixels need.
-
-    Args:
-        names: of the scenes.
-        load: from a name to the cube (wavelength, y, x).
-        window: m, pixels.
-        psf: (h, w) of the point spread functions.
-        told: told how many steps are done, of how many, and which one.
-
-    Raises:
-        DataError: a scene that is smaller than a block, or of other wavelengths.
-    """
-    block, cubes = needed_block(window, psf), []
-    for name in names:
-        cube = load(name)
-        cubes.append(cube)
-        rows, columns = cube.sizes["y"], cube.sizes["x"]
-        if rows < block[0] or columns < block[1]:
-            known = f"at least the {block[0]}×{block[1]} of the prior's blocks"
-            raise DataError(name, f"{rows}×{columns} pixels", known, "leave it out, or keep more of its pixels")
-        if told is not None:
-            told(len(cubes), len(names) + 1, f"prior: {name} read")
-    found = learn_prior(cubes, spread=0, block=block)
-    if told is not None:
-        told(len(names) + 1, len(names) + 1, f"prior of {len(names)} scenes learned")
-    return found
-
-
 def snapshot_moments(
     prior: GaussianPrior,
     psf: Tensor,
@@ -105,7 +65,7 @@ def snapshot_moments(
         shutter: (K, Q, Q) of a tile.
         window: m, pixels.
         exposure: ``"equal"`` or ``"per-slot"``.
-        brightness: variance of the scene's overall brightness, in squares of its mean; 0 takes the mean as known.
+        brightness: variance of the scene's overall brightness, in squares of its mean; 0 takes the mean as given.
         contamination: share of what a window sees that is of any plane, all as likely, rather than of its own: around
             every real window depth changes, and who does not expect it mistakes it for something else.
         cross: whether the moments with the scene are wanted.
@@ -123,26 +83,26 @@ def snapshot_moments(
     frame = framed(needed, (psf.shape[-2] + window, psf.shape[-1] + window))
     power = _power(prior, needed, frame).to(torch.promote_types(seen.dtype, torch.complex64))
     mean = prior.mean[:, 0, 0].to(seen)
-    pairs, own = _pairs(len(colour), tile, window)
+    pairs, kinds = _pairs(len(colour), tile, window)
     covariances, crosses = [], []
     for sensed in seen.unbind(1):
         spectrum = periodic_transfer_functions(sensed, frame).flatten(2).permute(2, 0, 1)
         with_scene = power @ spectrum.mH
         level = sensed.sum((-2, -1)) @ mean
         lags = _lags(spectrum @ with_scene, frame, window) + brightness * torch.outer(level, level)[..., None, None]
-        covariances.append(_gathered(lags, pairs, own, own))
+        covariances.append(_gathered(lags, pairs, kinds, kinds))
         if cross:
             lags = _lags(with_scene, frame, window) + brightness * torch.outer(mean, level)[..., None, None]
-            scene = torch.arange(len(mean), device=own.device).repeat_interleave(window**2)
-            crosses.append(_gathered(lags, pairs, scene, own))
+            scene = torch.arange(len(mean), device=kinds.device).repeat_interleave(window**2)
+            crosses.append(_gathered(lags, pairs, scene, kinds))
     with_scenes = _mixed(crosses, contamination) if cross else None
     return SnapshotMoments(_mixed(covariances, contamination), with_scenes, window)
 
 
 def _mixed(moments: list[Tensor], contamination: float) -> Tensor:
     """(D, …) moments of every plane with a share of the mean of all planes."""
-    own = torch.stack(moments)
-    return torch.lerp(own, own.mean(0, keepdim=True), contamination) if contamination else own
+    every = torch.stack(moments)
+    return torch.lerp(every, every.mean(0, keepdim=True), contamination) if contamination else every
 
 
 def sensed_psf(psf: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
@@ -163,8 +123,8 @@ def _kinds(colour: Tensor, shutter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     kind = torch.arange(flat.shape[1], device=flat.device)
     if not flat.requires_grad:
         flat, kind = torch.unique(flat, dim=1, return_inverse=True)
-    found = flat[: -len(shutter), :, None].unflatten(0, colour.shape[:2]), flat[-len(shutter) :, :, None]
-    return *found, kind.reshape(shutter.shape[1:])
+    filters = flat[: -len(shutter), :, None].unflatten(0, colour.shape[:2])
+    return filters, flat[-len(shutter) :, :, None], kind.reshape(shutter.shape[1:])
 
 
 def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
@@ -172,8 +132,8 @@ def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
         raise SettingError("prior", "one that depends on place or direction", "a stationary one", "learn it anew")
     bands, wanted = psf.shape[2], needed_block(window, (psf.shape[-2], psf.shape[-1]))
     if prior.block[0] != bands or prior.block[1] < wanted[0] or prior.block[2] < wanted[1]:
-        found, known = f"blocks {prior.block}", f"({bands}, {wanted[0]}, {wanted[1]}) or larger"
-        raise ShapeError("prior", found, known, "learn it with larger blocks, or take a smaller window")
+        found, needed = f"blocks {prior.block}", f"({bands}, {wanted[0]}, {wanted[1]}) or larger"
+        raise ShapeError("prior", found, needed, "learn it with larger blocks, or take a smaller window")
 
 
 def _power(prior: GaussianPrior, needed: tuple[int, int], frame: tuple[int, int]) -> Tensor:
@@ -195,8 +155,8 @@ def _lags(spectrum: Tensor, frame: tuple[int, int], window: int) -> Tensor:
     pairs = spectrum.shape[1:]
     half = rows @ spectrum.reshape(frame[0], -1)
     half = half.unflatten(1, (columns.shape[1], -1))
-    found = columns.real @ half.real - columns.imag @ half.imag
-    return found.permute(2, 0, 1).unflatten(0, pairs)
+    lags = columns.real @ half.real - columns.imag @ half.imag
+    return lags.permute(2, 0, 1).unflatten(0, pairs)
 
 
 def _phases(side: int, window: int, like: Tensor) -> Tensor:
@@ -209,8 +169,8 @@ def _phases(side: int, window: int, like: Tensor) -> Tensor:
 def _pairs(channels: int, tile: Tensor, window: int) -> tuple[tuple[Tensor, Tensor], Tensor]:
     """Displacement of every pair of pixels (rows, columns; each (m², m²)), and the kind of every sample (n,)."""
     y, x = (axis.flatten() for axis in torch.meshgrid(2 * [torch.arange(window, device=tile.device)], indexing="ij"))
-    own = tile[y % tile.shape[0], x % tile.shape[1]]
-    kind = torch.arange(channels, device=tile.device)[:, None] * (int(tile.max()) + 1) + own
+    kind = torch.arange(channels, device=tile.device)[:, None] * (int(tile.max()) + 1)
+    kind = kind + tile[y % tile.shape[0], x % tile.shape[1]]
     return (y[:, None] - y + window - 1, x[:, None] - x + window - 1), kind.flatten()
 
 

@@ -10,11 +10,11 @@ from torch import Tensor
 from tmca.errors import DataError, ShapeError
 
 
-def scenes(cubes: Iterable[Tensor], block: tuple[int, int]) -> list[Tensor]:
-    """The example cubes (L, H, W) as float64, checked against each other and the block (h, w).
+def scenes(cubes: Iterable[Tensor], block: tuple[int, int], views: tuple[int, int] | None = None) -> list[Tensor]:
+    """The example cubes (L, H, W) as float64, checked against each other, the block (h, w) and a grid of views (V, U).
 
     Raises:
-        ShapeError: no cube, different band counts, or a block larger than a cube.
+        ShapeError: no cube, different band counts, a block larger than a cube, or another number of views.
         DataError: values that are not finite.
     """
     examples = [torch.as_tensor(cube).to(torch.float64) for cube in cubes]
@@ -24,14 +24,12 @@ def scenes(cubes: Iterable[Tensor], block: tuple[int, int]) -> list[Tensor]:
         if cube.ndim != 3 or cube.shape[0] != examples[0].shape[0]:
             raise ShapeError(f"cube {i}", f"{tuple(cube.shape)}", f"(L, H, W) with L = {examples[0].shape[0]}")
         if min(block) < 1 or cube.shape[1] < block[0] or cube.shape[2] < block[1]:
-            raise ShapeError(
-                f"cube {i}",
-                f"{tuple(cube.shape[1:])} pixels",
-                f"at least the block {block}",
-                "choose a smaller block",
-            )
+            found, wanted = f"{tuple(cube.shape[1:])} pixels", f"at least the block {block}"
+            raise ShapeError(f"cube {i}", found, wanted, "choose a smaller block")
         if not torch.isfinite(cube).all():
             raise DataError(f"cube {i}", "values that are not finite", "irradiance", "mask or fill them first")
+    if views is not None and views[0] * views[1] != len(examples[0]):
+        raise ShapeError("views", f"{views[0]}×{views[1]}", f"{len(examples[0])} in all, as the examples have")
     return examples
 
 
@@ -80,8 +78,8 @@ def directed_autocovariance(
     for cube in examples:
         frame = (cube.shape[1] + h - 1, cube.shape[2] + w - 1)
         spectrum = torch.fft.rfft2(cube - mean[:, None, None], s=frame)
-        for channel, own in enumerate(spectrum):
-            total[channel] += torch.fft.irfft2(spectrum * own.conj(), s=frame)[:, rows[:, None], columns]
+        for channel, one in enumerate(spectrum):
+            total[channel] += torch.fft.irfft2(spectrum * one.conj(), s=frame)[:, rows[:, None], columns]
     grid = total.unflatten(1, views).unflatten(0, views) / pixels
     grid = _symmetric(grid, [(0, 2, 4), (1, 3, 5)], [1, 0, 3, 2, 5, 4] if turned else None)
     return mean[:, None, None].expand(-1, h, w).clone(), grid.flatten(2, 3).flatten(0, 1)
@@ -100,14 +98,9 @@ def two_sided(moments: Tensor) -> Tensor:
     return torch.cat([both[..., 1:].flip(3), both], 3)
 
 
-def toeplitz(moments: Tensor) -> Tensor:
-    """(n, n) covariance of a block from its covariance by displacement (L, L, 2h-1, 2w-1)."""
-    channels, h, w = moments.shape[0], (moments.shape[2] + 1) // 2, (moments.shape[3] + 1) // 2
-    return toeplitz_rows(moments, torch.arange(channels * h * w, device=moments.device))
-
-
 def toeplitz_rows(moments: Tensor, pixels: Tensor) -> Tensor:
-    """Rows (..., n) of ``toeplitz`` that belong to the flat indices ``pixels`` (...)."""
+    """(..., n) covariances of the flat indices ``pixels`` (...) of a block with all of it, from its covariance by
+    displacement (L, L, 2h-1, 2w-1)."""
     channels, h, w = moments.shape[0], (moments.shape[2] + 1) // 2, (moments.shape[3] + 1) // 2
     channel, row, column = torch.unravel_index(pixels, (channels, h, w))
     return moments.unfold(2, h, 1).unfold(3, w, 1)[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
@@ -136,13 +129,3 @@ def random_blocks(
         cut = cube[:, y : y + h, x : x + w].unflatten(0, views or (-1, 1))
         out[i] = cut.flip(axes + [axis - 2 for axis in axes if views]).flatten(0, 1)
     return out
-
-
-def sample_moments(examples: list[Tensor], block: tuple[int, int], count: int, seed: int) -> tuple[Tensor, Tensor]:
-    """Mean (L, h, w) and covariance (n, n) of ``count`` random blocks, mirrored at random."""
-    mean, square, batch = torch.zeros(()), torch.zeros(()), 4000
-    for start in range(0, count, batch):
-        part = random_blocks(examples, block, min(batch, count - start), seed + start, mirrored=True).flatten(1)
-        mean, square = mean + part.sum(0), square + part.mT @ part
-    mean = mean / count
-    return mean.reshape(-1, *block), square / count - torch.outer(mean, mean)

@@ -8,6 +8,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from tmca.errors import SettingError
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -16,10 +18,17 @@ class Noise:
     Args:
         read: standard deviation of the signal-independent part, snapshot units.
         shot: variance per unit of snapshot, full scale / full well.
+
+    Raises:
+        SettingError: a negative number.
     """
 
     read: float = 0.0
     shot: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.read >= 0 and self.shot >= 0):
+            raise SettingError("noise", f"read noise {self.read}, shot {self.shot}", "numbers ≥ 0")
 
     def variance(self, snapshot: Tensor) -> Tensor:
         """Variance of every pixel of a snapshot, snapshot units squared."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 import torch
@@ -17,7 +17,7 @@ from tmca.decoders.networks.network import Network, build_network
 from tmca.decoders.networks.neural import Weights
 from tmca.decoders.networks.start import NEED_PRIOR
 from tmca.errors import DataError, SettingError
-from tmca.priors import Prior, load_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, find_prior, learn_prior
 from tmca.sensor import Sensor
 from tmca.training.faults import DrawnFaults
 from tmca.training.imaging import ImagingSystem
@@ -46,12 +46,6 @@ class Application(Protocol):
     def views(self, camera: CodedCamera) -> tuple[int, int] | None:
         """(V, U) where the channels are views, which turn with the pixels."""
 
-    def rendered_prior(self, camera: CodedCamera, mixture: bool) -> Prior:
-        """The prior of the rendered scenes."""
-
-    def learn_prior(self, scenes: list[xr.DataArray], camera: CodedCamera, mixture: bool) -> Prior:
-        """The prior of some scenes."""
-
     def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
         """Wavelengths, and settings of the camera that weights keep."""
 
@@ -64,7 +58,8 @@ def prepare_imaging(
     network = _network(settings, camera.channels)
     prior = None
     if network.start in NEED_PRIOR:
-        prior = _prior(application, fabric, folder, lists, load, camera, network.start)
+        kind = "mixture" if network.start == "mixture" else "gaussian"
+        prior = _prior(kind, fabric, folder, lists, load, camera)
 
     def channels(name: str) -> NDArray[np.float32]:
         return application.array(load(name))
@@ -143,23 +138,14 @@ def weights_of(
 
 
 def _prior(
-    application: Application,
-    fabric: Fabric,
-    folder: Path,
-    lists: SceneLists,
-    load: Load,
-    camera: CodedCamera,
-    start: str,
-) -> Prior:
+    kind: str, fabric: Fabric, folder: Path, lists: SceneLists, load: Load, camera: CodedCamera
+) -> GaussianPrior | GaussianMixturePrior:
     """The run's own prior, learned once, or that of the rendered scenes."""
-    if lists.prior == RENDERED:
-        return application.rendered_prior(camera, start == "mixture")
-    file = folder / "prior.nc"
-    if fabric.is_global_zero and not file.exists():
-        scenes = [load(name) for name in lists.prior or lists.train]
-        application.learn_prior(scenes, camera, start == "mixture").save(file)
+    file = None if lists.prior == RENDERED else folder / "prior.nc"
+    if file is not None and fabric.is_global_zero and not file.exists():
+        learn_prior([load(name) for name in lists.prior or lists.train], camera, kind).save(file)
     fabric.barrier()
-    return load_prior(file)
+    return cast(GaussianPrior | GaussianMixturePrior, find_prior(camera, file, kind))
 
 
 def _patches(settings: TrainSettings, store: CubeStore, views: tuple[int, int] | None) -> Callable[[int, int], Any]:

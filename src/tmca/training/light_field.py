@@ -14,7 +14,6 @@ from pydantic import Field, model_validator
 from tmca.cameras import CodedCamera, LightFieldCamera
 from tmca.data.light_field_scenes import Reading, check_asked, load_light_field
 from tmca.errors import SettingError
-from tmca.priors import Prior, learn_light_field_prior, rendered_light_field_prior
 from tmca.training.imaging_run import prepare_imaging
 from tmca.training.patches import Load
 from tmca.training.run import Trained, train
@@ -125,26 +124,11 @@ class LightFieldApplication:
         """Which turn with the pixels."""
         return cast(LightFieldCamera, camera).views
 
-    def rendered_prior(self, camera: CodedCamera, mixture: bool) -> Prior:
-        """Of the rendered light fields."""
-        _no_mixture(mixture)
-        return rendered_light_field_prior(cast(LightFieldCamera, camera).views[0])
-
-    def learn_prior(self, scenes: list[xr.DataArray], camera: CodedCamera, mixture: bool) -> Prior:
-        """Of the run's light fields."""
-        _no_mixture(mixture)
-        return learn_light_field_prior(scenes)
-
     def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
         """Views and shear."""
         own = cast(LightFieldCamera, camera)
         optics = {"views": list(own.views), "shear": list(own.shear.step), "mask_scale": own.shear.scale}
         return (), optics
-
-
-def _no_mixture(mixture: bool) -> None:
-    if mixture:
-        raise SettingError("decoder.start", "mixture", "lmmse, tikhonov, dagger or adjoint for a light field")
 
 
 def light_field_settings(

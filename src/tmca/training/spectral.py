@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.cameras import CodedCamera, SpectralCamera
-from tmca.priors import Prior, learn_prior, rendered_prior
 from tmca.training.imaging_run import prepare_imaging
 from tmca.training.patches import Load
 from tmca.training.run import Trained, train
@@ -36,15 +35,6 @@ class SpectralApplication:
 
     def views(self, camera: CodedCamera) -> None:
         """Bands do not turn."""
-
-    def rendered_prior(self, camera: CodedCamera, mixture: bool) -> Prior:
-        """At the camera's bands."""
-        own = cast(SpectralCamera, camera)
-        return rendered_prior(own.wavelengths, own.dispersion.spread, mixture=mixture)
-
-    def learn_prior(self, scenes: list[xr.DataArray], camera: CodedCamera, mixture: bool) -> Prior:
-        """For the camera's dispersion."""
-        return learn_prior(scenes, spread=cast(SpectralCamera, camera).dispersion.spread, mixture=mixture)
 
     def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
         """Wavelengths, dispersion, and a response that is not flat."""

@@ -16,10 +16,9 @@ from tmca.decoders.networks.network import TILE, seen_by_tile
 from tmca.decoders.networks.two_headed import DepthEstimate, TwoHeadedUNet, camera_sizes, first_likelihood, first_stage
 from tmca.decoders.networks.weights_file import fill_network, read_weights, write_weights
 from tmca.decoders.patch_based.depth_likelihood import DepthDecoded
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import DataError, SettingError
 from tmca.optics import PhaseMaskBench, Stroke, changed_bench, family_parameters, restored_maps
-from tmca.priors import GaussianPrior
+from tmca.priors import GaussianPrior, block_of, find_prior
 
 _FIRST = 0.8
 """Share of the time that the first stage takes, as a rule."""
@@ -71,12 +70,13 @@ class DepthWeights:
         """The prior of the first stage.
 
         Raises:
-            DataError: the file is gone, or holds no Gaussian prior.
+            DataError: the file is gone, or holds no prior.
+            SettingError: one of another kind.
         """
         if not self.prior:
             return None
-        beside = self.path.parent / self.prior if self.path is not None else Path(self.prior)
-        return find_depth_prior(None if self.prior == "rendered" else beside, self.camera, self.network.window)
+        beside = None if self.prior == "rendered" else (self.path or Path()).parent / self.prior
+        return find_prior(self.camera, beside, block=block_of(self.camera, window=self.network.window))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the file, whole or not at all; the network in half precision.

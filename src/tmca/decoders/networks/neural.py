@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -17,7 +17,7 @@ from tmca.decoders.networks.start import first_estimate
 from tmca.decoders.networks.weights_file import fill_network, read_weights, write_weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators import TapOperator
-from tmca.priors import GaussianMixturePrior, GaussianPrior, load_prior, rendered_light_field_prior, rendered_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, find_prior
 from tmca.sensor import Noise
 
 _FIRST = 0.9  # share of the time that the first estimate takes, as a rule
@@ -100,24 +100,14 @@ class Weights:
         """The prior that the network starts from.
 
         Raises:
-            DataError: the file is gone or holds a prior of the other kind.
+            DataError: the file is gone.
+            SettingError: it holds a prior of another kind.
         """
         if not self.prior:
             return None
-        mixture = self.network.start == "mixture"
-        if self.prior != "rendered":
-            beside = self.path.parent / self.prior if self.path is not None else Path(self.prior)
-            found = load_prior(beside)
-        else:
-            found = self._rendered_prior(mixture)
-        if isinstance(found, GaussianMixturePrior) != mixture:
-            raise DataError(self.prior, f"a {type(found).__name__}", f"a prior to start from the {self.network.start}")
-        return found
-
-    def _rendered_prior(self, mixture: bool) -> GaussianPrior | GaussianMixturePrior:
-        if self.application == "light-field":
-            return rendered_light_field_prior(self.light_field_camera().views[0])
-        return rendered_prior(self.wavelengths, self.spectral_camera().dispersion.spread, mixture=mixture)
+        kind = "mixture" if self.network.start == "mixture" else "gaussian"
+        beside = None if self.prior == "rendered" else (self.path or Path()).parent / self.prior
+        return cast(GaussianPrior | GaussianMixturePrior, find_prior(self.coded_camera(), beside, kind))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the file, whole or not at all; the network in half precision.

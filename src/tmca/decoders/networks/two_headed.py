@@ -17,7 +17,6 @@ from tmca.decoders.networks.network import LEVEL_REACH, RESIDUAL, local_level, n
 from tmca.decoders.patch_based.depth_likelihood import (
     REACH,
     TEMPERATURE,
-    WINDOW,
     DepthDecoded,
     PatchLikelihood,
     check_window,
@@ -27,7 +26,7 @@ from tmca.decoders.patch_based.depth_posterior import DepthPosterior
 from tmca.errors import SettingError, ShapeError
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import CONTAMINATION
+from tmca.priors.spectral_depth import CONTAMINATION, WINDOW
 from tmca.sensor import Noise
 
 DEPTH_STARTS = ("snapshot", "likelihood")

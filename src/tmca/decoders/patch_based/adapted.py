@@ -16,6 +16,7 @@ from tmca.priors.adaptation import error_moments, refitted
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.posterior import BlockPosterior, GaussianSolver, sufficient_precision
+from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128
 _MARGIN = 16  # pixels around a tile that its prior learns from too
@@ -98,7 +99,7 @@ class AdaptedLMMSE(PatchDecoder):
             frame = Frame(snapshot, taps, model, tiling, coarse, read, shot, torch.float32)
             priors = frame.refitted(priors, told)
         fine = self._stride(model, taps.code)
-        dtype = sufficient_precision(self.prior, model, read_noise, shot)
+        dtype = sufficient_precision(self.prior, model, Noise(read_noise, shot))
         frame = Frame(snapshot, taps, model, tiling, fine, read_noise, shot, dtype)
         return frame.estimate(priors, uncertainty, _share(progress, self.iterations, self.iterations + 1))
 
@@ -199,7 +200,7 @@ class Frame:
         )
 
     def _solver(self, prior: GaussianPrior) -> GaussianSolver:
-        return GaussianSolver(prior, self.model, self.read_noise, self.shot, self.dtype)
+        return GaussianSolver(prior, self.model, Noise(self.read_noise, self.shot), self.dtype)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class Estimate(NamedTuple):
 class Posterior(Protocol):
     """The posterior of a batch of blocks."""
 
-    def moments(self, block: int, measured: Tensor, spread: bool) -> tuple[Tensor, Tensor | None]: ...
+    def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]: ...
 
 
 class Solver(Protocol):

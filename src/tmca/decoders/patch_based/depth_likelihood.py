@@ -22,9 +22,8 @@ from tmca.decoders.patch_based.window_rows import RowBlend, RowMean, WindowRows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
-from tmca.priors.spectral_depth import CONTAMINATION, snapshot_moments
+from tmca.priors.spectral_depth import CONTAMINATION, WINDOW, snapshot_moments
 
-WINDOW = 12
 GAINS = tuple(4.0**power for power in range(-4, 4))
 """Variances of a window over the prior's that are tried."""
 TEMPERATURE = 12.0

@@ -6,6 +6,7 @@ from tmca.decoders.patch_based.patches import PatchDecoder
 from tmca.priors.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.posterior import GaussianSolver
+from tmca.sensor import Noise
 
 
 class PatchLMMSE(PatchDecoder):
@@ -15,4 +16,4 @@ class PatchLMMSE(PatchDecoder):
 
     def solver(self, model: BlockModel, read_noise: float, shot: float) -> GaussianSolver:
         """The linear estimate of every block."""
-        return GaussianSolver(self.prior, model, read_noise, shot, self.dtype)
+        return GaussianSolver(self.prior, model, Noise(read_noise, shot), self.dtype)

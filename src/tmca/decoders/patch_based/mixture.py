@@ -6,6 +6,7 @@ from tmca.decoders.patch_based.patches import PatchDecoder
 from tmca.priors.blocks import BlockModel
 from tmca.priors.mixture import GaussianMixturePrior
 from tmca.priors.mixture_posterior import MixtureSolver
+from tmca.sensor import Noise
 
 
 class MixtureLMMSE(PatchDecoder):
@@ -15,4 +16,4 @@ class MixtureLMMSE(PatchDecoder):
 
     def solver(self, model: BlockModel, read_noise: float, shot: float) -> MixtureSolver:
         """The estimate of every block, components weighted by their likelihood."""
-        return MixtureSolver(self.prior, model, read_noise, shot, self.dtype)
+        return MixtureSolver(self.prior, model, Noise(read_noise, shot), self.dtype)

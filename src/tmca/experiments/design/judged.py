@@ -87,16 +87,13 @@ def coded_camera(file: str | Path, bands: int, settings: dict[str, Any]) -> Code
 
 
 def _expected(camera: CodedCamera, prior: str | Path, sheet: SensorSheet | None) -> float:
-    from tmca.priors import GaussianPrior, expected_psnr, load_prior
+    from tmca.priors import GaussianPrior, expected_psnr
 
-    known = load_prior(prior)
-    if not isinstance(known, GaussianPrior):
-        raise SettingError(prior, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
+    known = GaussianPrior.load(prior)
     if known.block[0] != camera.channels:
         raise DataError(prior, f"{known.block[0]} bands or views", f"{camera.channels}, those of the codes")
     sensor = camera.sensor if sheet is None else sheet.sensor()
-    noise = sensor.noise(camera.white, camera.exposures)
-    return expected_psnr(known, camera.taps(), noise.read, noise.shot)
+    return expected_psnr(known, camera.taps(), sensor.noise(camera.white, camera.exposures))
 
 
 def _measures(found: CodeMeasures, camera: CodedCamera) -> Figure:

@@ -13,7 +13,7 @@ from tmca.errors import SettingError
 from tmca.experiments.design.checks import named_once
 from tmca.experiments.design.codes import Learned, Told, design_codes
 from tmca.optics import view_grid
-from tmca.priors.light_field import views_of
+from tmca.priors import views_of
 
 
 def design_light_field(

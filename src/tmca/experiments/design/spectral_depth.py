@@ -19,7 +19,7 @@ from tmca.experiments.design.depth_page import described, design_files, write_de
 from tmca.experiments.design.example_scenes import JUDGING, judge_on
 from tmca.experiments.results import check_new
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
-from tmca.priors import GaussianPrior
+from tmca.priors import GaussianPrior, find_prior
 from tmca.priors.spectral_depth import needed_block
 
 SLOTS = (1, 2, 4)
@@ -168,30 +168,15 @@ def _prior(
     task: MaskTask,
     told: Progress,
 ) -> GaussianPrior:
-    from tmca.priors import load_prior, rendered_prior
-
-    window = max(task.window, task.camera_of(1, 0).tile_size)  # a judge decodes windows of a tile at least
-    waves, block = task.camera["bands"], needed_block(window, task.bench.window)
-    if prior is not None:
-        if scenes:
-            raise SettingError("--prior", "scenes beside it", "one of them")
-        known = load_prior(prior) if isinstance(prior, (str, Path)) else prior
-        return _fitting(known, waves, "prior" if isinstance(prior, GaussianPrior) else str(prior))
+    camera = task.camera_of(1, 0)
+    block = needed_block(max(task.window, camera.tile_size), task.bench.window)  # a judge decodes a tile at least
+    if prior is not None and scenes:
+        raise SettingError("--prior", "scenes beside it", "one of them")
     if not scenes:
-        return _fitting(rendered_prior(waves, 0, block=block, progress=told), waves, "prior")
+        return find_prior(camera, prior, block=block, progress=told)
     told(0.5, "learning what the scenes have in common")
-    return GaussianPrior.learn(list(cubes), block, wavelengths=waves, sources=[Path(name).stem for name in scenes])
-
-
-def _fitting(prior: Any, waves: Sequence[float], where: str) -> GaussianPrior:
-    """The prior, unless it is of another kind or of other bands."""
-    if not isinstance(prior, GaussianPrior):
-        raise SettingError(where, "a mixture prior", "a Gaussian prior", "learn one without --mixture")
-    own = prior.wavelengths
-    if own is not None and (len(own) != len(waves) or not np.allclose(own, waves, rtol=1e-6)):
-        found, wanted = (", ".join(f"{w * 1e9:.0f}" for w in bands) for bands in (own, waves))
-        raise DataError(where, f"bands at {found} nm", f"{wanted} nm", "learn it at these, or change --bands")
-    return prior
+    sources = [Path(name).stem for name in scenes]
+    return GaussianPrior.learn(list(cubes), block, wavelengths=task.camera["bands"], sources=sources)
 
 
 def _cube(name: str, waves: Sequence[float]) -> np.ndarray:

@@ -51,16 +51,18 @@ def demo_light_field(
     Returns:
         Rows of the table, one for each code, and the report's section.
     """
-    from tmca.priors import rendered_light_field_prior
+    from tmca.priors import find_prior
 
     told(0.0, "rendering a light field")
     truth = load_light_field(SCENE, views=VIEWS, size=size, colour=True)
     told(0.1, "the prior of rendered light fields")
-    prior = rendered_light_field_prior(VIEWS, progress=lambda share, step: told(0.1 + 0.4 * share, step))
+    sensor = Sensor(read_noise=READ_NOISE)
+    cameras = {code: LightFieldCamera(VIEWS, size, period=PERIOD, sensor=sensor, **how) for code, how in CODES.items()}
+    first = next(iter(cameras.values()))
+    prior = find_prior(first, progress=lambda share, step: told(0.1 + 0.4 * share, step))
     rows, found = [], {}
-    for place, (code, settings) in enumerate(CODES.items()):
+    for place, (code, camera) in enumerate(cameras.items()):
         told(0.5 + 0.2 * place, f"light field, {code}")
-        camera = LightFieldCamera(VIEWS, size, period=PERIOD, sensor=Sensor(read_noise=READ_NOISE), **settings)
         snapshot = take_light_field_snapshot(truth, camera)
         stem = f"light_field_{'static' if camera.slots == 1 else 'onehot8'}"
         snapshot.save(out / f"{stem}_snapshot.nc", overwrite=overwrite)

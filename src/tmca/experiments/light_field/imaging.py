@@ -24,7 +24,7 @@ from tmca.plots.views import focus_steps, refocus_strip, views_gif
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tmca.priors import GaussianPrior, PatchDictionary, Prior
+    from tmca.priors import GaussianPrior, PatchDictionary
 
 
 @dataclass
@@ -95,34 +95,21 @@ def reconstruct_light_field(
         truth: the light field, for metrics.
         progress: told the share that is done and, while a prior is learned, what is done next.
     """
-    from tmca.priors import PatchDictionary
+    from tmca.priors import PatchDictionary, find_prior
 
     if isinstance(weights, str) and weights == "default":
         missing = "'default', of which none come with tmca for light fields"
         raise SettingError("weights", missing, "a file or run of `tmca train light-field`")
-    chosen = None
+    chosen: Any = None
     if decoder == "lmmse" or prior is not None:
-        chosen = find_light_field_prior(prior, snapshot.camera, progress)
+        kind = "mixture" if decoder == "mixture" else "gaussian"
+        chosen = find_prior(snapshot.camera, prior, kind, progress=progress)
     found = decode_light_field(
         snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress,
         dictionary=PatchDictionary.load(dictionary) if isinstance(dictionary, str | Path) else dictionary,
         weights=Weights.load(weights) if isinstance(weights, str | Path) else weights,
     )  # fmt: skip
     return _labelled(found, decoder, snapshot, truth)
-
-
-def find_light_field_prior(
-    prior: str | Path | GaussianPrior | None, camera: LightFieldCamera, progress: Callable[..., None] | None = None
-) -> Prior:
-    """The prior that a decoder shall use: given, from a file, or of the rendered light fields."""
-    from tmca.priors import load_prior, rendered_light_field_prior
-
-    if prior is not None:
-        return load_prior(prior) if isinstance(prior, (str, Path)) else prior
-    if camera.views[0] != camera.views[1]:
-        found = f"{camera.views[0]}×{camera.views[1]} views"
-        raise SettingError("prior", f"none for {found}", "one: the rendered light fields are square", "learn one")
-    return rendered_light_field_prior(camera.views[0], progress=progress)
 
 
 def light_field_files(path: Path, figures: bool) -> list[Path]:

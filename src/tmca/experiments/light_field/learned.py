@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,26 +42,15 @@ class Learned:
 
     def prior(self) -> str:
         """The Gaussian prior of the patch LMMSE."""
-        from tmca.priors import learn_light_field_prior
-
-        return self._kept("prior", lambda: learn_light_field_prior(self.light_fields))
+        return self._learned("prior", "gaussian")
 
     def mixture(self) -> str:
         """The Gaussian mixture."""
-        from tmca.priors import learn_light_field_mixture
-
-        return self._kept("mixture", lambda: learn_light_field_mixture(self.light_fields))
+        return self._learned("mixture", "mixture")
 
     def dictionary(self, atoms: int) -> str:
         """A dictionary of patches."""
-        from tmca.priors import PatchDictionary
-        from tmca.priors.light_field import views_of
-
-        def learn() -> Any:
-            own = [views for field in self.light_fields for views in views_of(field)]
-            return PatchDictionary.learn(own, atoms=atoms, sources=self.names)
-
-        return self._kept(f"dictionary-{atoms}", learn)
+        return self._learned(f"dictionary-{atoms}", "dictionary", atoms=atoms)
 
     def examples(self) -> str:
         """Folder of examples that codes are designed for; ``load_examples`` reads them."""
@@ -69,7 +58,7 @@ class Learned:
         from tmca.data import make_folder
         from tmca.design import design_model, designable, learn_examples
         from tmca.experiments.codes.task import save_examples
-        from tmca.priors.light_field import views_of
+        from tmca.priors import views_of
 
         folder, grid = self.work / f"examples-{cell_key(self.identity)}", (self.views, self.views)
         if not (folder / "examples.json").exists():
@@ -81,8 +70,10 @@ class Learned:
             save_examples(learn_examples(cubes, design_model(one.taps()), None, views=grid), make_folder(folder))
         return str(folder)
 
-    def _kept(self, kind: str, learn: Callable[[], Any]) -> str:
-        file = self.work / f"{kind}-{cell_key(self.identity)}.nc"
+    def _learned(self, name: str, kind: str, **settings: Any) -> str:
+        from tmca.priors import learn_prior
+
+        file = self.work / f"{name}-{cell_key(self.identity)}.nc"
         if not file.exists():
-            learn().save(file)
+            learn_prior(self.light_fields, None, kind, **settings).save(file)
         return str(file)

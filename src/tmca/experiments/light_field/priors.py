@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, load_light_field
 from tmca.errors import SettingError
 from tmca.plots.style import save_figure
-from tmca.priors import (
-    GaussianMixturePrior,
-    GaussianPrior,
-    PatchDictionary,
-    learn_light_field_mixture,
-    learn_light_field_prior,
-)
-from tmca.priors.light_field import views_of
+from tmca.priors import Prior, learn_prior
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,7 +30,7 @@ def learn_views_to_file(
     figure: Path | None = None,
     overwrite: bool = False,
     progress: Told | None = None,
-) -> GaussianPrior | GaussianMixturePrior | PatchDictionary:
+) -> Prior:
     """Learn a prior or a dictionary of light fields, and write it with its picture.
 
     Args:
@@ -71,19 +64,14 @@ def learn_views_to_file(
     told = progress or (lambda share, step: None)
     fields = _read(names, views, reading, told)
     told(0.3, f"learning the {'dictionary' if kind == 'dictionary' else 'prior'}")
+    settings: dict[str, Any] = {}
     if kind == "dictionary":
-        found: GaussianPrior | GaussianMixturePrior | PatchDictionary = PatchDictionary.learn(
-            [own for field in fields for own in views_of(field)], atoms=atoms, seed=seed, sources=names,
-            progress=lambda share: told(0.3 + 0.7 * share, "learning the dictionary"),
-        )  # fmt: skip
-    elif kind == "mixture":
-        found = learn_light_field_mixture(fields, seed=seed)
-    else:
-        found = learn_light_field_prior(fields)
-    found.save(out, overwrite=overwrite)
+        settings = {"atoms": atoms, "progress": lambda share: told(0.3 + 0.7 * share, "learning the dictionary")}
+    prior = learn_prior(fields, None, kind, seed=seed, **settings)
+    prior.save(out, overwrite=overwrite)
     if figure is not None:
-        save_figure(found.figure(), figure, overwrite=overwrite)
-    return found
+        save_figure(prior.figure(), figure, overwrite=overwrite)
+    return prior
 
 
 def _read(names: Sequence[str], views: int, reading: Reading, told: Told) -> list[xr.DataArray]:

@@ -137,18 +137,18 @@ def _prior_of(cell: Settings, camera: SpectralCamera) -> Path:
     """The prior of a sweep's training scenes, kept by what makes it."""
     from tmca.priors import learn_prior
 
-    spread, mixture = camera.dispersion.spread, cell["decoder"] == "mixture"
+    kind = "mixture" if cell["decoder"] == "mixture" else "gaussian"
     key = cell_key(
         {
             "train": cell["train"],
             "checksums": cell["checksums"],
             "bands": cell["bands"],
-            "spread": spread,
-            "mixture": mixture,
+            "spread": camera.dispersion.spread,
+            "mixture": kind == "mixture",
         }
     )
     file = Path(cell["folder"]).parent / f"prior-{key}.nc"
     if not file.exists():
         cubes = [load_scene(name, bands=cell["bands"]) for name in cell["train"]]
-        learn_prior(cubes, spread=spread, mixture=mixture).save(file, overwrite=True)
+        learn_prior(cubes, camera, kind).save(file, overwrite=True)
     return file

@@ -109,6 +109,6 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
         file = work / f"prior-{kind}-{cell_key(identity)}.nc"
         if not file.exists():
             cubes = [load_scene(scene, bands=bands) for scene in scenes]
-            learn_prior(cubes, spread=bands - 1, mixture=kind == "mixture").save(file)
+            learn_prior(cubes, None, "mixture" if kind == "mixture" else "gaussian", spread=bands - 1).save(file)
         kept |= dict.fromkeys(users, file)
     return kept

@@ -43,7 +43,7 @@ def predicted_and_measured(
     operator, noise = camera.operator(), camera.noise
     if not isinstance(operator, TapOperator):
         raise SettingError("relay blur", str(camera.relay_blur), "0 for the expected error")
-    predicted = expected_mse(prior, operator.taps, noise.read, noise.shot, blocks=64, seed=seed)
+    predicted = expected_mse(prior, operator.taps, noise, blocks=64, seed=seed)
     each = max(1, count // (_PLACES * len(cubes)))
     errors = [_block_errors(prior, operator, camera, cube, each, seed + 1 + index) for index, cube in enumerate(cubes)]
     return _decibels(predicted), _decibels(torch.cat(errors).mean())
@@ -59,7 +59,7 @@ def _block_errors(
     frame = (taps.code.shape[1], taps.code.shape[2])
     grid = BlockGrid.cover(model, frame, frame)
     padded = grid.pad_code(taps.code)
-    solver = GaussianSolver(prior, model, noise.read, noise.shot, torch.float64)
+    solver = GaussianSolver(prior, model, noise, torch.float64)
     first, last = model.judged
     errors = []
     for place in _random_places(_PLACES, (frame[0] - rows, frame[1] - columns), placing):

@@ -108,32 +108,20 @@ def reconstruct_snapshot(
         truth: (wavelength, y, x) for metrics.
         progress: told the share that is done and, while a prior is learned, what is done next.
     """
-    chosen = None
+    from tmca.priors import find_prior
+
+    chosen: Any = None
     if weights is not None and decoder != "network":
         raise SettingError("weights", f"some for {decoder}", "none", "weights and the decoder network go together")
     if needs_prior(decoder) or prior is not None:
-        chosen = find_prior(prior, decoder, snapshot.camera, progress)
+        kind = "mixture" if decoder == "mixture" else "gaussian"
+        chosen = find_prior(snapshot.camera, prior, kind, progress=progress)
     trained = find_weights(weights, snapshot.camera.slots) if isinstance(weights, str | Path) else weights
     found = decode(
         snapshot, decoder, prior=chosen, tv_weight=tv_weight, weights=trained, uncertainty=uncertainty,
         progress=progress,
     )  # fmt: skip
     return _labelled(found, decoder, snapshot, truth)
-
-
-def find_prior(
-    prior: str | Path | GaussianPrior | GaussianMixturePrior | None,
-    decoder: str,
-    camera: SpectralCamera,
-    progress: Callable[..., None] | None = None,
-) -> GaussianPrior | GaussianMixturePrior:
-    """The prior that a decoder shall use: given, from a file, or learned from the rendered scenes and kept."""
-    from tmca.priors import load_prior, rendered_prior
-
-    if prior is None:
-        mixture = decoder == "mixture"
-        return rendered_prior(camera.wavelengths, camera.dispersion.spread, mixture=mixture, progress=progress)
-    return load_prior(prior) if isinstance(prior, (str, Path)) else prior
 
 
 def true_scene(source: str, snapshot: Snapshot[SpectralCamera], **reading: Any) -> xr.DataArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -48,14 +48,14 @@ def search(cell: Settings, folder: Path) -> Measured:
     """Masks that are searched under one noise; how well they and random ones tell depths apart."""
     from tmca.design import MaskEffort, MaskTask, search_masks
     from tmca.design.spectral_depth import kullback_leibler
-    from tmca.priors import load_prior
+    from tmca.priors import GaussianPrior
 
     probe, settings = coded_camera(cell, SIZE), CODES[cell["code"]]
     camera = {"bands": probe.wavelengths, "depth": (probe.planes.near, probe.planes.far), "planes": probe.planes.count}
     camera |= {"filters": settings["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
     family = settings.get("mask", "zernike")
     task = MaskTask(probe.bench, camera, settings["shutter"], family, window=cell["window"], seed=cell["seed"])
-    prior: Any = load_prior(cell["prior"])
+    prior = GaussianPrior.load(cell["prior"])
     judge = judge_on(examples_of(cell), prior, cell["decoded"])
     advice = search_masks(task, prior, [settings["slots"]], MaskEffort(**cell["effort"]), judge=judge)
     found = advice.candidates[-1]
@@ -89,9 +89,9 @@ def _reading(cell: Settings) -> dict[str, Any]:
 def foretold(cell: Settings, folder: Path) -> Measured:
     """What the prior says of a code under a noise, before any scene is seen."""
     from tmca.design.spectral_depth import confusion, depth_information, kullback_leibler, predict_windows
-    from tmca.priors import load_prior
+    from tmca.priors import GaussianPrior
 
-    camera, prior = _camera(cell, SIZE), cast("GaussianPrior", load_prior(cell["prior"]))
+    camera, prior = _camera(cell, SIZE), GaussianPrior.load(cell["prior"])
     with torch.no_grad():
         found = predict_windows(camera, prior, cell["window"])
         distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))

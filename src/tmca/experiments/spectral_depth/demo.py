@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.depth_scenes import load_spectral_depth, middle_of
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.experiments.camera_figures import psf_figure
 from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS
@@ -20,7 +19,7 @@ from tmca.experiments.spectral_depth.imaging import (
     take_spectral_depth_snapshot,
 )
 from tmca.plots.style import save_figure
-from tmca.priors import GaussianPrior
+from tmca.priors import GaussianPrior, block_of, find_prior
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def demo_spectral_depth(
     scene = load_spectral_depth(SCENE, **reading_range(first), reduce=_REDUCE)
     truth = middle_of(scene, size, SCENE)
     told(0.1, "the prior of rendered scenes at these bands")
-    prior = find_depth_prior(None, first, WINDOW)
+    prior = find_prior(first, block=block_of(first, window=WINDOW))
     found: dict[str, SpectralDepthReconstruction] = {}
     for place, (code, camera) in enumerate(cameras.items()):
         told(0.4 + 0.25 * place, f"spectrum and depth, {code}")

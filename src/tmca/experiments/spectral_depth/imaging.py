@@ -20,7 +20,6 @@ from tmca.decoders.decoding import OtherCodes
 from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
 from tmca.decoders.networks.neural import same_bands
 from tmca.decoders.patch_based.depth_likelihood import DepthDecoded, PatchLikelihood, check_window, usual_window
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import SettingError
 from tmca.experiments.camera_figures import phase_codes_figure, psf_figure, snapshot_figure
 from tmca.experiments.reconstructions import Reconstruction
@@ -154,6 +153,8 @@ def reconstruct_spectral_depth(
     """
     from time import perf_counter
 
+    from tmca.priors import block_of, find_prior
+
     if decoder not in DEPTH_DECODERS:
         raise SettingError("decoder", repr(decoder), f"one of {', '.join(DEPTH_DECODERS)}")
     if (decoder == "network") != (weights is not None):
@@ -166,7 +167,7 @@ def reconstruct_spectral_depth(
     else:
         window = usual_window(snapshot.camera) if window is None else window
         check_window(window, snapshot.camera)
-        known = find_depth_prior(prior, snapshot.camera, window)
+        known = find_prior(snapshot.camera, prior, block=block_of(snapshot.camera, window=window))
         found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress, planes=False)
     found.seconds = perf_counter() - start
     return _labelled(found, decoder, snapshot, truth)

@@ -14,11 +14,10 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.data import make_folder
 from tmca.decoders.networks.depth_weights import DepthWeights
 from tmca.decoders.networks.two_headed import TwoHeadedUNet, build_depth_network
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
 from tmca.errors import DataError
 from tmca.optics import check_mask
-from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import learn_depth_prior
+from tmca.priors import GaussianPrior, block_of, find_prior, learn_prior
+from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 from tmca.training.faults import DrawnFaults
 from tmca.training.patches import CubeStore, Load
@@ -112,15 +111,12 @@ def _prior(
 ) -> GaussianPrior:
     """The run's own prior, learned once, or that of the rendered scenes, for windows of network and codes."""
     window = max(network.window, SIDE, camera.tile_size) if camera.learnable else network.window
-    if lists.prior == RENDERED:
-        return find_depth_prior(None, camera, window)
-    file = folder / "prior.nc"
-    if fabric.is_global_zero and not file.exists():
-        learn_depth_prior(
-            lists.prior or lists.train, lambda name: load(name)["radiance"], window, camera.bench.window
-        ).save(file)
+    file = None if lists.prior == RENDERED else folder / "prior.nc"
+    if file is not None and fabric.is_global_zero and not file.exists():
+        scenes = [load(name) for name in lists.prior or lists.train]
+        learn_prior(scenes, camera, block=needed_block(window, camera.bench.window)).save(file)
     fabric.barrier()
-    return find_depth_prior(file, camera, window)
+    return find_prior(camera, file, block=block_of(camera, window=window))
 
 
 def _crops(name: str, channels: NDArray[np.float32], side: int) -> list[Tensor]:

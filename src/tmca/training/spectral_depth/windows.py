@@ -11,10 +11,10 @@ from torch.nn.functional import avg_pool2d
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.networks.two_headed import DepthEstimate
-from tmca.decoders.patch_based.depth_likelihood import GAINS, REACH, TEMPERATURE, WINDOW
+from tmca.decoders.patch_based.depth_likelihood import GAINS, REACH, TEMPERATURE
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
-from tmca.priors.spectral_depth import CONTAMINATION, snapshot_moments
+from tmca.priors.spectral_depth import CONTAMINATION, WINDOW, snapshot_moments
 
 SIDE = 8
 """Of the windows that codes learn from, pixels: smaller than the decoder's, which costs a third."""

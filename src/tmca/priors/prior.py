@@ -1,0 +1,178 @@
+"""What all priors of scene blocks have in common, and their files: labelled NetCDF4 that opens in plain xarray."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.errors import DataError, SettingError, ShapeError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMAT = "tmca prior 1"
+
+
+@dataclass(frozen=True)
+class Prior(ABC):
+    """What scene blocks (L, h, w) look like.
+
+    A subclass says what kind it is, and is then learned, found and read from files too; the room's ``__init__`` has to
+    import it. Its class attributes: ``kind``; ``called``, with its article; ``learned_by``, the command that writes its
+    file; ``dimensions`` of the arrays in its file; ``in_files``, its kind as files spell it, where that differs;
+    ``argument``, by which decoders take it.
+    """
+
+    kind: ClassVar[str]
+    called: ClassVar[str]
+    learned_by: ClassVar[str]
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]]
+    in_files: ClassVar[str] = ""
+    argument: ClassVar[str] = "prior"
+    kinds: ClassVar[dict[str, type[Prior]]] = {}
+
+    def __init_subclass__(cls, **settings: Any) -> None:
+        super().__init_subclass__(**settings)
+        Prior.kinds[cls.kind] = cls
+
+    @property
+    @abstractmethod
+    def block(self) -> tuple[int, int, int]:
+        """(L, h, w)."""
+
+    @property
+    @abstractmethod
+    def wavelengths(self) -> tuple[float, ...] | None:
+        """Of the L channels, in metres; None where they are views or not known."""
+
+    @property
+    @abstractmethod
+    def sources(self) -> tuple[str, ...]:
+        """Names (and checksums) of the scenes it was learned from."""
+
+    @classmethod
+    @abstractmethod
+    def learn(cls, *examples: Any, **settings: Any) -> Self:
+        """The prior of blocks (h, w) cut from example cubes (L, H, W)."""
+
+    @abstractmethod
+    def sample(self, count: int, seed: int) -> Tensor:
+        """(count, L, h, w) random blocks of this prior."""
+
+    @abstractmethod
+    def figure(self) -> Figure:
+        """A picture of it."""
+
+    @abstractmethod
+    def arrays(self) -> dict[str, Tensor]:
+        """What its file holds, by name."""
+
+    def attributes(self) -> dict[str, Any]:
+        """What else its file says."""
+        return {}
+
+    @classmethod
+    @abstractmethod
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
+        """The prior of a file that says this about it; KeyError or ValueError where it is damaged."""
+
+    def check(self, camera: Any) -> None:
+        """Whether it is one of the scenes that a camera sees.
+
+        Raises:
+            ShapeError: another number of bands or views.
+            SettingError: bands that are more than a nanometre away.
+        """
+        if camera.kind == "light-field":
+            v, u = camera.views
+            if self.block[0] != v * u:
+                found, wanted = f"{self.block[0]} views", f"the camera's {v}×{u}"
+                raise ShapeError(self.argument, found, wanted, "learn one for them")
+            return
+        if self.block[0] != len(camera.wavelengths):
+            found, wanted = f"{self.block[0]} channels", f"the camera's {len(camera.wavelengths)}"
+            raise ShapeError(self.argument, found, wanted, "learn it on the same bands")
+        pairs = zip(self.wavelengths or camera.wavelengths, camera.wavelengths, strict=True)
+        for band, (length, seen) in enumerate(pairs, start=1):
+            if abs(length - seen) > 1e-9:
+                found, wanted = f"band {band} at {length * 1e9:.4g} nm", f"the camera's {seen * 1e9:.4g} nm"
+                raise SettingError(self.argument, found, wanted, "learn one at the camera's bands")
+
+    def to(self, device: torch.device | str) -> Self:
+        """The prior on a device; itself if it is there."""
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        moved = {name: part.to(device) for name, part in parts.items() if isinstance(part, (Tensor, Prior))}
+        return self if all(part is parts[name] for name, part in moved.items()) else replace(self, **moved)
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the prior as NetCDF4, whole or not at all.
+
+        Raises:
+            OutputError: the file exists, or cannot be written.
+        """
+        import xarray as xr
+
+        from tmca.data import write_dataset
+
+        variables = {name: (self.dimensions[name], values.cpu().numpy()) for name, values in self.arrays().items()}
+        about = {"format": FORMAT, "kind": self.in_files or self.kind, "sources": "\n".join(self.sources)}
+        data = xr.Dataset(variables, attrs={**about, "block": list(self.block), **self.attributes()})
+        if self.wavelengths is not None:
+            data = data.assign_coords(wavelength=("channel", np.array(self.wavelengths), {"units": "m"}))
+        return write_dataset(data, path, overwrite=overwrite)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a prior of this kind that ``save`` wrote.
+
+        Raises:
+            DataError: no such file, no prior of this kind in it, or damaged content.
+        """
+        prior = _read(path, cls.learned_by)
+        if not isinstance(prior, cls):
+            raise DataError(path, prior.called, cls.called, f"name one that {cls.learned_by} wrote")
+        return prior
+
+
+def load_prior(path: str | Path) -> Prior:
+    """Read a prior file of any kind.
+
+    Raises:
+        DataError: no such file, no prior in it, or damaged content.
+    """
+    return _read(path, "`tmca prior learn`")
+
+
+def _read(path: str | Path, learned_by: str) -> Prior:
+    """The prior in a file, which this command would write."""
+    from tmca.data import read_dataset
+
+    data = read_dataset(path)
+    kinds = {kind.in_files or kind.kind: kind for kind in Prior.kinds.values()}
+    kind = kinds.get(str(data.attrs.get("kind")))
+    if data.attrs.get("format") != FORMAT or kind is None:
+        raise DataError(path, "no prior in it", f"a file written by {learned_by}", "learn one")
+    arrays = {n: torch.from_numpy(data[n].values.astype(np.float64)) for n in kind.dimensions if n in data}
+    if not all(values.isfinite().all() for values in arrays.values()):
+        raise DataError(path, "values that are not finite", "numbers", "learn the prior again")
+    sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
+    lengths = tuple(data["wavelength"].values.tolist()) if "wavelength" in data.coords else None
+    try:
+        return kind.from_arrays(arrays, {**data.attrs, "wavelengths": lengths, "sources": sources})
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(path, f"a damaged prior ({error})", "every part of it", "copy the file again") from error
+
+
+def check_kind(prior: Prior, kind: str) -> None:
+    """Raises SettingError unless a prior is of this kind."""
+    wanted = Prior.kinds[kind]
+    if not isinstance(prior, wanted):
+        found, remedy = getattr(prior, "called", "something else"), f"learn one with {wanted.learned_by}"
+        raise SettingError(wanted.argument, found, wanted.called, remedy)

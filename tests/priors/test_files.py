@@ -1,0 +1,127 @@
+"""Priors of every kind come back from their files, those of version 0.1 too."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tests.small_scenes import smooth_scene
+from tmca.errors import DataError, OutputError
+from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary, Prior, load_prior
+
+CUBES = [smooth_scene(24, 31, seed=1), smooth_scene(20, 26, seed=2)]
+ABOUT = {"wavelengths": (450e-9, 550e-9, 650e-9), "sources": ("a", "b")}
+NINE = [torch.rand(9, 12, 13, generator=torch.Generator().manual_seed(0))]
+MADE = {
+    "gaussian": lambda: GaussianPrior.learn(CUBES, (3, 7), **ABOUT),
+    "not stationary": lambda: MADE["mixture"]().component(0),
+    "views": lambda: GaussianPrior.learn(NINE, (3, 4), views=(3, 3), sources=["plane"]),
+    "mixture": lambda: GaussianMixturePrior.learn(CUBES, (2, 6), kinds=3, rank=5, gains=2, samples=300, **ABOUT),
+    "dictionary": lambda: PatchDictionary.learn(
+        NINE, (3, 4), views=(3, 3), atoms=6, coreset=50, rank=8, batch=20, sources=["plane"]
+    ),
+}
+
+
+def same(one, other):
+    assert type(one) is type(other)
+    for part in fields(one):
+        a, b = getattr(one, part.name), getattr(other, part.name)
+        if isinstance(a, Prior):
+            same(a, b)
+        elif isinstance(a, torch.Tensor):
+            torch.testing.assert_close(a, b, rtol=0, atol=1e-7 if part.name == "atoms" else 0)
+        else:
+            assert a == b, part.name
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_a_prior_survives_the_disk(name, tmp_path):
+    prior = MADE[name]()
+    path = prior.save(tmp_path / "prior.nc")
+    same(load_prior(path), prior)
+    same(type(prior).load(path), prior)
+    assert prior.to("cpu") is prior
+    with pytest.raises(OutputError):
+        prior.save(path)
+
+
+def test_files_of_version_0_1_open():
+    folder = Path(__file__).parent / "files"
+    gaussian, mixture, atoms = (load_prior(folder / f"{kind}-0.1.nc") for kind in ("gaussian", "mixture", "dictionary"))
+    assert (gaussian.kind, mixture.kind, atoms.kind) == ("gaussian", "mixture", "dictionary")
+    assert (gaussian.block, mixture.block, atoms.block) == ((2, 2, 4), (2, 2, 4), (9, 2, 3))
+    assert gaussian.wavelengths == mixture.wavelengths == (4.5e-7, 6e-7)
+    assert (gaussian.sources, mixture.sources, atoms.sources) == (("a", "b"), ("a",), ("plane",))
+    assert float(gaussian.mean[0, 0, 0]) == pytest.approx(0.3036473590503495, abs=1e-15)
+    assert float(gaussian.moments[0, 1, 1, 2]) == pytest.approx(0.02887766901282554, abs=1e-15)
+    assert mixture.weights.flatten().tolist() == pytest.approx([0.0629, 0.3131, 0.2063, 0.4177], abs=1e-4)
+    assert mixture.gains.tolist() == pytest.approx([0.6347, 0.3174], abs=1e-4)
+    assert atoms.atoms[0, 0, 0].tolist() == pytest.approx([-0.1230, -0.0289, -0.0125], abs=1e-4)
+    assert (atoms.views, atoms.residual) == ((3, 3), pytest.approx(0.06973078632936337))
+    assert atoms.notes["entries"] == pytest.approx(3.720833333333333)
+
+
+def test_a_file_opens_in_plain_xarray(tmp_path):
+    MADE["gaussian"]().save(tmp_path / "prior.nc")
+    with xr.open_dataset(tmp_path / "prior.nc", engine="h5netcdf") as data:
+        np.testing.assert_allclose(data["wavelength"], [450e-9, 550e-9, 650e-9])
+        assert data["wavelength"].attrs["units"] == "m"
+        assert list(data.attrs["block"]) == [3, 3, 7]
+        assert data.attrs["sources"].split("\n") == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("name", "other"), [("mixture", GaussianPrior), ("dictionary", GaussianPrior), ("gaussian", PatchDictionary)]
+)
+def test_a_file_of_another_kind_is_refused(name, other, tmp_path):
+    path = MADE[name]().save(tmp_path / "prior.nc")
+    with pytest.raises(DataError) as caught:
+        other.load(path)
+    assert caught.value.where == str(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("gaussian", lambda data: data.drop_vars("autocovariance")),
+        ("gaussian", lambda data: data.assign_attrs(format="another")),
+        ("gaussian", lambda data: data.assign_attrs(kind="another")),
+        ("gaussian", lambda data: data.isel(dy=slice(1, None))),
+        ("mixture", lambda data: data.drop_vars("basis")),
+        ("dictionary", lambda data: data.drop_vars("scale")),
+        ("dictionary", lambda data: (data * np.nan).assign_attrs(data.attrs)),
+        ("dictionary", lambda data: data.assign_attrs(notes="{")),
+        ("dictionary", lambda data: data.assign_attrs(views=[2, 2])),
+    ],
+)
+def test_damaged_files_are_refused(name, damage, tmp_path):
+    damage(xr.load_dataset(MADE[name]().save(tmp_path / "prior.nc"))).to_netcdf(tmp_path / "damaged.nc")
+    with pytest.raises(DataError) as caught:
+        load_prior(tmp_path / "damaged.nc")
+    assert caught.value.where == str(tmp_path / "damaged.nc")
+
+
+def test_what_is_no_file_of_a_prior_is_refused(tmp_path):
+    path, prior = tmp_path / "prior.nc", MADE["gaussian"]()
+    with pytest.raises(DataError, match="no such file"):
+        load_prior(path)
+    prior.save(path)
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(DataError):
+        load_prior(path)
+    prior.save(path, overwrite=True)
+    with h5py.File(path, "r+") as file:
+        file["mean"][0, 0, 0] = np.nan
+    with pytest.raises(DataError):
+        load_prior(path)
+
+
+def test_a_prior_that_cannot_be_written_leaves_nothing_behind(tmp_path):
+    with pytest.raises(OutputError):
+        MADE["gaussian"]().save(tmp_path / "missing" / "prior.nc")
+    assert list(tmp_path.iterdir()) == []

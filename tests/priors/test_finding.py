@@ -1,0 +1,148 @@
+"""A camera's prior: learned from scenes, given, read, or that of the rendered scenes, which is cached."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tests.priors.test_spectral_depth import BENCH, camera, prior_of
+from tests.small_scenes import smooth_scene
+from tmca import __version__
+from tmca.cameras import LightFieldCamera, SpectralCamera
+from tmca.errors import DataError, SettingError, ShapeError
+from tmca.priors import GaussianMixturePrior, GaussianPrior, block_of, find_prior, learn_prior
+
+LENGTHS = [4.5e-7, 5.5e-7, 6.5e-7]
+SPECTRAL = SpectralCamera(bands=LENGTHS, size=(8, 30))
+VIEWS = LightFieldCamera(3, (12, 14))
+
+
+def cube(seed=1, lengths=LENGTHS, size=(24, 31), name="a scene"):
+    dims, values = ("wavelength", "y", "x"), smooth_scene(*size, seed=seed).numpy()
+    return xr.DataArray(values, dims=dims, coords={"wavelength": lengths}, attrs={"name": name})
+
+
+def light_field(views=(3, 3), size=(14, 16), colours=()):
+    values = np.random.default_rng(0).random((*colours, *views, *size), dtype=np.float32)
+    return xr.DataArray(values, dims=("colour", "view_v", "view_u", "y", "x")[1 - len(colours) :], attrs={"name": "b"})
+
+
+def small_mixture(bands=2):
+    examples = [torch.rand(bands, 20, 20, generator=torch.Generator().manual_seed(0))]
+    return GaussianMixturePrior.learn(examples, (4, 4), kinds=2, rank=8, samples=200)
+
+
+def test_cubes_bring_their_wavelengths_and_checksums():
+    prior = learn_prior([cube(), cube(2, size=(20, 26), name="another")], spread=2)
+    assert prior.block == (3, 12, 24)
+    assert prior.wavelengths == tuple(LENGTHS)
+    assert prior.sources[1].startswith("another sha256 ")
+
+
+def test_the_camera_decides_the_block_and_small_scenes_shrink_it():
+    wide = SpectralCamera(bands=12, size=(8, 30))
+    assert (block_of(wide), block_of(wide, "mixture")) == ((12, 36), (8, 36))
+    assert (block_of(LightFieldCamera(5, (8, 8))), block_of(LightFieldCamera(9, (8, 8)))) == ((9, 9), (5, 5))
+    assert learn_prior([cube(size=(10, 20))], SPECTRAL).block == (3, 10, 20)
+    assert learn_prior([cube()], SPECTRAL, block=(4, 9)).block == (3, 4, 9)
+
+
+def test_a_prior_of_light_fields_is_that_of_their_colours_with_views_that_turn():
+    field = light_field(colours=(2,))
+    found = learn_prior([field.to_dataset(name="light_field")], VIEWS, block=(3, 4))
+    cubes = [torch.from_numpy(colour).flatten(0, 1) for colour in field.values]
+    assert torch.equal(found.moments, GaussianPrior.learn(cubes, (3, 4), views=(3, 3)).moments)
+    few = {"kinds": 2, "rank": 5, "samples": 100, "gains": 2}
+    mixture = learn_prior([field], VIEWS, "mixture", block=(3, 4), seed=3, **few)
+    again = GaussianMixturePrior.learn(cubes, (3, 4), views=(3, 3), seed=3, **few)
+    assert torch.equal(mixture.covariances, again.covariances)
+    atoms = learn_prior([field], VIEWS, "dictionary", block=(3, 4), atoms=5, coreset=40, rank=6)
+    assert (atoms.block, atoms.views) == ((9, 3, 4), (3, 3))
+
+
+@pytest.mark.parametrize(
+    ("scenes", "how", "error", "where"),
+    [
+        ([], {}, SettingError, "prior"),
+        ([cube(), cube(2, [4e-7, 5e-7, 6e-7], name="other")], {}, DataError, "other"),
+        ([light_field(), light_field((5, 5))], {}, DataError, "b"),
+        ([cube()], {"kind": "dictionary"}, SettingError, "kind"),
+        ([cube()], {"kind": "neural"}, SettingError, "kind"),
+        ([cube(), cube(2, size=(9, 40), name="low")], {"block": (10, 20)}, DataError, "low"),
+        ([cube(size=(14, 40), name="low")], {"camera": camera(4, bands=LENGTHS)}, DataError, "low"),
+    ],
+)
+def test_scenes_that_do_not_go_together_are_refused(scenes, how, error, where):
+    with pytest.raises(error) as caught:
+        learn_prior(scenes, **how)
+    assert caught.value.where == where
+
+
+def test_a_prior_is_taken_as_it_is_or_read(tmp_path):
+    prior, made = prior_of((12, 12)), camera(4)
+    assert find_prior(made, prior) is prior
+    read = find_prior(made, prior.save(tmp_path / "prior.nc"))
+    torch.testing.assert_close(read.covariance, prior.covariance)
+
+
+@pytest.mark.parametrize(
+    ("camera", "prior", "kind", "error"),
+    [
+        (camera(4), small_mixture(), "gaussian", SettingError),
+        (SPECTRAL, learn_prior([cube()], SPECTRAL), "mixture", SettingError),
+        (SPECTRAL, learn_prior([cube(lengths=[4.5e-7, 5.5e-7, 6.6e-7])], SPECTRAL), "gaussian", SettingError),
+        (SPECTRAL, prior_of((6, 6)), "gaussian", ShapeError),
+        (camera(4), prior_of((6, 6), bands=3), "gaussian", ShapeError),
+        (VIEWS, learn_prior([light_field((3, 5))], spread=0), "gaussian", ShapeError),
+    ],
+)
+def test_a_prior_of_another_kind_or_camera_is_refused(camera, prior, kind, error, tmp_path):
+    for given in (prior, prior.save(tmp_path / "prior.nc")):
+        with pytest.raises(error) as caught:
+            find_prior(camera, given, kind)
+        assert caught.value.where == "prior"
+
+
+def test_nothing_is_rendered_for_bands_beyond_the_visible_oblong_views_or_dictionaries():
+    infrared = SpectralCamera(bands=[5e-7, 8e-7], size=(8, 30))
+    for made, kind, where in (
+        (infrared, "gaussian", "prior"),
+        (LightFieldCamera((3, 5), (8, 8)), "gaussian", "prior"),
+        (VIEWS, "dictionary", "dictionary"),
+    ):
+        with pytest.raises(SettingError) as caught:
+            find_prior(made, None, kind)
+        assert caught.value.where == where
+
+
+def test_the_rendered_scenes_prior_is_learned_once_and_called_as_in_version_0_1(monkeypatch, tmp_path):
+    rendered = []
+
+    def render(name, wavelengths, size):
+        rendered.append(name)
+        return xr.Dataset({"radiance": cube(len(name), wavelengths)})
+
+    monkeypatch.setenv("TMCA_CACHE", str(tmp_path))
+    monkeypatch.setattr("tmca.data.rendered_scene", render)
+    monkeypatch.setattr("tmca.data.split_rendered", lambda: {"train": ["rocket", "coffee"]})
+    shares = []
+    first = find_prior(SPECTRAL, progress=lambda share, what: shares.append(share))
+    assert rendered == ["coffee", "rocket"]
+    assert shares == sorted(shares)
+    identity = [1, __version__, [450000, 550000, 650000], 2, False, ["coffee", "rocket"], (256, 256)]
+    digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
+    (file,) = tmp_path.iterdir()
+    assert file.name == f"rendered-gaussian-{digest}.nc"
+    assert torch.equal(find_prior(SPECTRAL).moments, first.moments)
+    assert len(rendered) == 2
+    file.write_bytes(b"damaged")
+    assert torch.equal(find_prior(SPECTRAL).moments, first.moments)
+
+
+@pytest.mark.parametrize(("period", "window", "side"), [(2, None, 12), (2, 4, 12), (2, 15, 15), (16, None, 16)])
+def test_the_prior_of_depth_holds_windows_of_the_usual_size(period, window, side):
+    made = camera(4, size=(40, 40), period=period)
+    assert block_of(made, window=window) == (side + BENCH.window[0] - 1, side + BENCH.window[1] - 1)
