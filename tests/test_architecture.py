@@ -12,6 +12,7 @@ FLOORS = {
     "errors": 0,
     "data": 1,
     "metrics": 1,
+    "plots": 1,
     "dbd": 2,
     "codes": 2,
     "optics": 2,

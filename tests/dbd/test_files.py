@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tmca.dbd import Units, simulate, solve
+from tmca.dbd import Problem, Units, simulate, solve
 from tmca.dbd.files import load_problem, save_problem, save_recovery
-from tmca.dbd.problem import Problem
 from tmca.errors import DataError, OutputError, SettingError, TmcaError
 
 

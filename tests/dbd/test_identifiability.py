@@ -7,8 +7,8 @@ import pytest
 
 from tests.dbd.loops import small
 from tmca.dbd import simulate, solve
-from tmca.dbd.atoms.atoms import Atoms
-from tmca.dbd.identifiability import ambiguities, beyond_freedom, lifted_unknowns, same_signals
+from tmca.dbd.atoms import Atoms
+from tmca.dbd.model import ambiguities, beyond_freedom, lifted_unknowns, same_signals
 
 
 def stacked(problem, counts, seed=0):

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from tests.dbd.loops import noise, samples
-from tmca.dbd import Problem, Source, Truth, Units, simulate, solve
-from tmca.dbd.identifiability import SameSignals
-from tmca.dbd.signals.simulate import overlaid
-from tmca.dbd.solvers import by_dual
+from tmca.dbd import Problem, Source, Truth, Units, simulate, solve, solving
+from tmca.dbd.model import SameSignals
+from tmca.dbd.simulation import overlaid
 from tmca.errors import SettingError
 
 CASES = {
@@ -146,7 +145,7 @@ def test_guard_carriers_carry_nothing(method):
 
 def test_a_programme_that_has_not_converged_says_so(monkeypatch):
     problem = simulate(M=7, P=4, J=2, targets=1, paths=1, seed=1)
-    monkeypatch.setattr(by_dual, "solve_dual", partial(by_dual.solve_dual, iterations=50))
+    monkeypatch.setattr(solving, "solve_admm", partial(solving.solve_admm, iterations=50))
     assert any("has not converged: residual" in note for note in solve(problem, "sdp", early=False).notes)
     monkeypatch.undo()
     assert not any("converged" in note for note in solve(problem, "sdp", early=False).notes)

@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tmca.dbd import solve
-from tmca.dbd.physical import LIGHT_M_S
-from tmca.dbd.signals.scenario import Scenario
-from tmca.dbd.signals.scenario_files import read_scenario, scenario_names
-from tmca.dbd.signals.ways import Path, Target
+from tmca.dbd import Path, Scenario, Target, read_scenario, solve
+from tmca.dbd.coordinates import LIGHT_M_S
+from tmca.dbd.files import scenario_names
 from tmca.errors import DataError, SettingError
 
 SCENE = Scenario(
@@ -20,7 +18,7 @@ SCENE = Scenario(
 @pytest.mark.parametrize("messages", ["shared", "block"])
 @pytest.mark.parametrize("useful_s", [3.2e-6, 3.3e-6])  # even and odd numbers of frequencies
 def test_without_doppler_inside_an_interval_the_receiver_gets_the_model(messages, useful_s):
-    scene = replace(SCENE, messages=messages, useful_s=useful_s)
+    scene = replace(SCENE, messages=messages, useful_s=useful_s).draw()
     received, model = scene.receive(doppler_within=False).y, scene.problem().y
     assert np.linalg.norm(received - model) < 1e-5 * np.linalg.norm(model)
 
@@ -28,7 +26,7 @@ def test_without_doppler_inside_an_interval_the_receiver_gets_the_model(messages
 def test_slow_things_are_nearer_to_the_model():
     slow = replace(SCENE, targets=[Target(60.0, 1.0)], paths=[Path(90.0, 0.5)])
     fast = replace(SCENE, targets=[Target(60.0, 10.0)], paths=[Path(90.0, 5.0)])
-    assert fast.model_error == pytest.approx(10 * slow.model_error, rel=0.05)
+    assert fast.draw().model_error == pytest.approx(10 * slow.draw().model_error, rel=0.05)
 
 
 def test_delays_and_dopplers_are_those_of_the_textbook():
@@ -41,14 +39,14 @@ def test_delays_and_dopplers_are_those_of_the_textbook():
 
 def test_antennas_see_the_angle():
     scene = replace(SCENE, targets=[Target(60.0, 10.0, angle_deg=30.0)], antennas=3)
-    turn = scene.receive(doppler_within=False)
-    alone = replace(scene, paths=[]).receive(doppler_within=False).y
+    turn = scene.draw().receive(doppler_within=False)
+    alone = replace(scene, paths=[]).draw().receive(doppler_within=False).y
     assert turn.shape[0] == 3
     np.testing.assert_allclose(alone[1], alone[0] * np.exp(-2j * np.pi * 0.25), atol=1e-12)
 
 
 def test_what_is_received_comes_back_in_metres():
-    recovery = solve(replace(SCENE, snr_db=25.0).receive())
+    recovery = solve(replace(SCENE, snr_db=25.0).draw().receive())
     metres = np.sort(recovery.delays_s["radar"]) * LIGHT_M_S / 2
     np.testing.assert_allclose(metres, [60.0, 150.0], atol=0.5)
     speeds = recovery.dopplers_hz["radar"] * LIGHT_M_S / (2 * SCENE.carrier_hz)
@@ -98,7 +96,7 @@ def test_numbers_of_targets_are_finite():
 @pytest.mark.parametrize("snr_db", [40.0, None])
 def test_what_the_model_leaves_out_gives_no_targets(snr_db):
     """The turn of the phase within an interval, 2 % of the samples, is far above the noise."""
-    scene = replace(read_scenario("road"), snr_db=snr_db)
+    scene = replace(read_scenario("road"), snr_db=snr_db).draw()
     problem = scene.receive()
     left = np.sqrt(np.mean(np.abs(scene.receive().y - scene.receive(doppler_within=False).y) ** 2))
     assert problem.sigma >= 0.95 * left

@@ -5,8 +5,7 @@ import pytest
 
 from tests.dbd.loops import KINDS, samples, small
 from tmca.dbd import simulate
-from tmca.dbd.signals.bases import random_rows
-from tmca.dbd.signals.messages import fourier
+from tmca.dbd.messages import fourier, random_rows
 from tmca.errors import SettingError
 
 

@@ -1,4 +1,4 @@
-"""The dual polynomial of a source: its norm on grids and at points, and where it peaks."""
+"""Lifted atoms: what one path with unknown coefficients puts on the samples; and the dual: where samples match them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,97 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tmca.dbd.arrays import Complex, Mask, Real, Whole
-from tmca.dbd.atoms.atoms import Atoms
-from tmca.dbd.torus import distance
+from tmca.dbd.coordinates import AXES, Complex, Mask, Real, Whole, distance
+from tmca.dbd.model import Source
+from tmca.errors import SettingError
 
 _NEWTON_STEPS = 14
 _SAME_PEAK = 0.1
 """Maxima closer than this share of a resolution cell are one."""
+
+
+class Atoms:
+    """The atoms of one source on a lattice of samples; a point is ``(delay, doppler, angle)``, less what is not seen.
+
+    Args:
+        source: the transmitter.
+        shape: antennas, pulses, frequencies.
+        every_axis: keep the Doppler axis even where messages absorb it, for models with one waveform for all paths.
+
+    Raises:
+        SettingError: a lattice on which no coordinate shows.
+    """
+
+    def __init__(self, source: Source, shape: tuple[int, int, int], every_axis: bool = False) -> None:
+        antennas, pulses, frequencies = shape
+        self.source, self.shape, self.size = source, shape, source.unknowns
+        self.samples = antennas * pulses * frequencies
+        doppler = pulses > 1 and (source.sees_doppler or every_axis)
+        seen = (frequencies > 1, doppler, antennas > 1)
+        self.axes = tuple(axis for axis, there in zip(AXES, seen, strict=True) if there)
+        if not self.axes:
+            found = f"{antennas} antenna, {pulses} pulses and {frequencies} frequency, where no coordinate shows"
+            expected = "several frequencies, or pulses that share a message"
+            raise SettingError(f"samples of {source.name}", found, expected)
+        self.lattice_axes = tuple(2 - AXES.index(axis) for axis in self.axes)
+        self.counts = np.array([shape[axis] for axis in self.lattice_axes], float)
+
+        numbers = {"delay": np.arange(frequencies) - frequencies // 2}
+        numbers |= {"doppler": np.arange(pulses), "angle": np.arange(antennas)}
+        self.exponents = [numbers[axis].astype(float) for axis in self.axes]
+        """Sample numbers along each axis of a point: n, p, a."""
+
+    def seen(self, points: Real) -> Real:
+        """The coordinates ``(n, D)`` that these atoms depend on, of ``(n, 3)`` points."""
+        return points[:, [AXES.index(axis) for axis in self.axes]]
+
+    def full(self, positions: Real) -> Real:
+        """``(n, 3)`` of ``(n, D)`` coordinates: NaN for an axis that does not exist."""
+        points = np.full((len(positions), len(AXES)), np.nan)
+        points[:, [AXES.index(axis) for axis in self.axes]] = positions
+        return points
+
+    def phases(self, points: Real) -> Complex:
+        """``exp(−j2π(n τ + p ν + a θ))`` of ``(n, D)`` points on the lattice: ``(n, A, P, M)``."""
+        phase = np.ones((len(points), 1, 1, 1), complex)
+        for ramp, coordinate in zip(self._ramps(), points.T, strict=True):
+            phase = phase * np.exp(-2j * np.pi * coordinate[:, None, None, None] * ramp)
+        return np.broadcast_to(phase, (len(points), *self.shape))
+
+    def _ramps(self) -> list[Real]:
+        """The exponents as arrays that broadcast over the lattice."""
+        shapes = {0: (-1, 1, 1), 1: (1, -1, 1), 2: (1, 1, -1)}
+        pairs = zip(self.exponents, self.lattice_axes, strict=True)
+        return [numbers.reshape(shapes[axis]) for numbers, axis in pairs]
+
+    def matrix(self, points: Real) -> Complex:
+        """``(A P M, G J)``: the samples of a path at a point for each coefficient of its signal; of ``(n, D)`` points
+        side by side, ``(A P M, n G J)``.
+        """
+        blocks = [self.through(phase) for phase in self.phases(np.atleast_2d(points))]
+        return np.hstack(blocks) if blocks else np.zeros((self.samples, 0), complex)
+
+    def through(self, response: Complex) -> Complex:
+        """``(A P M, G J)``: samples for each coefficient of the signal through a channel ``(A, P, M)``."""
+        source, (antennas, pulses, frequencies) = self.source, self.shape
+        columns = source.rows * response[..., None]
+        if source.messages == 1:
+            return columns.reshape(-1, source.subspace)
+        full = np.zeros((antennas, pulses, frequencies, source.messages, source.subspace), complex)
+        full[:, np.arange(pulses), :, source.message] = columns.swapaxes(0, 1)
+        return full.reshape(-1, self.size)
+
+    def signals(self, points: Real, weights: Complex) -> Complex:
+        """``(n, A P M)``: the samples of ``(n, D)`` points with coefficients ``(n, G J)`` or ``(G J,)`` each."""
+        sent = self.source.signal(weights)
+        sent = sent[None, None] if weights.ndim == 1 else sent[:, None]
+        return (sent * self.phases(points)).reshape(len(points), self.samples)
+
+    def slopes(self, points: Real, weights: Complex) -> Complex:
+        """``(A P M, n D)``: derivatives of the signals by the coordinates, point by point."""
+        signals = self.signals(points, weights).reshape(len(points), *self.shape)
+        slopes = np.stack([-2j * np.pi * ramp * signals for ramp in self._ramps()], axis=1)
+        return slopes.reshape(len(points) * len(self.axes), self.samples).T
 
 
 class Polynomial:
@@ -68,30 +152,22 @@ class Polynomial:
                 hessian[:, i, j] = inner(f, second) + inner(first[i], first[j])
         return inner(f, f) / 2, gradient, hessian
 
-    def values(self, points: Real) -> Complex:
-        """``f`` at ``(n, D)`` points: ``(n, G J)``."""
-        moments = self._moments(points, orders=1)
-        return moments[(0,) * len(self.atoms.axes)].reshape(len(points), -1)
-
-    def _moments(self, points: Real, orders: int = 3) -> dict[tuple[int, ...], Complex]:
-        """Derivatives of f by the coordinates, keyed by order in each; each ``(n, G, J)``."""
+    def _moments(self, points: Real) -> dict[tuple[int, ...], Complex]:
+        """Derivatives of f by the coordinates up to the second, keyed by order in each; each ``(n, G, J)``."""
         count, atoms = len(points), self.atoms
         powers = {axis: np.ones((count, 1, atoms.shape[axis]), complex) for axis in range(3)}
         for axis, numbers, x in zip(atoms.lattice_axes, atoms.exponents, points.T, strict=True):
             slope = 2j * np.pi * numbers
             wave = np.exp(x[:, None] * slope)
-            powers[axis] = np.stack([slope**order * wave for order in range(orders)], axis=1)
+            powers[axis] = np.stack([slope**order * wave for order in range(3)], axis=1)
         weighted = np.conj(atoms.source.rows) * self.q[..., None]
         over_n = np.matmul(powers[2].reshape(-1, atoms.shape[2]), weighted)
         over_n = over_n.reshape(*atoms.shape[:2], count, -1, atoms.source.subspace)
         terms = over_n[:, :, :, :, None] * powers[1].transpose(2, 0, 1)[None, :, :, None, :, None]
         over_p = np.add.reduceat(terms, self.starts, axis=1)
         full = np.einsum("agnors,nta->nortgs", over_p, powers[0])
-        found = {}
-        for order in np.ndindex(full.shape[1], full.shape[2], full.shape[3]):
-            if sum(order) <= 2:
-                found[tuple(order[2 - axis] for axis in atoms.lattice_axes)] = full[(slice(None), *order)]
-        return found
+        orders = [order for order in np.ndindex(full.shape[1:4]) if sum(order) <= 2]
+        return {tuple(one[2 - axis] for axis in atoms.lattice_axes): full[(slice(None), *one)] for one in orders}
 
     def ascend(self, points: Real) -> tuple[Real, Real]:
         """Maxima of ``‖f‖²`` near ``(n, D)`` points by safeguarded Newton steps, and their values."""
@@ -103,8 +179,7 @@ class Polynomial:
             if not len(active):
                 break
             step = _newton_step(gradient[active], hessian[active], limit)
-            moved = self._accepted(x, value, gradient, hessian, active, step)
-            active = active[moved]
+            active = active[self._accepted(x, value, gradient, hessian, active, step)]
         return x % 1.0, value
 
     def _accepted(self, x: Real, value: Real, gradient: Real, hessian: Real, active: Whole, step: Real) -> Mask:
@@ -151,9 +226,9 @@ def _newton_step(gradient: Real, hessian: Real, limit: Real) -> Real:
 
 def _distinct(points: Real, norms: Real, level: float, counts: Real) -> tuple[Real, Real]:
     """The points above the level, each once."""
-    kept: list[int] = []
+    chosen: list[int] = []
     for one in np.argsort(-norms):
-        near = [np.max(distance(points[one], points[other]) * counts) < _SAME_PEAK for other in kept]
+        near = [np.max(distance(points[one], points[other]) * counts) < _SAME_PEAK for other in chosen]
         if norms[one] >= level and not any(near):
-            kept.append(int(one))
-    return points[kept], norms[kept]
+            chosen.append(int(one))
+    return points[chosen], norms[chosen]

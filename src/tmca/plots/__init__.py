@@ -1,0 +1,1 @@
+"""Pictures from arrays: they know no camera."""
