@@ -175,17 +175,6 @@ def test_the_thesis_gram_gives_the_value_of_the_programme_written_out(solver):
     assert solver(problem, gram="shared").value == pytest.approx(slow_value(problem, shared=True), abs=2e-3)
 
 
-def test_a_warm_start_goes_on():
-    problem = tiny("shared")
-    cold = solve_admm(problem)
-    assert cold.iterations > 100
-    warm = solve_admm(problem, warm=cold.state)
-    assert warm.iterations == 25
-    assert warm.value == pytest.approx(cold.value, abs=1e-4)
-    again = solve_admm(problem, warm=cold.state)  # which is as it was
-    np.testing.assert_array_equal(again.q, warm.q)
-
-
 def test_a_stop_ends_the_iterations():
     asked = []
     solve_admm(tiny("shared"), stop=lambda q: asked.append(q.shape) or len(asked) == 2)

@@ -7,9 +7,8 @@ the points where it is broken, again and again (exchange method), by second-orde
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -41,8 +40,6 @@ class Certificate:
         q: the dual variable ``(A, P, M)``.
         unique: whether no other measure is as good: the atoms at all points where the polynomials touch their bounds
             are independent.
-        rounds: of the exchange.
-        seconds: it took.
     """
 
     status: str
@@ -50,8 +47,6 @@ class Certificate:
     reason: str
     q: Complex | None = field(default=None, repr=False)
     unique: bool = False
-    rounds: int = 0
-    seconds: float = 0.0
 
     @property
     def certified(self) -> bool | None:
@@ -61,12 +56,6 @@ class Certificate:
 
 def certificate(channels: Sequence[Channel]) -> Certificate:
     """Looks for a dual certificate of lifted channels that fit the samples."""
-    began = time.perf_counter()
-    proof = _exchange(channels)
-    return replace(proof, seconds=time.perf_counter() - began)
-
-
-def _exchange(channels: Sequence[Channel]) -> Certificate:
     if not any(paths(channels)):
         return Certificate("undecided", np.inf, "no atoms")
     start, free, conflict = _interpolating(channels)
@@ -76,29 +65,29 @@ def _exchange(channels: Sequence[Channel]) -> Certificate:
     coordinates: Real = np.zeros(free.shape[1])
     cuts: list[tuple[Atoms, Real]] = []
     level = np.inf
-    for round_ in range(_ROUNDS):
+    for _ in range(_ROUNDS):
         q = _complex(start + free @ coordinates).reshape(shape)
         broken, level = _broken(channels, q)
         if not broken:
-            return _certified(channels, level, q, round_)
+            return _certified(channels, level, q)
         if start.size > 2 * _LARGEST:
             reason = f"the dual polynomial of least norm exceeds its bound and {start.size // 2} samples are many"
-            return Certificate("undecided", level, reason, q, rounds=round_)
+            return Certificate("undecided", level, reason, q)
         cuts = (cuts + broken)[-_CUTS:]
         solution, status, reason = _within(start, free, cuts)
         if solution is None:
-            return Certificate(status, level, reason, q, rounds=round_ + 1)
+            return Certificate(status, level, reason, q)
         coordinates = solution
-    return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q, rounds=_ROUNDS)
+    return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q)
 
 
-def _certified(channels: Sequence[Channel], level: float, q: Complex, rounds: int) -> Certificate:
+def _certified(channels: Sequence[Channel], level: float, q: Complex) -> Certificate:
     """With whether the optimum is the only one: every other one is of atoms where this polynomial touches too."""
     touching = [one.added(_peaks(one.atoms, q, 1 - _TOUCHES)[0]) for one in channels]
     matrix = np.hstack([one.linear() for one in touching])
     unique = bool(np.linalg.matrix_rank(matrix, 1e-7 * np.linalg.norm(matrix)) == matrix.shape[1])
     reason = "a dual polynomial exists" if unique else "there may be other optima"
-    return Certificate("certified", level, reason, q, unique, rounds)
+    return Certificate("certified", level, reason, q, unique)
 
 
 def _interpolating(channels: Sequence[Channel]) -> tuple[Real, Real, float]:

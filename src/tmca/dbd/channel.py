@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tmca.dbd.atoms import Atoms
+from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.coordinates import Complex, Mask, Real, Whole, distance
-from tmca.dbd.model import Problem
+from tmca.dbd.model import Problem, Source
 
 _TRIALS = 8
 _SAME_PLACE = 0.02
@@ -178,7 +178,10 @@ class Channel:
         positions, weights = self.positions, self.waveform
         if atoms.axes != self.atoms.axes:
             per_pulse = weights.reshape(len(self), atoms.source.messages, -1)
-            positions, weights = _with_relative_doppler(positions, per_pulse)
+            dopplers = _relative_dopplers(per_pulse)
+            ramps = np.exp(2j * np.pi * dopplers[:, None] * np.arange(atoms.source.messages))
+            positions = np.insert(positions, 1, dopplers, axis=1)
+            weights = (per_pulse * ramps[..., None]).reshape(len(self), -1)
         left, sizes, right = np.linalg.svd(weights, full_matrices=False)
         return Channel(atoms, positions, left[:, 0] * sizes[0], right[0]).normalised()
 
@@ -328,33 +331,14 @@ def _moved(channels: Sequence[Channel], step: Real) -> Channels:
     return [one.moved(*parts) for one, *parts in zip(channels, shifts, changes, strict=True)]
 
 
-def _with_relative_doppler(points: Real, weights: Complex) -> tuple[Real, Complex]:
-    """Adds Dopplers relative to the strongest path and takes them out of ``(n, P, J)`` weights.
+def _relative_dopplers(weights: Complex) -> Real:
+    """Dopplers relative to the strongest path, of ``(n, P, J)`` coefficients.
 
     The phases of ``block`` messages absorb an absolute Doppler; two paths carry the same messages, so that the
     products of their coefficients turn with the difference of theirs.
     """
+    pulses = weights.shape[1]
     strongest = int(np.argmax(np.linalg.norm(weights, axis=(1, 2))))
-    pulses = np.arange(weights.shape[1])
     turning = np.einsum("npj,pj->np", weights, weights[strongest].conj())
-    dopplers = np.array([_frequency(one, pulses) for one in turning])
-    straight = weights * np.exp(2j * np.pi * dopplers[:, None] * pulses)[..., None]
-    return np.insert(points, 1, dopplers, axis=1), straight.reshape(len(points), -1)
-
-
-def _frequency(turning: Complex, pulses: Whole, oversampling: int = 16) -> float:
-    """The frequency at which ``Σ z_p exp(+j2π p x)`` is largest."""
-    size = oversampling * len(pulses)
-    x = float(np.argmax(np.abs(np.fft.ifft(turning, size)))) / size
-    for _ in range(20):
-        terms = np.exp(2j * np.pi * pulses * x) * turning
-        slope = 2j * np.pi * pulses
-        f, f1, f2 = terms.sum(), (slope * terms).sum(), (slope**2 * terms).sum()
-        curvature = abs(f1) ** 2 + np.real(np.conj(f) * f2)
-        if curvature >= 0:
-            break
-        step = -float(np.real(np.conj(f) * f1) / curvature)
-        x += float(np.clip(step, -0.5 / size, 0.5 / size))
-        if abs(step) < 1e-16:
-            break
-    return x % 1.0
+    tone = Atoms(Source("tone", np.ones((pulses, 1, 1), complex), np.zeros(pulses, np.int64)), (1, pulses, 1))
+    return np.array([Polynomial(tone, one).peaks(0.0, oversampling=16, most=1)[0][0, 0] for one in turning])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
@@ -91,7 +91,6 @@ class DualSolution:
         residual: the larger of the relative primal and dual residuals.
         converged: whether it fell below the tolerance.
         stopped: whether ``stop`` ended the iterations.
-        state: pass as ``warm`` to go on.
     """
 
     q: Complex = field(repr=False)
@@ -100,11 +99,10 @@ class DualSolution:
     residual: float = 0.0
     converged: bool = True
     stopped: bool = False
-    state: State | None = field(default=None, repr=False)
 
 
 @dataclass
-class State:
+class _State:
     """Slack and scaled multiplier of every inequality, the step length and the last q."""
 
     slack: list[Complex]
@@ -120,7 +118,6 @@ def solve_admm(
     level: float = 0.0,
     iterations: int = 6000,
     tolerance: float = 1e-5,
-    warm: State | None = None,
     stop: Callable[[Complex], bool] | None = None,
     progress: Callable[..., None] | None = None,
 ) -> DualSolution:
@@ -132,13 +129,12 @@ def solve_admm(
         level: of regularisation; 0 fits the samples exactly.
         iterations: at most.
         tolerance: of the relative residuals.
-        warm: the state of an earlier run of this size.
         stop: asked every 25 iterations with q ``(A, P, M)``; True ends early.
         progress: told the share of the iterations and, as ``detail``, the residual.
     """
     parts = [Gram(source, problem.shape) for source in problem.sources]
     y = problem.y.reshape(-1)
-    state = replace(warm) if warm else _start(parts, y)
+    state = _start(parts, y)
     power = np.asarray(sum(part.power() for part in parts)) if level else _heard(parts, y)
     stopped, worst, done = False, np.inf, 0
     negative = [0] * len(parts)
@@ -159,7 +155,7 @@ def solve_admm(
             _balance(state, primal, dual)
     value = float(np.real(np.vdot(state.q, y)) - level / 2 * np.linalg.norm(state.q) ** 2)
     q = state.q.reshape(problem.shape)
-    return DualSolution(q, value, done, float(worst), bool(worst < tolerance), stopped, state)
+    return DualSolution(q, value, done, float(worst), bool(worst < tolerance), stopped)
 
 
 def _heard(parts: list[Gram], y: Complex) -> Real:
@@ -172,13 +168,13 @@ def _heard(parts: list[Gram], y: Complex) -> Real:
     return np.where(silent, np.inf, power)
 
 
-def _start(parts: list[Gram], y: Complex) -> State:
+def _start(parts: list[Gram], y: Complex) -> _State:
     diagonals = [np.repeat([1 / one.size, one.bound**2], [one.size, one.unknowns]) for one in parts]
     slack: list[Complex] = [np.diag(one).astype(complex) for one in diagonals]
-    return State(slack, [np.zeros_like(one) for one in slack], 0.05, np.zeros_like(y))
+    return _State(slack, [np.zeros_like(one) for one in slack], 0.05, np.zeros_like(y))
 
 
-def _nearest(parts: list[Gram], state: State, y: Complex, power: Real, level: float, gram: str) -> list[Complex]:
+def _nearest(parts: list[Gram], state: _State, y: Complex, power: Real, level: float, gram: str) -> list[Complex]:
     """The closed step in q, and the matrices with its coefficients."""
     pairs = zip(state.slack, state.multiplier, strict=True)
     sums: list[Complex] = [slack + multiplier for slack, multiplier in pairs]
@@ -200,7 +196,7 @@ def _affine(parts: list[Gram], sums: list[Complex], q: Complex, gram: str) -> li
 
 
 def _projected(
-    affine: list[Complex], state: State, negative: list[int]
+    affine: list[Complex], state: _State, negative: list[int]
 ) -> tuple[list[Complex], list[Complex], list[int]]:
     slacks: list[Complex] = []
     multipliers: list[Complex] = []
@@ -216,7 +212,7 @@ def _projected(
     return slacks, multipliers, counts
 
 
-def _residuals(affine: list[Complex], before: list[Complex], state: State) -> tuple[float, float]:
+def _residuals(affine: list[Complex], before: list[Complex], state: _State) -> tuple[float, float]:
     def norm(matrices: list[Complex]) -> float:
         return float(np.sqrt(sum(np.linalg.norm(one) ** 2 for one in matrices)))
 
@@ -225,7 +221,7 @@ def _residuals(affine: list[Complex], before: list[Complex], state: State) -> tu
     return primal / (1 + norm(state.slack)), dual / (1 + state.step * norm(state.multiplier))
 
 
-def _balance(state: State, primal: float, dual: float) -> None:
+def _balance(state: _State, primal: float, dual: float) -> None:
     """Keeps the two residuals within a factor of five."""
     if primal > 5 * dual:
         scale = 2.0
@@ -280,7 +276,7 @@ def solve_cvx(
         if corner is None or gram != "shared":
             corner, traces = _unit_gram(part)
             constraints.append(traces)
-        coefficients = _coefficients(part, q)
+        coefficients = _coefficients(part, q, problem.y.size)
         bound = part.bound**2 * np.eye(part.unknowns)
         constraints.append(cp.bmat([[corner, coefficients.H], [coefficients, bound]]) >> 0)
     objective = cp.real(cp.sum(cp.multiply(np.conj(problem.y.reshape(-1)), q)))
@@ -314,13 +310,10 @@ def _unit_gram(part: Gram) -> tuple[Any, Any]:
     return matrix, sums @ cp.vec(matrix, order="F") == (used == middle).astype(float)
 
 
-def _coefficients(part: Gram, q: Any) -> Any:
+def _coefficients(part: Gram, q: Any, samples: int) -> Any:
+    """The coefficients of a CVXPY variable."""
     from scipy.sparse import csr_matrix
 
     cp: Any = import_module("cvxpy")
-    rows, columns = np.broadcast_arrays(part.rows, part.columns)
-    samples = np.broadcast_to(np.arange(len(part.rows))[:, None], rows.shape)
-    places = (rows + part.unknowns * columns).reshape(-1)
-    shape = (part.unknowns * part.size, len(part.rows))
-    matrix = csr_matrix((part.values.reshape(-1), (places, samples.reshape(-1))), shape=shape)
-    return cp.reshape(matrix @ q, (part.unknowns, part.size), order="F")
+    units = [part.coefficients(unit).reshape(-1, order="F") for unit in np.eye(samples, dtype=complex)]
+    return cp.reshape(csr_matrix(np.stack(units, axis=1)) @ q, (part.unknowns, part.size), order="F")

@@ -7,6 +7,7 @@ in the regularisation; without noise followed by an exact fit with as few atoms 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -87,7 +88,8 @@ def _noiseless(problem: Problem) -> Solution:
     for share in _LEVELS:
         level = share * top
         channels = descend(channels, y, level)
-        best = min(best, exact_fit(channels, y, share / 3), key=lambda one: one[0])
+        left = [one for one in _SHARES if one >= share / 3]  # the regularisation has left none below that counts
+        best = min(best, exact_fit(channels, y, left), key=lambda one: one[0])
         if best[0] < EXACT or crowded(channels, y):
             break
     q = (residual(channels, y) / level).reshape(problem.shape)
@@ -243,17 +245,20 @@ def _block(values: Real, vectors: Complex, target: Complex, penalty: float, star
     return vectors @ (along / (values + penalty / norm))
 
 
-def exact_fit(channels: Channels, y: Complex, least: float = 0.0) -> tuple[float, Channels | None]:
-    """The best unregularised fit of several thresholds: its relative residual and its atoms.
+def exact_fit(channels: Channels, y: Complex, shares: Iterable[float]) -> tuple[float, Channels | None]:
+    """The best unregularised fit, clusters joined, of the atoms above some share of the strongest.
 
     Args:
         channels: lifted, a regularised solution.
         y: ``(A, P, M)``, noiseless samples.
-        least: share of the strongest atom below which the regularisation has left none that counts.
+        shares: to try.
+
+    Returns:
+        Its relative residual and its atoms; infinite and None where there are too many.
     """
     best: tuple[float, Channels | None] = (np.inf, None)
     seen: set[tuple[int, ...]] = set()
-    for share in (one for one in _SHARES if one >= least):
+    for share in shares:
         trial = _strong(channels, y, share)
         if trial is None or paths(trial) in seen:
             continue
@@ -263,12 +268,6 @@ def exact_fit(channels: Channels, y: Complex, least: float = 0.0) -> tuple[float
         if best[0] < EXACT:
             break
     return best
-
-
-def refined(channels: Channels, y: Complex, share: float) -> Channels | None:
-    """The atoms above ``share`` of the strongest, clusters joined, fitted without regularisation; None if too many."""
-    trial = _strong(channels, y, share)
-    return None if trial is None else _fitted(trial, y)
 
 
 def _strong(channels: Channels, y: Complex, share: float) -> Channels | None:

@@ -265,7 +265,8 @@ class Scene:
 
     def problem(self) -> Problem:
         """The samples of the normalised model (58), with everything known."""
-        return self._modelled(self.scenario.snr_db)
+        scene, rng = self.scenario, np.random.default_rng(self.scenario.seed + 1)
+        return replace(overlaid(self.sources, self.truth, scene.antennas, scene.snr_db, rng), units=scene.units)
 
     def receive(self, doppler_within: bool = True) -> Problem:
         """The samples as a receiver gets them: both signals in the time domain, through their channels, transformed.
@@ -279,7 +280,7 @@ class Scene:
         spectra = self._spectra(doppler_within)
         power = self._left_out(spectra) ** 2 if doppler_within else 0.0
         if self.scenario.snr_db is not None:
-            rng = self._noise_generator()
+            rng = np.random.default_rng(self.scenario.seed + 1)
             sigma = _rms(spectra) * 10 ** (-self.scenario.snr_db / 20)
             noise = rng.standard_normal(spectra.shape) + 1j * rng.standard_normal(spectra.shape)
             spectra, power = spectra + sigma * noise / np.sqrt(2), power + sigma**2
@@ -291,16 +292,10 @@ class Scene:
         spectra = self._spectra(True)
         return self._left_out(spectra) / _rms(spectra)
 
-    def _modelled(self, snr_db: float | None) -> Problem:
-        made = overlaid(self.sources, self.truth, self.scenario.antennas, snr_db, self._noise_generator())
-        return replace(made, units=self.scenario.units)
-
-    def _noise_generator(self) -> np.random.Generator:
-        return np.random.default_rng(self.scenario.seed + 1)
-
     def _left_out(self, spectra: Complex) -> float:
         """Root mean square of what the model leaves out of noiseless samples."""
-        return _rms(spectra - self._modelled(None).y)
+        silent = replace(self, scenario=replace(self.scenario, snr_db=None))
+        return _rms(spectra - silent.problem().y)
 
     def _spectra(self, doppler_within: bool) -> Complex:
         """``(A, P, M)`` spectra of what arrives in every interval."""

@@ -15,7 +15,7 @@ from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, with_fitted_weights
 from tmca.dbd.coordinates import Complex
 from tmca.dbd.dual import DualSolution, solve_admm, solve_cvx
-from tmca.dbd.frank_wolfe import EXACT, Solution, frank_wolfe, refined
+from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
 from tmca.dbd.model import BeyondFreedom, Problem, SameSignals, ambiguities, beyond_freedom, same_signals
 from tmca.dbd.noise import bounds, noise_level, structured
 from tmca.dbd.recovery import Recovery
@@ -190,8 +190,8 @@ def _explaining(problem: Problem, q: Complex) -> Channels | None:
         channels = _touching(problem, q, share)
         new = any(paths(channels)) and paths(channels) not in seen
         seen.add(paths(channels))
-        trial = refined(channels, problem.y, 0.02) if new else None
-        if trial is not None and relative_residual(trial, problem.y) < EXACT:
+        left, trial = exact_fit(channels, problem.y, [0.02]) if new else (np.inf, None)
+        if left < EXACT:
             return trial
     return None
 
