@@ -232,3 +232,16 @@ def _distinct(points: Real, norms: Real, level: float, counts: Real) -> tuple[Re
         if norms[one] >= level and not any(near):
             chosen.append(int(one))
     return points[chosen], norms[chosen]
+
+
+def relative_dopplers(weights: Complex) -> Real:
+    """Dopplers relative to the strongest path, of ``(n, P, J)`` coefficients.
+
+    The phases of ``block`` messages absorb an absolute Doppler; two paths carry the same messages, so that the
+    products of their coefficients turn with the difference of theirs.
+    """
+    pulses = weights.shape[1]
+    strongest = int(np.argmax(np.linalg.norm(weights, axis=(1, 2))))
+    turning = np.einsum("npj,pj->np", weights, weights[strongest].conj())
+    tone = Atoms(Source("tone", np.ones((pulses, 1, 1), complex), np.zeros(pulses, np.int64)), (1, pulses, 1))
+    return np.array([Polynomial(tone, one).peaks(0.0, oversampling=16, most=1)[0][0, 0] for one in turning])

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tmca.dbd.atoms import Atoms, Polynomial
+from tmca.dbd.atoms import Atoms, relative_dopplers
 from tmca.dbd.coordinates import Complex, Mask, Real, Whole, distance
-from tmca.dbd.model import Problem, Source
+from tmca.dbd.model import Problem
 
 _TRIALS = 8
 _SAME_PLACE = 0.02
@@ -178,7 +178,7 @@ class Channel:
         positions, weights = self.positions, self.waveform
         if atoms.axes != self.atoms.axes:
             per_pulse = weights.reshape(len(self), atoms.source.messages, -1)
-            dopplers = _relative_dopplers(per_pulse)
+            dopplers = relative_dopplers(per_pulse)
             ramps = np.exp(2j * np.pi * dopplers[:, None] * np.arange(atoms.source.messages))
             positions = np.insert(positions, 1, dopplers, axis=1)
             weights = (per_pulse * ramps[..., None]).reshape(len(self), -1)
@@ -237,8 +237,12 @@ def relative_residual(channels: Sequence[Channel], y: Complex) -> float:
 
 def objective(channels: Sequence[Channel], y: Complex, level: float = 0.0) -> float:
     """``½‖y − A w‖² + level Σ weight ‖wᵢ‖``."""
-    fit_ = 0.5 * float(np.linalg.norm(residual(channels, y)) ** 2)
-    return fit_ + level * float(sum(one.strengths.sum() for one in channels)) if level else fit_
+    return _penalised(channels, residual(channels, y), level)
+
+
+def _penalised(channels: Sequence[Channel], left: Complex, level: float) -> float:
+    penalty = level * float(sum(one.strengths.sum() for one in channels)) if level else 0.0
+    return 0.5 * float(np.linalg.norm(left) ** 2) + penalty
 
 
 def with_weights(channels: Sequence[Channel], vector: Complex) -> Channels:
@@ -266,13 +270,15 @@ def fit(channels: Channels, y: Complex, steps: int = 30, level: float = 0.0) -> 
     """
     if not any(paths(channels)):
         return channels
-    value, damping = objective(channels, y, level), 1e-6
+    left, damping = residual(channels, y), 1e-6
+    value = _penalised(channels, left, level)
     for _ in range(steps):
-        hessian, gradient = normal_equations(channels, y, level)
+        hessian, gradient = normal_equations(channels, left, level)
         before = value
         for _ in range(_TRIALS):
             trial = _moved(channels, _step(hessian, gradient, damping))
-            value = objective(trial, y, level)
+            left = residual(trial, y)
+            value = _penalised(trial, left, level)
             if value < before:
                 break
             damping = max(damping * 20, 1e-6)
@@ -284,11 +290,17 @@ def fit(channels: Channels, y: Complex, steps: int = 30, level: float = 0.0) -> 
     return [one if one.lifted else one.normalised() for one in channels]
 
 
-def normal_equations(channels: Sequence[Channel], y: Complex, level: float = 0.0) -> tuple[Real, Real]:
-    """Curvature and gradient of the objective in (real, imaginary parts of the linear parameters, positions)."""
+def normal_equations(channels: Sequence[Channel], left: Complex, level: float = 0.0) -> tuple[Real, Real]:
+    """Curvature and gradient of the objective in (real, imaginary parts of the linear parameters, positions).
+
+    Args:
+        channels: of all sources.
+        left: ``(A P M,)``, the residual.
+        level: of the penalty.
+    """
     linear = np.hstack([one.linear() for one in channels])
     both = np.hstack([linear, *(one.slopes() for one in channels)])
-    gram, right = both.conj().T @ both, both.conj().T @ residual(channels, y)
+    gram, right = both.conj().T @ both, both.conj().T @ left
     w, x = slice(0, linear.shape[1]), slice(linear.shape[1], None)
     hessian = np.block([
         [gram[w, w].real, -gram[w, w].imag, gram[w, x].real],
@@ -329,16 +341,3 @@ def _moved(channels: Sequence[Channel], step: Real) -> Channels:
     changes = np.split(real + 1j * imaginary, np.cumsum(sizes)[:-1])
     shifts = np.split(shift, np.cumsum([one.positions.size for one in channels])[:-1])
     return [one.moved(*parts) for one, *parts in zip(channels, shifts, changes, strict=True)]
-
-
-def _relative_dopplers(weights: Complex) -> Real:
-    """Dopplers relative to the strongest path, of ``(n, P, J)`` coefficients.
-
-    The phases of ``block`` messages absorb an absolute Doppler; two paths carry the same messages, so that the
-    products of their coefficients turn with the difference of theirs.
-    """
-    pulses = weights.shape[1]
-    strongest = int(np.argmax(np.linalg.norm(weights, axis=(1, 2))))
-    turning = np.einsum("npj,pj->np", weights, weights[strongest].conj())
-    tone = Atoms(Source("tone", np.ones((pulses, 1, 1), complex), np.zeros(pulses, np.int64)), (1, pulses, 1))
-    return np.array([Polynomial(tone, one).peaks(0.0, oversampling=16, most=1)[0][0, 0] for one in turning])

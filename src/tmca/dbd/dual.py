@@ -190,8 +190,11 @@ def _affine(parts: list[Gram], sums: list[Complex], q: Complex, gram: str) -> li
         corners = [np.mean(corners, axis=0)] * len(parts)
     matrices = []
     for part, corner in zip(parts, corners, strict=True):
-        coefficients, bound = part.coefficients(q), part.bound**2 * np.eye(part.unknowns)
-        matrices.append(np.block([[part.unit_traces(corner), coefficients.conj().T], [coefficients, bound]]))
+        matrix = np.diag(np.full(part.size + part.unknowns, part.bound**2, complex))  # np.block would take longer
+        matrix[: part.size, : part.size] = part.unit_traces(corner)
+        matrix[part.size :, : part.size] = coefficients = part.coefficients(q)
+        matrix[: part.size, part.size :] = coefficients.conj().T
+        matrices.append(matrix)
     return matrices
 
 
