@@ -96,7 +96,7 @@ def test_archives_without_samples_are_named(tmp_path, content):
     assert caught.value.where == str(tmp_path / "x.npz")
 
 
-@pytest.mark.parametrize("broken", ["sigma", "part", "units", "message", "kind", "text", "missing"])
+@pytest.mark.parametrize("broken", ["sigma", "part", "units", "message", "order", "kind", "text", "missing"])
 def test_broken_problems_are_named(tmp_path, broken):
     path = save_problem(plain(), tmp_path / "p.nc")
     with xr.open_dataset(path, engine="h5netcdf") as opened:
@@ -105,6 +105,8 @@ def test_broken_problems_are_named(tmp_path, broken):
         dataset = dataset.isel(part=slice(1))
     elif broken == "message":
         dataset = dataset.drop_vars("message_0")
+    elif broken == "order":
+        dataset["message_0"] = dataset["message_0"] + 1
     else:
         changes = {"sigma": {"sigma": "loud"}, "units": {"units_delay_s": 1e-6}, "kind": {"kind": "other"}}
         dataset.attrs |= changes.get(broken, {})
@@ -112,7 +114,7 @@ def test_broken_problems_are_named(tmp_path, broken):
         (tmp_path / "q.nc").write_text("hello")
     elif broken != "missing":
         dataset.to_netcdf(tmp_path / "q.nc", engine="h5netcdf")
-    with pytest.raises(DataError) as caught:
+    with pytest.raises(SettingError if broken == "order" else DataError) as caught:
         load_problem(tmp_path / "q.nc")
     assert caught.value.where.startswith(str(tmp_path / "q.nc"))
 

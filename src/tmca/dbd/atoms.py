@@ -35,9 +35,9 @@ class Atoms:
         seen = (frequencies > 1, doppler, antennas > 1)
         self.axes = tuple(axis for axis, there in zip(AXES, seen, strict=True) if there)
         if not self.axes:
-            found = f"{antennas} antenna, {pulses} pulses and {frequencies} frequency, where no coordinate shows"
+            sizes = f"{antennas} antenna, {pulses} pulses and {frequencies} frequency, where no coordinate shows"
             expected = "several frequencies, or pulses that share a message"
-            raise SettingError(f"samples of {source.name}", found, expected)
+            raise SettingError(f"samples of {source.name}", sizes, expected)
         self.lattice_axes = tuple(2 - AXES.index(axis) for axis in self.axes)
         self.counts = np.array([shape[axis] for axis in self.lattice_axes], float)
 

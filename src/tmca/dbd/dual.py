@@ -163,8 +163,10 @@ def _heard(parts: list[Gram], y: Complex) -> Real:
     power = np.asarray(sum(part.power() for part in parts))
     silent = power == 0
     if np.any(np.abs(y[silent]) > 1e-9 * np.abs(y).max()):
-        found = f"{int(np.sum(silent))} samples that no basis reaches"
-        raise SettingError("y", found, "zeros there, or noise that is known", "leave these samples out, or give sigma")
+        unreached = f"{int(np.sum(silent))} samples that no basis reaches"
+        raise SettingError(
+            "y", unreached, "zeros there, or noise that is known", "leave these samples out, or give sigma"
+        )
     return np.where(silent, np.inf, power)
 
 

@@ -40,8 +40,8 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
     variables: dict[str, Any] = {"y": (("antenna", "pulse", "frequency", "part"), _parts(problem.y))}
     for index, source in enumerate(problem.sources):
         dimensions = ("pulse", "frequency", f"column_{index}", "part")
-        known = {"source": source.name, "weight": source.weight}
-        variables[f"basis_{index}"] = (dimensions, _parts(np.asarray(source.rows)), known)
+        about = {"source": source.name, "weight": source.weight}
+        variables[f"basis_{index}"] = (dimensions, _parts(source.rows), about)
         variables[f"message_{index}"] = ("pulse", source.message)
         if problem.truth is not None:
             variables |= _truth_variables(index, problem.truth[index])
@@ -93,6 +93,8 @@ def load_problem(path: str | Path) -> Problem:
     try:
         with _naming(path):
             return _from_dataset(dataset)
+    except TmcaError:
+        raise
     except (KeyError, ValueError, TypeError, IndexError) as error:
         expected = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
         raise DataError(path, str(error).strip("\"'").splitlines()[0], expected) from error
@@ -126,8 +128,8 @@ def _from_dataset(dataset: xarray.Dataset) -> Problem:
     sources, truths = [], []
     for index in range(sum(str(name).startswith("basis_") for name in dataset)):
         basis = dataset[f"basis_{index}"]
-        known = (str(basis.attrs["source"]), _joined(basis.values))
-        sources.append(Source(*known, dataset[f"message_{index}"].values, float(basis.attrs["weight"])))
+        name, weight = str(basis.attrs["source"]), float(basis.attrs["weight"])
+        sources.append(Source(name, _joined(basis.values), dataset[f"message_{index}"].values, weight))
         if f"true_points_{index}" in dataset:
             gains, waveform = (_joined(dataset[f"true_{kind}_{index}"].values) for kind in ("amplitudes", "waveform"))
             truths.append(Truth(dataset[f"true_points_{index}"].values, gains, waveform))

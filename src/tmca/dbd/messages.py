@@ -122,8 +122,8 @@ def _symbols_in_window(rng: np.random.Generator, frequencies: int, parts: int, s
     transform = fourier(frequencies)
     windows = np.array_split(np.arange(frequencies), parts)
     if min(len(window) for window in windows) < subspace:
-        found = f"{parts} symbols of {len(windows[-1])} samples"
-        raise SettingError("symbol_ratio", found, f"{subspace} samples or more for {subspace} coefficients each")
+        short = f"{parts} symbols of {len(windows[-1])} samples"
+        raise SettingError("symbol_ratio", short, f"{subspace} samples or more for {subspace} coefficients each")
     return np.hstack([transform[:, w] @ random_rows(rng, len(w), subspace, basis) for w in windows])
 
 
