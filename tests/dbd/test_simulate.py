@@ -8,7 +8,6 @@ from tmca.dbd import simulate
 from tmca.dbd.messages import fourier, random_rows
 from tmca.errors import SettingError
 
-
 MORE = [{"lag": 0.13}, {"late_samples": 2, "basis": "gaussian"}, {"paths": (1, 2)}, {"amplitudes": (0.2, 3.0)}]
 
 
