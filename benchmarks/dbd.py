@@ -19,7 +19,7 @@ from memory import peak_memory
 from threadpoolctl import threadpool_limits
 
 from tmca.dbd import simulate, solve
-from tmca.dbd.solvers.cvx import solve_dual_cvx
+from tmca.dbd.dual import solve_cvx
 
 PAIRS = {"13x9": ((13, 9, 3, 3, 3), {"sfw": 50.0, "sdp": 4.0}), "9x5": ((9, 5, 2, 2, 2), {"sfw": 20.0})}
 LARGE = {"65x33": ((65, 33, 3, 8, 8), 5, 5.0, 0.5), "129x65": ((129, 65, 3, 10, 10), 2, 60.0, 1.0)}
@@ -35,7 +35,7 @@ def pair(sizes: tuple[int, ...], seed: int) -> dict[str, float]:
         seconds[method] = time.perf_counter() - began
         assert recovery.score(tolerance=1e-4).success, (method, sizes, seed)
     began = time.perf_counter()
-    solve_dual_cvx(problem, solver="SCS", eps=1e-4)
+    solve_cvx(problem, solver="SCS", eps=1e-4)
     return seconds | {"scs": time.perf_counter() - began}
 
 

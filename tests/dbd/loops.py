@@ -4,7 +4,8 @@ import cmath
 
 import numpy as np
 
-from tmca.dbd import Truth, simulate
+from tmca.dbd import Channel, Truth, simulate
+from tmca.dbd.channel import no_paths
 
 KINDS = {
     "shared": {},
@@ -57,6 +58,31 @@ def full(atoms, point):
     """A point of these atoms as delay, Doppler and angle."""
     values = dict(zip(atoms.axes, point, strict=True))
     return [values.get(axis, 0.0) for axis in ("delay", "doppler", "angle")]
+
+
+def alone(atoms, point, weight):
+    """The samples of one path by the slow loop."""
+    truth = Truth(np.array([full(atoms, point)]), np.ones(1), weight)
+    return samples(atoms.shape, (atoms.source,), (truth,)).reshape(-1)
+
+
+def lifted(problem, positions, weights):
+    """Lifted channels at these positions with these coefficients, by source."""
+    triples = zip(no_paths(problem), positions, weights, strict=True)
+    return [Channel.from_weights(one.atoms, np.array(x), np.array(w, complex)) for one, x, w in triples]
+
+
+def scattered(problem, count, seed=0):
+    """Lifted channels with random atoms."""
+    rng, families = np.random.default_rng(seed), [one.atoms for one in no_paths(problem)]
+    pairs = [(rng.random((count, len(atoms.axes))), noise(rng, count, atoms.size)) for atoms in families]
+    return lifted(problem, *zip(*pairs, strict=True))
+
+
+def true_positions(problem):
+    """The true points of every source in the coordinates of its lifted atoms."""
+    pairs = zip(no_paths(problem), problem.truth, strict=True)
+    return [one.atoms.seen(truth.points) for one, truth in pairs]
 
 
 def moved(truth, step):

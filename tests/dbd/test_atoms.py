@@ -1,52 +1,29 @@
-"""Atoms are what a path puts on the samples; measures are sums of them."""
+"""Atoms are what a path puts on the samples; lifted channels are sums of them."""
 
 import numpy as np
 import pytest
 
-from tests.dbd.loops import KINDS, full, noise, samples, slopes, small
-from tmca.dbd import Truth
-from tmca.dbd.atoms.atoms import Atoms
-from tmca.dbd.atoms.measure import Measure
+from tests.dbd.loops import KINDS, alone, lifted, noise, scattered, slopes, small
+from tmca.dbd.atoms import Atoms
+from tmca.dbd.channel import each_atom, paths, relative_residual, residual, with_fitted_weights, with_weights
 from tmca.errors import SettingError
 
 
-def alone(atoms, point, weight):
-    """The samples of one path by the slow loop."""
-    truth = Truth(np.array([full(atoms, point)]), np.ones(1), weight)
-    return samples(atoms.shape, (atoms.source,), (truth,)).reshape(-1)
-
-
-def both(kind):
+def families(kind):
     problem = small(kind)
     return [Atoms(source, problem.shape) for source in problem.sources]
 
 
-def crowded(kind="shared", count=3, seed=0):
-    """A measure with random atoms."""
-    rng, measure = np.random.default_rng(seed), Measure.empty(small(kind))
-    for index, atoms in enumerate(measure.atoms):
-        measure.points[index] = rng.random((count, len(atoms.axes)))
-        measure.weights[index] = noise(rng, count, atoms.size)
-    return measure
-
-
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_atom_is_a_path_of_the_slow_loop(kind):
+def test_an_atom_is_a_path_of_the_slow_loop_and_slopes_are_its_differences(kind):
     rng = np.random.default_rng(1)
-    for atoms in both(kind):
+    for atoms in families(kind):
         point, weight = rng.random(len(atoms.axes)), noise(rng, atoms.size)
         expected = alone(atoms, point, weight)
         np.testing.assert_allclose(atoms.matrix(point) @ weight, expected, atol=1e-12)
         np.testing.assert_allclose(atoms.signals(point[None], weight)[0], expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_slopes_are_finite_differences(kind):
-    rng = np.random.default_rng(2)
-    for atoms in both(kind):
-        point, weight = rng.random(len(atoms.axes)), noise(rng, atoms.size)
-        expected = slopes(lambda x, atoms=atoms, weight=weight: alone(atoms, x, weight), point)
-        np.testing.assert_allclose(atoms.slopes(point[None], weight), expected, atol=1e-6)
+        differences = slopes(lambda x, atoms=atoms, weight=weight: alone(atoms, x, weight), point)
+        np.testing.assert_allclose(atoms.slopes(point[None], weight), differences, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -68,6 +45,8 @@ def test_a_point_has_the_coordinates_that_show(kind, axes):
     assert atoms.axes == axes
     sizes = dict(zip(("angle", "doppler", "delay"), problem.shape, strict=True))
     assert atoms.counts.tolist() == [sizes[axis] for axis in axes]
+    points = np.random.default_rng(0).random((2, len(axes)))
+    np.testing.assert_array_equal(atoms.seen(atoms.full(points)), points)
 
 
 def test_absorbed_dopplers_can_be_kept():
@@ -76,84 +55,61 @@ def test_absorbed_dopplers_can_be_kept():
 
 
 def test_samples_on_which_nothing_shows_are_refused():
-    link = small("block").sources[1]
-    with pytest.raises(SettingError, match="samples of communications: found 1 antenna, 5 pulses and 1 frequency"):
-        Atoms(link, (1, 5, 1))
+    with pytest.raises(SettingError) as caught:
+        Atoms(small("block").sources[1], (1, 5, 1))
+    assert caught.value.where == "samples of communications"
 
 
 @pytest.mark.parametrize("kind", ["shared", "block", "antennas"])
 def test_a_residual_is_what_the_atoms_leave(kind):
-    measure = crowded(kind)
-    left = measure.y - sum(alone(*one) for one in measure.each())
-    np.testing.assert_allclose(measure.residual(), left, atol=1e-11)
-    np.testing.assert_allclose(measure.y - measure.matrix() @ measure.vector(), left, atol=1e-11)
-    assert measure.relative_residual() == pytest.approx(np.linalg.norm(left) / np.linalg.norm(measure.y))
+    problem = small(kind)
+    channels, y = scattered(problem, 3), problem.y.reshape(-1)
+    left = y - sum(alone(*one) for one in each_atom(channels))
+    np.testing.assert_allclose(residual(channels, problem.y), left, atol=1e-11)
+    assert relative_residual(channels, problem.y) == pytest.approx(np.linalg.norm(left) / np.linalg.norm(y))
 
 
-def test_a_measure_moves_as_its_slopes_say():
-    measure = crowded()
-
-    def explained(step):
-        other = measure.copy()
-        other.move(step)
-        return measure.y - other.residual()
-
-    expected = slopes(explained, np.zeros(measure.slopes().shape[1]))
-    np.testing.assert_allclose(measure.slopes(), expected, atol=1e-6)
-
-
-def test_weights_survive_a_vector_and_a_copy():
-    measure = crowded("block")
-    other = measure.copy()
-    other.set_vector(2 * measure.vector())
-    for before, after in zip(measure.weights, other.weights, strict=True):
-        np.testing.assert_array_equal(after, 2 * before)
-    assert measure.unknowns == 3 * (2 * 2 + 2) + 3 * (2 * 10 + 1)
+def test_weights_come_from_one_vector():
+    problem = small("block")
+    channels = scattered(problem, 3)
+    vector = np.concatenate([one.weights.reshape(-1) for one in channels])
+    for before, after in zip(channels, with_weights(channels, 2 * vector), strict=True):
+        np.testing.assert_array_equal(after.weights, 2 * before.weights)
+    assert [one.unknowns for one in channels] == [3 * (2 * 2 + 2), 3 * (2 * 10 + 1)]
 
 
 def test_fitted_weights_leave_nothing_that_the_atoms_could_explain():
-    measure = crowded()
-    measure.fit_weights()
-    np.testing.assert_allclose(measure.matrix().conj().T @ measure.residual(), 0, atol=1e-10)
+    problem = small("shared")
+    channels = with_fitted_weights(scattered(problem, 3), problem.y)
+    left = residual(channels, problem.y)
+    for one in channels:
+        np.testing.assert_allclose(one.linear().conj().T @ left, 0, atol=1e-10)
 
 
 def test_points_that_are_there_are_not_added():
-    measure = crowded()
-    near = measure.points[0][1] + np.array([[1e-4, 0], [0.2, 0]])
-    assert measure.add(0, near) == 1
-    assert measure.counts == (4, 3)
-    np.testing.assert_array_equal(measure.weights[0][-1], 0)
+    radar = scattered(small("shared"), 3)[0]
+    more = radar.added(radar.positions[1] + np.array([[1e-4, 0], [0.2, 0]]))
+    assert (len(more), len(radar)) == (4, 3)
+    np.testing.assert_array_equal(more.weights[-1], 0)
 
 
-def test_atoms_are_kept_by_their_norms():
-    measure = crowded()
-    norms = [np.linalg.norm(weight) for _, _, weight in measure.each()]
-    measure.keep(lambda one: one > np.median(norms))
-    kept = [np.linalg.norm(weight) for _, _, weight in measure.each()]
-    np.testing.assert_allclose(sorted(kept), sorted(norms)[3:])
-
-
-def test_one_atom_less_leaves_the_measure_alone():
-    measure = crowded()
-    fewer = measure.without(1, 0)
-    np.testing.assert_array_equal(fewer.points[1], measure.points[1][1:])
-    assert (fewer.counts, measure.counts) == ((3, 2), (3, 3))
+def test_some_atoms_may_be_taken():
+    radar = scattered(small("shared"), 3)[0]
+    np.testing.assert_array_equal(radar.without(1).positions, radar.positions[[0, 2]])
+    np.testing.assert_array_equal(radar.taken(radar.strengths > 0).weights, radar.weights)
 
 
 def test_twins_merge_across_the_edge_and_keep_their_signal():
-    measure = crowded(count=2)
-    measure.points[0] = np.array([[0.9999, 0.5], [0.0001, 0.5]])
-    measure.points[1] = np.array([[0.1, 0.2], [0.1, 0.45]])
-    before = measure.residual()
-    assert measure.merge(0.5)
-    assert measure.counts == (1, 2)
-    assert np.linalg.norm(measure.residual() - before) < 0.02 * np.linalg.norm(before)
-    assert not measure.merge(0.5)
+    problem = small("shared")
+    places = [[0.9999, 0.5], [0.0001, 0.5]], [[0.1, 0.2], [0.1, 0.45]]
+    channels = lifted(problem, places, noise(np.random.default_rng(0), 2, 2, 2))
+    merged = [one.merged(0.5) for one in channels]
+    assert paths(merged) == (1, 2)
+    before, after = residual(channels, problem.y), residual(merged, problem.y)
+    assert np.linalg.norm(after - before) < 0.02 * np.linalg.norm(before)
 
 
 def test_the_strongest_of_a_cluster_stays():
-    measure = crowded(count=3)
-    measure.points[0] = np.array([[0.30, 0.5], [0.32, 0.5], [0.34, 0.5]])
-    measure.weights[0][1] *= 10
-    measure.merge(0.5)
-    np.testing.assert_array_equal(measure.points[0], [[0.32, 0.5]])
+    places = [[0.30, 0.5], [0.32, 0.5], [0.34, 0.5]], [[0.1, 0.2]]
+    radar, _ = lifted(small("shared"), places, ([[1, 0], [10, 0], [0, 1]], [[1, 1]]))
+    np.testing.assert_array_equal(radar.merged(0.5).positions, [[0.32, 0.5]])

@@ -6,28 +6,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.dbd.loops import full, polynomial
+from tests.dbd.loops import full, lifted, polynomial, true_positions
+from tmca.dbd import certificate as module
 from tmca.dbd import simulate, solve
-from tmca.dbd.atoms.measure import Measure
-from tmca.dbd.identifiability import SameSignals
-from tmca.dbd.solvers import certificate as module
-from tmca.dbd.solvers.admm import solve_dual
-from tmca.dbd.solvers.certificate import certificate
-
-
-def of_atoms(problem, points, weights):
-    """A measure that explains its samples."""
-    measure = Measure.empty(problem)
-    for index in range(len(points)):
-        measure.points[index], measure.weights[index] = np.array(points[index]), np.array(weights[index], complex)
-    measure.y = measure.y - measure.residual()
-    return measure
+from tmca.dbd.certificate import certificate
+from tmca.dbd.channel import each_atom, no_paths
+from tmca.dbd.dual import solve_admm
+from tmca.dbd.model import SameSignals
 
 
 def true_atoms(problem):
-    columns = [[("delay", "doppler", "angle").index(a) for a in atoms.axes] for atoms in Measure.empty(problem).atoms]
-    points = [truth.points[:, c] for truth, c in zip(problem.truth, columns, strict=True)]
-    return of_atoms(problem, points, [np.outer(truth.amplitudes, truth.waveform) for truth in problem.truth])
+    weights = [np.outer(truth.amplitudes, truth.waveform) for truth in problem.truth]
+    return lifted(problem, true_positions(problem), weights)
 
 
 @cache
@@ -38,15 +28,15 @@ def solved(messages):
 
 @pytest.mark.parametrize("more", [{}, {"antennas": 2}, {"targets": 2, "paths": 0}, {"M": 8}])
 def test_a_certificate_takes_the_directions_of_the_weights_and_stays_below_one(more):
-    measure = true_atoms(simulate(**{"M": 7, "P": 5, "J": 2, "targets": 1, "paths": 1, **more}))
-    found = certificate(measure)
+    channels = true_atoms(simulate(**{"M": 7, "P": 5, "J": 2, "targets": 1, "paths": 1, **more}))
+    found = certificate(channels)
     assert (found.status, found.certified) == ("certified", True)
     assert found.level <= 1 + 1e-6
-    for atoms, point, weight in measure.each():
+    for atoms, point, weight in each_atom(channels):
         f = polynomial(atoms.source, found.q, full(atoms, point))
         np.testing.assert_allclose(f, weight / np.linalg.norm(weight), atol=1e-6)
     spots = np.random.default_rng(0).random((300, 3))
-    for atoms in measure.atoms:
+    for atoms in (one.atoms for one in channels):
         norms = [np.linalg.norm(polynomial(atoms.source, found.q, full(atoms, x[: len(atoms.axes)]))) for x in spots]
         assert max(norms) <= 1 + 1e-6
 
@@ -54,10 +44,10 @@ def test_a_certificate_takes_the_directions_of_the_weights_and_stays_below_one(m
 def test_a_certificate_keeps_to_the_weights_of_the_sources():
     problem = simulate(M=9, P=5, J=2, targets=1, paths=1, seed=2)
     sources = tuple(replace(one, weight=w) for one, w in zip(problem.sources, (0.8, 1.2), strict=True))
-    measure = true_atoms(replace(problem, sources=sources))
-    found = certificate(measure)
+    channels = true_atoms(replace(problem, sources=sources))
+    found = certificate(channels)
     assert found.certified
-    for atoms, point, weight in measure.each():
+    for atoms, point, weight in each_atom(channels):
         f = polynomial(atoms.source, found.q, full(atoms, point))
         np.testing.assert_allclose(f, atoms.source.weight * weight / np.linalg.norm(weight), atol=1e-6)
 
@@ -66,13 +56,13 @@ def test_opposite_atoms_closer_than_a_tenth_of_a_cell_are_refuted():
     problem = simulate(M=9, P=5, J=1, targets=2, paths=1, basis="gaussian")
     twins, apart = [[[0.3, 0.4], [0.3 + gap / 9, 0.4]] for gap in (0.05, 2.0)]
     weights = [[[1.0], [-1.0]], [[1j]]]
-    assert certificate(of_atoms(problem, [twins, [[0.7, 0.2]]], weights)).status == "refuted"
-    assert certificate(of_atoms(problem, [apart, [[0.7, 0.2]]], weights)).status == "certified"
+    assert certificate(lifted(problem, [twins, [[0.7, 0.2]]], weights)).status == "refuted"
+    assert certificate(lifted(problem, [apart, [[0.7, 0.2]]], weights)).status == "certified"
 
 
 def test_two_atoms_at_one_place_that_disagree_are_refuted():
     problem = simulate(M=9, P=5, J=1, targets=2, paths=1, basis="gaussian")
-    found = certificate(of_atoms(problem, [[[0.3, 0.4], [0.3, 0.4]], [[0.7, 0.2]]], [[[1.0], [1j]], [[1.0]]]))
+    found = certificate(lifted(problem, [[[0.3, 0.4], [0.3, 0.4]], [[0.7, 0.2]]], [[[1.0], [1j]], [[1.0]]]))
     assert found.status == "refuted"
     assert "no polynomial takes these values" in found.reason
 
@@ -81,7 +71,7 @@ def test_what_is_certified_is_the_optimum_of_the_programme():
     recovery = solved("shared")
     assert recovery.certified is True
     total = sum(np.abs(one.amplitudes).sum() for one in recovery.sources)
-    assert solve_dual(recovery.problem).value == pytest.approx(total, abs=1e-3)
+    assert solve_admm(recovery.problem).value == pytest.approx(total, abs=1e-3)
     assert np.vdot(recovery.q, recovery.problem.y).real == pytest.approx(total, abs=1e-5)
 
 
@@ -92,7 +82,7 @@ def test_what_is_refuted_is_not():
     assert recovery.certified is False
     assert any("not certified" in note for note in recovery.notes)
     total = sum(np.abs(one.amplitudes).sum() for one in recovery.sources)
-    assert solve_dual(recovery.problem).value < total - 5e-3
+    assert solve_admm(recovery.problem).value < total - 5e-3
 
 
 def test_an_optimum_among_others_is_not_the_only_one():
@@ -113,12 +103,12 @@ def test_bounds_that_can_just_not_be_kept_refute_too():
     problem = simulate(M=9, P=5, J=2, targets=3, paths=1, seed=1)
     assert certificate(true_atoms(problem)).status == "refuted"
     total = sum(np.abs(one.amplitudes).sum() for one in problem.truth)
-    assert solve_dual(problem).value < 0.995 * total
+    assert solve_admm(problem).value < 0.995 * total
 
 
 def test_nobody_certifies_nothing_or_what_is_too_large(monkeypatch):
     problem = simulate(M=7, P=4, J=2, targets=1, paths=1, messages="block", seed=1)
-    empty = certificate(Measure.empty(problem))
+    empty = certificate(no_paths(problem))
     assert (empty.status, empty.certified, empty.reason) == ("undecided", None, "no atoms")
     monkeypatch.setattr(module, "_LARGEST", 20)
     large = certificate(true_atoms(problem))

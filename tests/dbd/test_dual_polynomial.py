@@ -5,8 +5,7 @@ import pytest
 
 from tests.dbd.loops import KINDS, full, noise, polynomial, slopes, small
 from tmca.dbd import Source
-from tmca.dbd.atoms.atoms import Atoms
-from tmca.dbd.atoms.polynomial import Polynomial
+from tmca.dbd.atoms import Atoms, Polynomial
 
 
 def random_ones(kind, seed=0):
@@ -22,16 +21,11 @@ def random_ones(kind, seed=0):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_values_are_those_of_the_slow_loop(kind):
-    for one, _, points in random_ones(kind):
-        slow = [polynomial(one.atoms.source, one.q, full(one.atoms, x)) for x in points]
-        np.testing.assert_allclose(one.values(points), slow, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_the_polynomial_is_the_adjoint_of_the_atoms(kind):
-    for one, _, points in random_ones(kind):
-        np.testing.assert_allclose(one.values(points)[0], one.atoms.matrix(points[0]).conj().T @ one.q.reshape(-1))
+    for one, square, points in random_ones(kind):
+        f = polynomial(one.atoms.source, one.q, full(one.atoms, points[0]))
+        np.testing.assert_allclose(one.atoms.matrix(points[0]).conj().T @ one.q.reshape(-1), f, atol=1e-12)
+        np.testing.assert_allclose(one.derivatives(points)[0], [square(x) for x in points])
 
 
 @pytest.mark.parametrize("kind", KINDS)

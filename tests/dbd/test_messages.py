@@ -5,23 +5,19 @@ import pytest
 
 from tests.dbd.loops import moved, noise, polynomial, samples, small
 from tmca.dbd import Source, Truth
-from tmca.dbd.signals.messages import beyond_prefix, lagged
+from tmca.dbd.messages import beyond_prefix, lagged
 from tmca.errors import SettingError
 
 
-def test_block_messages_take_any_doppler_upon_themselves():
-    problem = small("block", paths=2)
-    turn, (radar, link) = 0.237, problem.truth
+def test_block_messages_take_any_doppler_upon_themselves_and_shared_ones_do_not():
+    block, shared, turn = small("block", paths=2), small("shared", paths=2), 0.237
+    radar, link = block.truth
     waveform = (link.waveform.reshape(5, 2) * np.exp(2j * np.pi * turn * np.arange(5))[:, None]).reshape(-1)
     other = moved(Truth(link.points, link.amplitudes, waveform), (0, turn, 0))
-    np.testing.assert_allclose(samples(problem.shape, problem.sources, (radar, other)), problem.y, atol=1e-12)
-
-
-def test_shared_messages_do_not():
-    problem = small("shared", paths=2)
-    radar, link = problem.truth
-    other = moved(link, (0, 0.237, 0))
-    assert np.abs(samples(problem.shape, problem.sources, (radar, other)) - problem.y).max() > 0.1
+    np.testing.assert_allclose(samples(block.shape, block.sources, (radar, other)), block.y, atol=1e-12)
+    radar, link = shared.truth
+    turned = samples(shared.shape, shared.sources, (radar, moved(link, (0, turn, 0))))
+    assert np.abs(turned - shared.y).max() > 0.1
 
 
 @pytest.mark.parametrize(("kind", "varies"), [("block", False), ("shared", True), ("three pulses a symbol", True)])

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from tests.dbd.loops import noise, polynomial, small
-from tmca.dbd import Problem, simulate, solve
-from tmca.dbd.atoms.measure import Measure
-from tmca.dbd.estimates.channels import split
-from tmca.dbd.estimates.noise import noise_level
-from tmca.dbd.estimates.order import selected
+from tmca.dbd import Channel, Problem, simulate, solve
+from tmca.dbd.atoms import Atoms
+from tmca.dbd.noise import noise_level, selected
 
 
 @pytest.mark.parametrize("seed", [0, 2, 3])
@@ -85,26 +83,24 @@ def test_the_level_is_shared_out_by_the_weights():
     assert noise_level(light) == pytest.approx(2 * noise_level(problem))
 
 
-def lifted(problem, extra=(), missing=0):
-    """The true paths, less some and with more of little weight."""
-    measure = Measure.empty(problem)
-    for index, truth in enumerate(problem.truth):
-        kept = slice(missing if index == 0 else 0, None)
-        measure.points[index] = truth.points[kept, :2]
-        measure.weights[index] = np.outer(truth.amplitudes[kept], truth.waveform)
-    for x in extra:
-        measure.add(0, np.array([x]))
-        measure.weights[0][-1] = 0.02 * measure.weights[0][0]
-    return split(problem, measure)
+def nearly_true(problem, extra=(), missing=0):
+    """The true channels, less some paths and with more of little strength."""
+    radar, link = [
+        Channel(Atoms(source, problem.shape), truth.points[:, :2], truth.amplitudes, truth.waveform)
+        for source, truth in zip(problem.sources, problem.truth, strict=True)
+    ]
+    positions = np.vstack([radar.positions[missing:], *([x] for x in extra)])
+    gains = np.append(radar.amplitudes[missing:], [0.02] * len(extra))
+    return [replace(radar, positions=positions, amplitudes=gains), link]
 
 
 @pytest.mark.parametrize(("extra", "missing"), [((), 0), (((0.5, 0.5), (0.21, 0.9)), 0), ((), 1)])
 def test_paths_too_many_go_and_paths_too_few_come(extra, missing):
     problem = simulate(M=11, P=6, J=2, targets=3, paths=1, snr_db=20, seed=4)
-    found = selected(lifted(problem, extra, missing), problem.y, problem.sigma)
-    assert [len(one.points) for one in found] == [3, 1]
+    found = selected(nearly_true(problem, extra, missing), problem.y, problem.sigma)
+    assert [len(one) for one in found] == [3, 1]
     for x in problem.truth[0].points[:, :2]:
-        assert np.abs((found[0].points - x + 0.5) % 1 - 0.5).max(-1).min() < 0.01
+        assert np.abs((found[0].positions - x + 0.5) % 1 - 0.5).max(-1).min() < 0.01
 
 
 def test_a_dual_variable_in_noise_shows_the_paths():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.dbd.loops import small
-from tmca.dbd import Problem, RecoveredSource
-from tmca.dbd.scoring import score
+from tmca.dbd import Channel, Problem, score
+from tmca.dbd.atoms import Atoms
 from tmca.errors import SettingError
 
 
@@ -20,13 +20,12 @@ def found(problem, shift=0.0, order=None, **changes):
             waveform = waveform.reshape(source.messages, -1) * np.exp(
                 2j * np.pi * shift * np.arange(source.messages)[:, None]
             )
-        points[:, 2] = np.nan
         entry = {
-            "points": points, "amplitudes": truth.amplitudes[order_], "waveform": 2j * np.ravel(waveform),
-            "bounds": None, "relative_doppler": not source.sees_doppler,
-        }  # fmt: skip
-        entry |= changes.get(source.name, {})
-        sources.append(RecoveredSource(name=source.name, signal=source.signal(entry["waveform"]), **entry))
+            "positions": points[:, :2],
+            "amplitudes": truth.amplitudes[order_],
+            "waveform": 2j * np.ravel(waveform),
+        }
+        sources.append(Channel(Atoms(source, problem.shape, True), **(entry | changes.get(source.name, {}))))
     return sources
 
 
@@ -50,8 +49,8 @@ def test_a_common_doppler_of_block_messages_does_not_count():
 
 def test_a_relative_doppler_does_count():
     problem = small("block", paths=2)
-    wrong = problem.truth[1].points + np.array([[0, 0.02, 0], [0, 0, 0]])
-    result = score(found(problem, communications={"points": wrong}), problem)
+    wrong = problem.truth[1].points[:, :2] + np.array([[0, 0.02], [0, 0]])
+    result = score(found(problem, communications={"positions": wrong}), problem)
     assert not result.success
     reference = result.sources[1].reference
     assert result.sources[1].errors["doppler"][reference] == 0
@@ -62,18 +61,18 @@ def test_a_relative_doppler_does_count():
 def test_errors_go_the_shorter_way_around():
     problem = small("shared")
     truth = problem.truth[0].points
-    wrong = np.column_stack([truth[:, 0] - 0.97, truth[:, 1] + 0.999, [np.nan, np.nan]])
-    result = score(found(problem, radar={"points": wrong}), problem, tolerance=0.05)
+    wrong = truth[:, :2] + [-0.97, 0.999]
+    result = score(found(problem, radar={"positions": wrong}), problem, tolerance=0.05)
     assert result.success
     np.testing.assert_allclose(result.sources[0].errors["delay"], 0.03, atol=1e-12)
     np.testing.assert_allclose(result.sources[0].errors["doppler"], 0.001, atol=1e-12)
-    assert not score(found(problem, radar={"points": wrong}), problem, tolerance=0.02).success
+    assert not score(found(problem, radar={"positions": wrong}), problem, tolerance=0.02).success
 
 
 def test_a_wrong_number_of_paths_fails():
     problem = small("shared")
-    fewer = {"points": problem.truth[0].points[:1], "amplitudes": problem.truth[0].amplitudes[:1]}
-    none = {"points": np.zeros((0, 3)), "amplitudes": np.zeros(0)}
+    fewer = {"positions": problem.truth[0].points[:1, :2], "amplitudes": problem.truth[0].amplitudes[:1]}
+    none = {"positions": np.zeros((0, 2)), "amplitudes": np.zeros(0)}
     for change in (fewer, none):
         result = score(found(problem, radar=change), problem)
         assert not result.success
@@ -93,9 +92,9 @@ def test_another_waveform_correlates_less():
 
 def test_bounds_come_in_the_order_of_the_errors():
     problem = small("shared")
-    points = problem.truth[0].points[::-1] + np.array([[0.01, 0, 0], [0.03, 0, 0]])
+    points = problem.truth[0].points[::-1, :2] + np.array([[0.01, 0], [0.03, 0]])
     limits = np.array([[1.0, 2.0, np.nan], [3.0, 4.0, np.nan]])
-    one = score(found(problem, radar={"points": points, "bounds": limits}), problem).sources[0]
+    one = score(found(problem, radar={"positions": points, "bounds": limits}), problem).sources[0]
     pairs = dict(zip(np.round(one.errors["delay"], 6).tolist(), one.bounds["delay"].tolist(), strict=True))
     assert pairs == {0.01: 1.0, 0.03: 3.0}
 

@@ -248,14 +248,15 @@ def _check_scenario_alone(given: dict[str, Any]) -> None:
 def _physical(name: str, model_only: bool, seed: int | None, snr: float | None) -> Problem:
     from dataclasses import replace
 
-    from tmca.dbd.signals.scenario_files import read_scenario
+    from tmca.dbd.files import read_scenario
 
     given: dict[str, Any] = {"seed": seed, "snr_db": snr}
     scenario = replace(read_scenario(name), **{key: value for key, value in given.items() if value is not None})
+    scene = scenario.draw()
     if model_only:
-        return scenario.problem()
-    print(f"what turns within an interval and the model leaves out: {scenario.model_error:.2%} of the samples")
-    return scenario.receive()
+        return scene.problem()
+    print(f"what turns within an interval and the model leaves out: {scene.model_error:.2%} of the samples")
+    return scene.receive()
 
 
 def _tell(problem: Problem, out: Path) -> None:

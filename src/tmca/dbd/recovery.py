@@ -1,37 +1,17 @@
-"""What a solver found, and how sure that is."""
+"""What a solver recovered, how sure that is, and how near to the truth, up to what no receiver can know."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from tmca.dbd.arrays import Complex, Real
-from tmca.dbd.physical import centred
-from tmca.dbd.problem import Problem
-from tmca.dbd.scoring import Score, score
-from tmca.dbd.solvers.certificate import Certificate
+import numpy as np
 
-
-@dataclass(frozen=True)
-class RecoveredSource:
-    """Channel and signal of one source.
-
-    Args:
-        name: of the source.
-        points: ``(n, 3)``, normalised delay, Doppler and angle in [0, 1); NaN for an axis that does not exist.
-        amplitudes: ``(n,)``, complex gains, up to one factor.
-        waveform: ``(G J,)``, coefficients of the signal, of norm one.
-        signal: ``(P, M)``, the spectrum these coefficients make.
-        bounds: ``(n, 3)``, Cramér–Rao bounds of the points in the estimated noise; None without noise.
-        relative_doppler: Dopplers count from the strongest path.
-    """
-
-    name: str
-    points: Real
-    amplitudes: Complex = field(repr=False)
-    waveform: Complex = field(repr=False)
-    signal: Complex = field(repr=False)
-    bounds: Real | None = field(default=None, repr=False)
-    relative_doppler: bool = False
+from tmca.dbd.certificate import Certificate
+from tmca.dbd.channel import Channel
+from tmca.dbd.coordinates import AXES, Complex, Real, Units, centred, distance, matched
+from tmca.dbd.model import Problem, Source, Truth
+from tmca.errors import SettingError
 
 
 @dataclass(frozen=True)
@@ -41,7 +21,7 @@ class Recovery:
     Args:
         problem: that was solved.
         method: that solved it.
-        sources: what was found of each.
+        sources: the channel and signal of each.
         residual: relative norm of what the channels leave unexplained.
         exact: noiseless samples are explained to 1e-9 with fewer unknowns than samples.
         certificate: whether the lifted solution is the atomic-norm optimum; None where it was not asked for.
@@ -53,7 +33,7 @@ class Recovery:
 
     problem: Problem = field(repr=False)
     method: str
-    sources: tuple[RecoveredSource, ...]
+    sources: tuple[Channel, ...]
     residual: float
     exact: bool
     certificate: Certificate | None
@@ -64,19 +44,22 @@ class Recovery:
 
     @property
     def found(self) -> bool:
-        """Whether any path was found."""
-        return any(len(source.points) for source in self.sources)
+        """Whether there is any path."""
+        return any(len(source) for source in self.sources)
 
     @property
     def certified(self) -> bool | None:
         """Whether the recovery is proven to be the optimum; None where that is undecided."""
         return None if self.certificate is None else self.certificate.certified
 
-    def __getitem__(self, name: str) -> RecoveredSource:
+    def __getitem__(self, name: str) -> Channel:
         return {source.name: source for source in self.sources}[name]
 
+    def __iter__(self) -> Iterator[Channel]:
+        return iter(self.sources)
+
     def score(self, problem: Problem | None = None, tolerance: float | None = None) -> Score:
-        """How near the truth of ``problem`` (this one's by default) the recovery is; see :func:`scoring.score`."""
+        """How near the truth of ``problem`` (this one's by default) the recovery is; see :func:`score`."""
         return score(self.sources, problem or self.problem, tolerance)
 
     @property
@@ -89,9 +72,111 @@ class Recovery:
         """Per source the delays in seconds; needs units."""
         return {one.name: one.points[:, 0] * self._units().delay_s for one in self.sources}
 
-    def _units(self):  # type: ignore[no-untyped-def]
-        from tmca.errors import SettingError
-
+    def _units(self) -> Units:
         if self.problem.units is None:
             raise SettingError("units", "none", "a problem with physical units", "give Problem(…, units=Units(…))")
         return self.problem.units
+
+
+@dataclass(frozen=True)
+class SourceScore:
+    """One source against its truth.
+
+    Args:
+        name: of the source.
+        right_number: as many paths as there are.
+        errors: by axis, torus distance of each matched path; Dopplers of ``block`` messages count from the strongest's.
+        waveform_correlation: 0 to 1, up to scale and, for ``block`` messages, a phase ramp.
+        reference: the true path that Dopplers of ``block`` messages count from, that of the strongest one; or None.
+        bounds: by axis, the recovery's Cramér–Rao bounds of the same paths; empty without noise.
+    """
+
+    name: str
+    right_number: bool
+    errors: dict[str, Real]
+    waveform_correlation: float
+    bounds: dict[str, Real]
+    reference: int | None = None
+
+    @property
+    def max_error(self) -> float:
+        """The largest error of any path in any axis; infinite with a wrong number of paths."""
+        if not self.right_number:
+            return float("inf")
+        return max((float(error.max(initial=0.0)) for error in self.errors.values()), default=0.0)
+
+
+@dataclass(frozen=True)
+class Score:
+    """A recovery against the truth.
+
+    Args:
+        sources: one score each.
+        tolerance: largest error of a success.
+    """
+
+    sources: tuple[SourceScore, ...]
+    tolerance: float
+
+    @property
+    def max_error(self) -> float:
+        """The largest of all sources."""
+        return max(one.max_error for one in self.sources)
+
+    @property
+    def success(self) -> bool:
+        """Right numbers of paths, all within the tolerance."""
+        return self.max_error < self.tolerance
+
+    def __getitem__(self, name: str) -> SourceScore:
+        return {one.name: one for one in self.sources}[name]
+
+
+def score(recovery: Recovery | Sequence[Channel], problem: Problem, tolerance: float | None = None) -> Score:
+    """Matches the paths of every source by the Hungarian method and measures what is left, on the torus.
+
+    Args:
+        recovery: or its channels, one of every source.
+        problem: with the truth.
+        tolerance: largest error of a success; without, 1e-6 for samples without noise, half of the finest resolution
+            cell with noise.
+
+    Raises:
+        SettingError: a problem without truth, or with other sources.
+    """
+    channels = list(recovery)
+    if tolerance is None:
+        tolerance = 1e-6 if problem.sigma == 0 else 0.5 / max(problem.shape)
+    if [one.name for one in channels] != [one.name for one in problem.sources]:
+        names = ", ".join(one.name for one in problem.sources)
+        raise SettingError("problem", f"sources {names}", ", ".join(one.name for one in channels))
+    if problem.truth is None:
+        raise SettingError("problem", "no truth", "a simulated problem", "simulate one, or give Problem(…, truth=…)")
+    triples = zip(channels, problem.sources, problem.truth, strict=True)
+    return Score(tuple(_source_score(*triple) for triple in triples), tolerance)
+
+
+def _source_score(channel: Channel, source: Source, truth: Truth) -> SourceScore:
+    points = channel.points
+    if not len(points) or len(points) != len(truth.points):
+        right = len(points) == len(truth.points)
+        return SourceScore(channel.name, right, {}, float(right), {})
+    axes = [index for index in range(len(AXES)) if np.all(np.isfinite(points[:, index]))]
+    first = [axis for axis in axes if axis != 1] if channel.relative_doppler else axes
+    here, there = matched(points[:, first], truth.points[:, first])
+    estimate, true = points[here], truth.points[there]
+    shift, reference = 0.0, None
+    if channel.relative_doppler:
+        strongest = int(np.argmax(np.abs(channel.amplitudes[here])))
+        reference, shift = int(there[strongest]), float(true[strongest, 1] - estimate[strongest, 1])
+    estimate = estimate + np.array([0.0, shift, 0.0])
+    errors = {AXES[axis]: distance(estimate[:, axis], true[:, axis]) for axis in axes}
+    limits = channel.bounds
+    bounds = {} if limits is None else {AXES[axis]: limits[here, axis] for axis in axes}
+    return SourceScore(channel.name, True, errors, _correlation(source, channel, truth, shift), bounds, reference)
+
+
+def _correlation(source: Source, channel: Channel, truth: Truth, shift: float) -> float:
+    ramp = np.exp(2j * np.pi * shift * np.arange(source.messages))
+    turned = (channel.waveform.reshape(source.messages, -1) * ramp[:, None]).reshape(-1)
+    return float(abs(np.vdot(turned, truth.waveform)) / (np.linalg.norm(turned) * np.linalg.norm(truth.waveform)))

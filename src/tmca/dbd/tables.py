@@ -1,4 +1,4 @@
-"""A recovery in numbers and words."""
+"""A recovery in numbers, in words, and as the arrays of a picture."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from tmca.dbd.physical import centred, deviation, from_zero, key, physical
-from tmca.dbd.problem import Problem
-from tmca.dbd.recovery import RecoveredSource, Recovery
-from tmca.dbd.source import AXES
+from tmca.dbd.atoms import Atoms, Polynomial
+from tmca.dbd.channel import Channel
+from tmca.dbd.coordinates import AXES, Real, Units, centred, from_zero, is_radar
+from tmca.dbd.model import Problem
+from tmca.dbd.recovery import Recovery
 
+_OVERSAMPLING = 12
 _UNITS = {"m": "m", "m_s": "m/s", "deg": "degrees"}
 
 
@@ -22,13 +24,13 @@ def recovery_values(recovery: Recovery) -> dict[str, Any]:
     values["sources"] = {one.name: _source_values(one, recovery.problem) for one in recovery.sources}
     if recovery.problem.truth is not None:
         score = recovery.score()
-        found = score.max_error if np.isfinite(score.max_error) else None
-        values["score"] = {"success": score.success, "tolerance": score.tolerance, "max_error": found}
+        error = _plain(score.max_error)
+        values["score"] = {"success": score.success, "tolerance": score.tolerance, "max_error": error}
         values["score"]["waveform_correlation"] = {one.name: one.waveform_correlation for one in score.sources}
     return values
 
 
-def _source_values(source: RecoveredSource, problem: Problem) -> list[dict[str, Any]]:
+def _source_values(source: Channel, problem: Problem) -> list[dict[str, Any]]:
     rows = []
     for index, point in enumerate(source.points):
         row: dict[str, Any] = {axis: _plain(value) for axis, value in zip(AXES, point, strict=True)}
@@ -48,18 +50,20 @@ def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _quantities(source: RecoveredSource, index: int, problem: Problem) -> dict[str, tuple[float, float | None]]:
+def _quantities(source: Channel, index: int, problem: Problem) -> dict[str, tuple[float, float | None]]:
     """Range or length, velocity and angle of a path with their deviations, where there are units."""
     if problem.units is None:
         return {}
     delay, *others = source.points[index]
     point = np.array([from_zero(delay, problem.shape[2]), *centred(np.array(others))])
-    found = {}
-    for axis in np.flatnonzero(np.isfinite(point)):
-        place = (int(axis), source.name, problem.units)
-        spread = None if source.bounds is None else float(deviation(point[axis], source.bounds[index, axis], *place))
-        found[key(int(axis), source.name)] = (float(physical(point[axis], *place)), spread)
-    return found
+    names = ("range_m" if is_radar(source.name) else "length_m", "velocity_m_s", "angle_deg")
+    quantities = {}
+    for axis in map(int, np.flatnonzero(np.isfinite(point))):
+        bound = None
+        if source.bounds is not None:
+            bound = float(problem.units.deviation(point[axis], source.bounds[index, axis], axis, source.name))
+        quantities[names[axis]] = (float(problem.units.physical(point[axis], axis, source.name)), bound)
+    return quantities
 
 
 def recovery_lines(recovery: Recovery) -> list[str]:
@@ -80,7 +84,7 @@ def recovery_lines(recovery: Recovery) -> list[str]:
     return [*lines, *(f"note: {note}" for note in recovery.notes)]
 
 
-def _source_lines(source: RecoveredSource, problem: Problem) -> list[str]:
+def _source_lines(source: Channel, problem: Problem) -> list[str]:
     count = len(source.points)
     if not count:
         return [f"{source.name}: no paths"]
@@ -90,7 +94,7 @@ def _source_lines(source: RecoveredSource, problem: Problem) -> list[str]:
     return [f"{source.name}: {count} path{'s' if count > 1 else ''}", headings, *lines]
 
 
-def _named_cells(source: RecoveredSource, index: int, problem: Problem) -> dict[str, str]:
+def _named_cells(source: Channel, index: int, problem: Problem) -> dict[str, str]:
     """Heading → text of a path: in physical units where there are any, normalised without."""
     relative = " (relative)" if source.relative_doppler else ""
     cells = {}
@@ -111,3 +115,55 @@ def _with_bound(value: float, bound: float | None, digits: int) -> str:
     if bound is None:
         return text
     return f"{text} ± {bound:.1e}" if digits > 2 and np.isfinite(bound) else f"{text} ± {bound:.2g}"
+
+
+def planes(recovery: Recovery) -> list[dict[str, Any]]:
+    """What :class:`tmca.plots.dbd.Plane` shows of every source: ``‖f‖ / weight``, the estimate, the truth if known.
+
+    Over delay and Doppler; ``block`` messages, whose polynomial does not depend on the Doppler, over the delay alone;
+    with several antennas at the angle of the strongest path.
+    """
+    return [_plane(recovery, index) for index in range(len(recovery.sources))]
+
+
+def _plane(recovery: Recovery, index: int) -> dict[str, Any]:
+    problem, channel = recovery.problem, recovery.sources[index]
+    atoms = Atoms(problem.sources[index], problem.shape)
+    norms = np.sqrt(Polynomial(atoms, recovery.q).norms_on_grid(_OVERSAMPLING)) / atoms.source.weight
+    title = f"{channel.name}: norm of the dual polynomial"
+    if "angle" in atoms.axes and len(channel):
+        angle = channel.points[channel.strongest, 2]
+        norms = norms[..., round(angle * norms.shape[-1]) % norms.shape[-1]]
+        title += f" at the angle {angle:.3f}"
+    if recovery.sigma == 0 and not recovery.certified:
+        title += ", no certificate"
+    axes = [AXES.index(axis) for axis in atoms.axes[: norms.ndim]]
+    if norms.ndim == 2:
+        norms = np.roll(norms, norms.shape[1] // 2, axis=1)
+    starts = [-0.5 if place else 0.0 for place in range(norms.ndim)]
+    ranges = [start + np.arange(size + 1) / size for start, size in zip(starts, norms.shape, strict=True)]
+    truth = None if problem.truth is None else problem.truth[index].points
+    return {
+        "title": title,
+        "norms": norms,
+        "edges": [_scaled(one, axis, channel.name, problem.units) for one, axis in zip(ranges, axes, strict=True)],
+        "labels": [_label(axis, channel.name, problem.units) for axis in axes],
+        "estimate": _places(channel.points, axes, channel.name, problem.units),
+        "truth": None if truth is None else _places(truth, axes, channel.name, problem.units),
+    }
+
+
+def _places(points: Real, axes: list[int], name: str, units: Units | None) -> Real:
+    """``(n, 1 or 2)`` of points in a picture's units; Dopplers over a delay are of −½ to ½."""
+    columns = [points[:, axes[0]], *(np.nan_to_num(centred(points[:, axis])) for axis in axes[1:])]
+    return np.stack([_scaled(one, axis, name, units) for one, axis in zip(columns, axes, strict=True)], axis=-1)
+
+
+def _scaled(values: Real, axis: int, name: str, units: Units | None) -> Real:
+    return values if units is None or axis == 2 else units.physical(values, axis, name)
+
+
+def _label(axis: int, name: str, units: Units | None) -> str:
+    if units is None or axis == 2:
+        return ("normalised delay", "normalised Doppler", "normalised angle")[axis]
+    return ("range, m" if is_radar(name) else "path length, m", "radial velocity, m/s")[axis]

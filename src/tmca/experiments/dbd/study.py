@@ -13,14 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from tmca.dbd.estimates.true_bounds import true_bounds
-from tmca.dbd.identifiability import beyond_freedom
-from tmca.dbd.problem import Problem
-from tmca.dbd.recovery import Recovery
-from tmca.dbd.scoring import Score
-from tmca.dbd.signals.bases import BASES
-from tmca.dbd.signals.messages import MESSAGES
-from tmca.dbd.signals.simulate import simulate
+from tmca.dbd.messages import BASES, MESSAGES
+from tmca.dbd.model import Problem, beyond_freedom
+from tmca.dbd.noise import true_bounds
+from tmca.dbd.recovery import Recovery, Score
+from tmca.dbd.simulation import simulate
 from tmca.dbd.solving import GRAMS, METHODS, solve
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings, Timed, run_cells, timed

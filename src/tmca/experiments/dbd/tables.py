@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.data import check_target, write_json, write_text
-from tmca.dbd.arrays import Mask
+from tmca.dbd.coordinates import Mask
 from tmca.experiments.cells import Measured
 from tmca.experiments.dbd.study import DEFAULTS, Study, beyond
 from tmca.plots.style import blank_figure, save_figure
@@ -136,9 +136,10 @@ def _rate(rows: Sequence[Measured], where: dict[str, Any]) -> float:
 
 def save_planes(recovery: Recovery, path: Path, *, overwrite: bool = False) -> Path:
     """Writes the picture of the delay–Doppler planes."""
-    from tmca.dbd.figures import planes_figure
+    from tmca.dbd.tables import planes
+    from tmca.plots.dbd import Plane, planes_figure
 
-    return save_figure(planes_figure(recovery), path, overwrite=overwrite)
+    return save_figure(planes_figure([Plane(**one) for one in planes(recovery)]), path, overwrite=overwrite)
 
 
 def check_results(out: Path, overwrite: bool) -> None:

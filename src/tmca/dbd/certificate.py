@@ -7,15 +7,14 @@ the points where it is broken, again and again (exchange method), by second-orde
 
 from __future__ import annotations
 
-import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from tmca.dbd.arrays import Complex, Real
-from tmca.dbd.atoms.atoms import Atoms
-from tmca.dbd.atoms.measure import Measure
-from tmca.dbd.atoms.polynomial import Polynomial
+from tmca.dbd.atoms import Atoms, Polynomial
+from tmca.dbd.channel import Channel, each_atom, paths
+from tmca.dbd.coordinates import Complex, Real
 
 TOLERANCE = 1e-6
 """By how much ``‖f‖`` may exceed its bound."""
@@ -31,7 +30,7 @@ _GRID = 8
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a certificate found.
+    """Whether there is a dual variable that proves an optimum.
 
     Args:
         status: ``certified``; ``refuted``, no dual variable exists, the recovery is not the atomic-norm optimum;
@@ -41,8 +40,6 @@ class Certificate:
         q: the dual variable ``(A, P, M)``.
         unique: whether no other measure is as good: the atoms at all points where the polynomials touch their bounds
             are independent.
-        rounds: of the exchange.
-        seconds: it took.
     """
 
     status: str
@@ -50,8 +47,6 @@ class Certificate:
     reason: str
     q: Complex | None = field(default=None, repr=False)
     unique: bool = False
-    rounds: int = 0
-    seconds: float = 0.0
 
     @property
     def certified(self) -> bool | None:
@@ -59,59 +54,46 @@ class Certificate:
         return {"certified": True, "refuted": False}.get(self.status)
 
 
-def certificate(measure: Measure) -> Certificate:
-    """Looks for a dual certificate of the measure's atoms.
-
-    Args:
-        measure: atoms that fit the samples.
-    """
-    began = time.perf_counter()
-    found = _exchange(measure)
-    return Certificate(**{**found.__dict__, "seconds": time.perf_counter() - began})
-
-
-def _exchange(measure: Measure) -> Certificate:
-    if not sum(measure.counts):
+def certificate(channels: Sequence[Channel]) -> Certificate:
+    """Looks for a dual certificate of lifted channels that fit the samples."""
+    if not any(paths(channels)):
         return Certificate("undecided", np.inf, "no atoms")
-    start, free, conflict = _interpolating(measure)
+    start, free, conflict = _interpolating(channels)
     if conflict > 1e-8:
         return Certificate("refuted", np.inf, "no polynomial takes these values at these atoms")
-    shape = measure.atoms[0].shape
+    shape = channels[0].atoms.shape
     coordinates: Real = np.zeros(free.shape[1])
     cuts: list[tuple[Atoms, Real]] = []
     level = np.inf
-    for round_ in range(_ROUNDS):
+    for _ in range(_ROUNDS):
         q = _complex(start + free @ coordinates).reshape(shape)
-        broken, level = _broken(measure, q)
+        broken, level = _broken(channels, q)
         if not broken:
-            return _certified(measure, level, q, round_)
+            return _certified(channels, level, q)
         if start.size > 2 * _LARGEST:
             reason = f"the dual polynomial of least norm exceeds its bound and {start.size // 2} samples are many"
-            return Certificate("undecided", level, reason, q, rounds=round_)
+            return Certificate("undecided", level, reason, q)
         cuts = (cuts + broken)[-_CUTS:]
         solution, status, reason = _within(start, free, cuts)
         if solution is None:
-            return Certificate(status, level, reason, q, rounds=round_ + 1)
+            return Certificate(status, level, reason, q)
         coordinates = solution
-    return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q, rounds=_ROUNDS)
+    return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q)
 
 
-def _certified(measure: Measure, level: float, q: Complex, rounds: int) -> Certificate:
+def _certified(channels: Sequence[Channel], level: float, q: Complex) -> Certificate:
     """With whether the optimum is the only one: every other one is of atoms where this polynomial touches too."""
-    touching = measure.copy()
-    for index, atoms in enumerate(measure.atoms):
-        points, _ = Polynomial(atoms, q).peaks((1 - _TOUCHES) * atoms.source.weight, oversampling=_GRID, most=40)
-        touching.add(index, points)
-    matrix = touching.matrix()
+    touching = [one.added(_peaks(one.atoms, q, 1 - _TOUCHES)[0]) for one in channels]
+    matrix = np.hstack([one.linear() for one in touching])
     unique = bool(np.linalg.matrix_rank(matrix, 1e-7 * np.linalg.norm(matrix)) == matrix.shape[1])
     reason = "a dual polynomial exists" if unique else "there may be other optima"
-    return Certificate("certified", level, reason, q, unique, rounds)
+    return Certificate("certified", level, reason, q, unique)
 
 
-def _interpolating(measure: Measure) -> tuple[Real, Real, float]:
+def _interpolating(channels: Sequence[Channel]) -> tuple[Real, Real, float]:
     """The least-norm dual variable with the right values and no slope at the atoms, the others' space, the misfit."""
     rows, values = [], []
-    for atoms, point, weight in measure.each():
+    for atoms, point, weight in each_atom(channels):
         direction = weight / np.linalg.norm(weight)
         rows.append(_real_rows(atoms, point))
         values.append(atoms.source.weight * np.concatenate([direction.real, direction.imag]))
@@ -136,42 +118,43 @@ def _complex(vector: Real) -> Complex:
     return vector[:half] + 1j * vector[half:]
 
 
-def _broken(measure: Measure, q: Complex) -> tuple[list[tuple[Atoms, Real]], float]:
+def _broken(channels: Sequence[Channel], q: Complex) -> tuple[list[tuple[Atoms, Real]], float]:
     """Where a dual variable breaks its bounds, and its highest level."""
     broken, level = [], 0.0
-    for atoms in measure.atoms:
-        bound = atoms.source.weight
-        points, norms = Polynomial(atoms, q).peaks(0.5 * bound, oversampling=_GRID, most=40)
-        level = max(level, float(norms.max(initial=0.0)) / bound)
-        broken += [(atoms, x) for x, norm in zip(points, norms, strict=True) if norm > bound * (1 + TOLERANCE)]
+    for one in channels:
+        points, levels = _peaks(one.atoms, q, 0.5)
+        level = max(level, float(levels.max(initial=0.0)))
+        broken += [(one.atoms, x) for x in points[levels > 1 + TOLERANCE]]
     return broken, level
 
 
+def _peaks(atoms: Atoms, q: Complex, share: float) -> tuple[Real, Real]:
+    """Where a polynomial reaches a share of its bound, and which."""
+    bound = atoms.source.weight
+    points, norms = Polynomial(atoms, q).peaks(share * bound, oversampling=_GRID, most=40)
+    return points, norms / bound
+
+
 def _within(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[Real | None, str, str]:
-    """Coordinates of a dual variable within its bounds at the cuts; or None, what that means and why."""
-    solution, status = _least_norm(start, free, cuts)
-    excess = 0.0
+    """Coordinates of the least dual variable within its bounds at the cuts; or None, what that means and why."""
+    size, excess = free.shape[1], 0.0
+    blocks, offsets = _cones(start, free, cuts)
+    solution, status = _solved(np.ones(size), np.zeros(size), np.vstack(blocks), offsets)
     if solution is None and "Infeasible" not in status:
-        solution, excess, status = _least_excess(start, free, cuts)
+        solution, excess, status = _least_excess(blocks, offsets, cuts)
     if excess > _EXCESS or "Infeasible" in status:
         return None, "refuted", "no dual polynomial stays below its bound"
     return solution, "undecided", f"the cone solver said {status}"
 
 
-def _least_norm(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[Real | None, str]:
-    """The dual variable of least norm that keeps its bounds at the cuts, as coordinates in the free space."""
-    size = free.shape[1]
-    blocks, offsets = _cones(start, free, cuts)
-    return _solved(np.ones(size), np.zeros(size), np.vstack(blocks), offsets)
-
-
-def _least_excess(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[Real | None, float, str]:
+def _least_excess(
+    blocks: list[Real], offsets: list[Real], cuts: list[tuple[Atoms, Real]]
+) -> tuple[Real | None, float, str]:
     """The dual variable that exceeds its bounds at the cuts by the least share, and this share.
 
     There always is one, also where the bounds themselves can just or just not be kept and the least norm stalls.
     """
-    size = free.shape[1]
-    blocks, offsets = _cones(start, free, cuts)
+    size = blocks[0].shape[1]
     slack = [np.zeros((len(block), 1)) for block in blocks]
     for column, (atoms, _) in zip(slack, cuts, strict=True):
         column[0] = -atoms.source.weight

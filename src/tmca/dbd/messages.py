@@ -1,17 +1,52 @@
-"""Models of what a communications transmitter sends: how messages spread over the pulses of the receiver."""
+"""What transmitters send: known subspaces, and how messages spread over the pulses of the receiver."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
-from tmca.dbd.arrays import Complex
-from tmca.dbd.signals.bases import random_rows
-from tmca.dbd.source import Source
+from tmca.dbd.coordinates import Complex, Whole
+from tmca.dbd.model import Source
 from tmca.errors import SettingError
 
+BASES = ("vandermonde", "gaussian", "dft", "sign")
 MESSAGES = ("shared", "block", "dense")
+
+
+def random_rows(rng: np.random.Generator, count: int, subspace: int, kind: str = "vandermonde") -> Complex:
+    """``count`` rows ``bₙᴴ`` of a random basis, ``(count, subspace)``.
+
+    Args:
+        rng: random numbers.
+        count: rows.
+        subspace: columns.
+        kind: ``vandermonde``, ``[1, e^(−j2πs), …]`` with s uniform (Chi, "Guaranteed blind sparse spikes
+            deconvolution via lifting and convex optimization", 2016); ``gaussian``, complex with unit variance;
+            ``dft``, rows of the Fourier matrix in random order; ``sign``, ±1.
+
+    Raises:
+        SettingError: another kind.
+    """
+    columns = np.arange(subspace)
+    if kind == "gaussian":
+        real, imaginary = rng.standard_normal((count, subspace)), rng.standard_normal((count, subspace))
+        return (real + 1j * imaginary) / np.sqrt(2)
+    if kind == "vandermonde":
+        return np.exp(-2j * np.pi * np.outer(rng.random(count), columns))
+    if kind == "sign":
+        return rng.choice([-1.0, 1.0], (count, subspace)) + 0j
+    if kind == "dft":
+        size = max(count, subspace)
+        return np.exp(-2j * np.pi * np.outer(rng.permutation(size)[:count], columns) / size)
+    raise SettingError("basis", f"{kind!r}", f"one of {', '.join(BASES)}")
+
+
+def unit_vector(rng: np.random.Generator, size: int) -> Complex:
+    """A complex direction, uniform on the sphere."""
+    vector = rng.standard_normal(size) + 1j * rng.standard_normal(size)
+    return vector / np.linalg.norm(vector)
 
 
 def radar(rng: np.random.Generator, name: str, size: tuple[int, int], subspace: int, basis: str) -> Source:
@@ -73,8 +108,13 @@ def with_symbol_ratio(
 
 def fourier(frequencies: int) -> Complex:
     """The unitary transform from the samples of a pulse interval to ``n = −⌊M/2⌋ …``, ``(M, M)``."""
-    n = np.arange(frequencies) - frequencies // 2
-    return np.exp(-2j * np.pi * np.outer(n, np.arange(frequencies)) / frequencies) / np.sqrt(frequencies)
+    phases = np.outer(carriers(frequencies), np.arange(frequencies)) / frequencies
+    return np.exp(-2j * np.pi * phases) / np.sqrt(frequencies)
+
+
+def carriers(frequencies: int) -> Whole:
+    """The numbers of the frequencies, ``n = −⌊M/2⌋ …``."""
+    return np.arange(frequencies) - frequencies // 2
 
 
 def _symbols_in_window(rng: np.random.Generator, frequencies: int, parts: int, subspace: int, basis: str) -> Complex:
@@ -82,20 +122,18 @@ def _symbols_in_window(rng: np.random.Generator, frequencies: int, parts: int, s
     transform = fourier(frequencies)
     windows = np.array_split(np.arange(frequencies), parts)
     if min(len(window) for window in windows) < subspace:
-        found = f"{parts} symbols of {len(windows[-1])} samples"
-        raise SettingError("symbol_ratio", found, f"{subspace} samples or more for {subspace} coefficients each")
+        short = f"{parts} symbols of {len(windows[-1])} samples"
+        raise SettingError("symbol_ratio", short, f"{subspace} samples or more for {subspace} coefficients each")
     return np.hstack([transform[:, w] @ random_rows(rng, len(w), subspace, basis) for w in windows])
 
 
 def lagged(source: Source, lag: float) -> Source:
     """The source with its clock ``lag`` behind the receiver's, in units of a normalised delay.
 
-    A lag nobody knows only adds to all delays of the source: it is absorbed, not found.
+    A lag nobody knows only adds to all delays of the source.
     """
-    frequencies = source.rows.shape[1]
-    n = np.arange(frequencies) - frequencies // 2
-    rows = source.rows * np.exp(-2j * np.pi * n * lag)[None, :, None]
-    return Source(source.name, rows, source.message, source.weight)
+    ramp = np.exp(-2j * np.pi * carriers(source.rows.shape[1]) * lag)
+    return replace(source, rows=source.rows * ramp[:, None])
 
 
 def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
@@ -116,27 +154,25 @@ def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
     pulses, frequencies, _ = source.rows.shape
     if samples != int(samples) or not 0 <= samples <= frequencies:
         raise SettingError("late_samples", f"{samples}", f"a whole number up to {frequencies}, an interval")
-    late, own = _windows(frequencies, samples)
+    earlier, later = _windows(frequencies, samples)
     previous = np.concatenate([before[None], source.rows[:-1]])
     if source.messages == 1:
-        rows = np.einsum("nk,pkj->pnj", late, previous) + np.einsum("nk,pkj->pnj", own, source.rows)
-        return Source(source.name, rows, source.message, source.weight)
+        return replace(source, rows=earlier @ previous + later @ source.rows)
     if source.messages != pulses:
         raise SettingError("late_samples", "messages of several pulses", "shared or block messages")
-    rows = _overlapping(late @ previous, own @ source.rows)
-    return Source(source.name, rows, np.zeros(pulses, np.int64), source.weight)
+    rows = _overlapping(earlier @ previous, later @ source.rows)
+    return replace(source, rows=rows, message=np.zeros(pulses, np.int64))
 
 
-def _overlapping(before: Complex, own: Complex) -> Complex:
+def _overlapping(before: Complex, after: Complex) -> Complex:
     """``(P, M, ·)`` rows of intervals that each hold the end of one message and the start of the next."""
-    ends, begins = [_heard(before[0]), *before[1:]], [*own[:-1], _heard(own[-1])]
+    ends, begins = [_heard(before[0]), *before[1:]], [*after[:-1], _heard(after[-1])]
     sizes = [rows.shape[1] for rows in (*ends, begins[-1])]
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    found = np.zeros((len(own), own.shape[1], starts[-1]), complex)
-    for pulse, (earlier, later) in enumerate(zip(ends, begins, strict=True)):
-        found[pulse, :, starts[pulse] : starts[pulse + 1]] = earlier
-        found[pulse, :, starts[pulse + 1] : starts[pulse + 2]] = later
-    return found
+    rows = np.zeros((*after.shape[:2], starts[-1]), complex)
+    for pulse, pair in enumerate(zip(ends, begins, strict=True)):
+        rows[pulse, :, starts[pulse] : starts[pulse + 2]] = np.hstack(pair)
+    return rows
 
 
 def _heard(rows: Complex) -> Complex:
@@ -149,8 +185,7 @@ def _heard(rows: Complex) -> Complex:
 def _windows(frequencies: int, samples: int) -> tuple[Complex, Complex]:
     """``C Γ`` and ``(1 − C) Γ`` on spectra."""
     transform = fourier(frequencies)
-    n = np.arange(frequencies) - frequencies // 2
-    shift = np.exp(-2j * np.pi * n * samples / frequencies)
+    shift = np.exp(-2j * np.pi * carriers(frequencies) * samples / frequencies)
     early = (np.arange(frequencies) < samples).astype(float)
     late = (transform * early) @ transform.conj().T * shift
     return late, np.diag(shift) - late

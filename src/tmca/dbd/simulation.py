@@ -7,13 +7,11 @@ from fractions import Fraction
 
 import numpy as np
 
-from tmca.dbd.arrays import Complex, Real
-from tmca.dbd.atoms.atoms import Atoms
-from tmca.dbd.problem import Problem, Truth
-from tmca.dbd.signals.bases import random_rows, unit_vector
-from tmca.dbd.signals.messages import beyond_prefix, lagged, messages, radar, with_symbol_ratio
-from tmca.dbd.source import Source
-from tmca.dbd.torus import separated_points
+from tmca.dbd.atoms import Atoms
+from tmca.dbd.coordinates import Complex, separated_points
+from tmca.dbd.messages import beyond_prefix, lagged, radar, random_rows, unit_vector, with_symbol_ratio
+from tmca.dbd.messages import messages as message_source
+from tmca.dbd.model import Problem, Source, Truth
 from tmca.errors import SettingError
 
 Several = int | Sequence[int]
@@ -82,18 +80,20 @@ def simulate(
         for count, blind in zip(radars + links, blind_doppler, strict=True)
     ]
     gains = [_gains(rng, count, amplitudes) for count in radars + links]
-    sources, waveforms = [], []
-    for index in range(len(radars) + len(links)):
-        name = _name(index, len(radars), len(links))
+    sources, truth = [], []
+    names = _numbered("radar", len(radars)) + _numbered("communications", len(links))
+    for index, name in enumerate(names):
         if index < len(radars):
             source = radar(rng, name, (P, M), J, basis)
         else:
             source = _link(rng, name, (P, M), J, basis, messages, ratio, lag, late_samples)
         waveform = unit_vector(rng, source.unknowns)
-        sources.append(_known(source, waveform) if known_waveforms else source)
-        waveforms.append(np.ones(1, complex) if known_waveforms else waveform)
-    truth = tuple(map(_truth, points, gains, waveforms))
-    return overlaid(tuple(sources), truth, antennas, snr_db, rng)
+        if known_waveforms:
+            source, waveform = source.with_signal(waveform), np.ones(1, complex)
+        full = np.pad(points[index], ((0, 0), (0, 3 - points[index].shape[1])))
+        sources.append(source)
+        truth.append(Truth(full, gains[index], waveform))
+    return overlaid(tuple(sources), tuple(truth), antennas, snr_db, rng)
 
 
 def overlaid(
@@ -104,18 +104,13 @@ def overlaid(
     y = np.zeros(shape, complex)
     for source, channel in zip(sources, truth, strict=True):
         atoms = Atoms(source, shape, every_axis=True)
-        signals = atoms.signals(seen(atoms, channel.points), channel.waveform)
+        signals = atoms.signals(atoms.seen(channel.points), channel.waveform)
         y += (channel.amplitudes @ signals).reshape(shape)
     sigma = 0.0
     if snr_db is not None:
         sigma = float(np.sqrt(np.mean(np.abs(y) ** 2) * 10 ** (-snr_db / 10)))
         y = y + sigma * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
     return Problem(y, sources, sigma, truth)
-
-
-def seen(atoms: Atoms, points: Real) -> Real:
-    """The coordinates of ``(n, 3)`` points that these atoms depend on, ``(n, D)``."""
-    return points[:, [2 - axis for axis in atoms.lattice_axes]]
 
 
 def _check(sizes: dict[str, int], seed: int, snr_db: float | None, amplitudes: tuple[float, float]) -> None:
@@ -149,15 +144,15 @@ def _absorbs_doppler(messages: str, ratio: Fraction, pulses: int) -> bool:
 def _separation(separation: float | Sequence[float] | None, sizes: tuple[int, int, int]) -> list[float]:
     M, P, antennas = sizes
     halves = [(M - 1) // 2, P // 2, antennas // 2]
-    kept = halves if antennas > 1 else halves[:2]
+    halves = halves if antennas > 1 else halves[:2]
     if separation is None:
-        return [1 / half if half else np.inf for half in kept]
-    given = [separation] * len(kept) if isinstance(separation, float | int) else list(separation)
+        return [1 / half if half else np.inf for half in halves]
+    given = [separation] * len(halves) if isinstance(separation, float | int) else list(separation)
     if min(given) < 0 or not np.all(np.isfinite(given)):
         raise SettingError("separation", f"{separation}", "distances of zero or more")
-    if len(given) != len(kept):
-        raise SettingError("separation", f"{len(given)} numbers", f"{len(kept)}: delay, Doppler and, if any, angle")
-    return [one if half else np.inf for one, half in zip(given, kept, strict=True)]
+    if len(given) != len(halves):
+        raise SettingError("separation", f"{len(given)} numbers", f"{len(halves)}: delay, Doppler and, if any, angle")
+    return [one if half else np.inf for one, half in zip(given, halves, strict=True)]
 
 
 def _gains(rng: np.random.Generator, count: int, amplitudes: tuple[float, float]) -> Complex:
@@ -166,29 +161,18 @@ def _gains(rng: np.random.Generator, count: int, amplitudes: tuple[float, float]
     return phases if low == high == 1 else phases * (low + (high - low) * rng.random(count))
 
 
-def _name(index: int, radars: int, links: int) -> str:
-    if index < radars:
-        return "radar" if radars == 1 else f"radar {index + 1}"
-    return "communications" if links == 1 else f"communications {index - radars + 1}"
+def _numbered(name: str, count: int) -> list[str]:
+    return [name] if count == 1 else [f"{name} {index + 1}" for index in range(count)]
 
 
 def _link(
     rng: np.random.Generator, name: str, size: tuple[int, int], J: int, basis: str, kind: str, ratio: Fraction,
     lag: float, late: int,
 ) -> Source:  # fmt: skip
-    plain = ratio == 1
-    source = messages(rng, name, size, J, basis, kind) if plain else with_symbol_ratio(rng, name, size, J, basis, ratio)
+    if ratio == 1:
+        source = message_source(rng, name, size, J, basis, kind)
+    else:
+        source = with_symbol_ratio(rng, name, size, J, basis, ratio)
     if late:
         source = beyond_prefix(source, random_rows(rng, size[1], source.subspace, basis), late)
     return lagged(source, lag) if lag else source
-
-
-def _known(source: Source, waveform: Complex) -> Source:
-    """The source with its signal as the whole basis."""
-    return Source(source.name, source.signal(waveform)[..., None], np.zeros(len(source.message), np.int64))
-
-
-def _truth(points: Real, gains: Complex, waveform: Complex) -> Truth:
-    full = np.zeros((len(points), 3))
-    full[:, : points.shape[1]] = points
-    return Truth(full, gains, waveform)

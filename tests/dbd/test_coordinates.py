@@ -1,11 +1,12 @@
-"""Coordinates that wrap around at 1."""
+"""Coordinates that wrap around at 1, and what they are in metres, metres a second and degrees."""
 
 from itertools import permutations
 
 import numpy as np
 import pytest
 
-from tmca.dbd.torus import distance, matched, separated_points
+from tmca.dbd import Units
+from tmca.dbd.coordinates import distance, from_zero, matched, separated_points
 from tmca.errors import SettingError
 
 
@@ -39,9 +40,10 @@ def test_a_coordinate_that_tells_nothing_leaves_it_to_the_others():
 
 
 def test_more_points_than_fit_are_refused(monkeypatch):
-    monkeypatch.setattr("tmca.dbd.torus._TRIES", 200)
-    with pytest.raises(SettingError, match=r"separation: found 0.4 for 3 points"):
+    monkeypatch.setattr("tmca.dbd.coordinates._TRIES", 200)
+    with pytest.raises(SettingError) as caught:
         separated_points(np.random.default_rng(0), 3, (0.4,))
+    assert caught.value.where == "separation"
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -60,3 +62,20 @@ def test_no_other_pairs_are_nearer(seed):
 def test_spare_points_stay_alone():
     here, there = matched(np.array([[0.1], [0.99], [0.5]]), np.array([[0.0], [0.52]]))
     assert dict(zip(here.tolist(), there.tolist(), strict=True)) == {1: 0, 2: 1}
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("name", ["radar", "communications"])
+def test_deviations_are_slopes_times_deviations(axis, name):
+    units, step, at = Units(3e-6, 2e5, 77e9, 0.6), 1e-5, np.array([0.21])
+    ahead, behind = (units.physical(at + shift, axis, name) for shift in (step, -step))
+    np.testing.assert_allclose(units.deviation(at, step, axis, name), (ahead - behind) / 2, rtol=1e-6)
+
+
+def test_an_angle_of_thirty_degrees_is_half_a_spacing_of_turn():
+    assert Units(1, 1, 1, 0.5).physical(np.array(0.25), 2, "radar") == pytest.approx(30)
+
+
+def test_delays_just_below_one_are_a_little_under_zero():
+    delays = from_zero(np.array([0.0, 0.5, 0.94, 0.99]), 10)
+    np.testing.assert_allclose(delays, [0, 0.5, 0.94, -0.01])

@@ -1,1 +1,0 @@
-"""Lifted atoms of a source, their dual polynomial, and sparse measures made of them."""

@@ -1,0 +1,207 @@
+"""What noise does: the regularisation that keeps it out, how many paths it hides, and how exactly they can be known.
+
+The number of paths is that of the Bayesian information criterion: the drop of the squared residual over the noise
+against the parameters of one path, position and complex amplitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tmca.dbd.atoms import Atoms, Polynomial
+from tmca.dbd.channel import Channel, Channels, fit, no_paths, normal_equations, paths, residual
+from tmca.dbd.coordinates import Complex, Real, distance
+from tmca.dbd.model import Problem
+from tmca.errors import SettingError
+
+_QUANTILE = 0.95
+_DRAWS = 30
+_ROUNDS = 30
+_STEPS = 8
+"""Of a fit that only has to say whether a path pays."""
+_TRIED = 4
+"""Doubtful paths that are taken out on trial in a round."""
+_NEAR = 1.2
+"""Resolution cells within which two atoms may be one."""
+
+
+def noise_level(problem: Problem, seed: int = 0) -> float:
+    """The 95 % quantile of the highest ``‖f‖ / weight`` that complex noise of standard deviation one reaches.
+
+    Times the noise's standard deviation it is the regularisation above which noise alone gives an atom in one of
+    twenty draws.
+    """
+    rng, channels = np.random.default_rng(seed), no_paths(problem)
+    highest = []
+    for _ in range(_DRAWS):
+        noise = (rng.standard_normal(problem.shape) + 1j * rng.standard_normal(problem.shape)) / np.sqrt(2)
+        highest.append(largest_level(channels, noise))
+    return float(np.quantile(highest, _QUANTILE))
+
+
+def largest_level(channels: Sequence[Channel], y: Complex) -> float:
+    """The regularisation above which no atoms are optimal: the highest ``‖f‖ / weight`` of the samples."""
+    return max(
+        float(np.sqrt(Polynomial(one.atoms, y).norms_on_grid().max())) / one.atoms.source.weight for one in channels
+    )
+
+
+def price(atoms: Atoms) -> float:
+    """What one more path has to gain: its real parameters times the logarithm of the real samples, and its choice.
+
+    The best of as many resolution cells as there are samples fits noise by twice the logarithm of their number.
+    """
+    samples = float(np.prod(atoms.shape))
+    return (len(atoms.axes) + 2) * float(np.log(2 * samples)) + 2 * float(np.log(samples))
+
+
+def cost(channels: Sequence[Channel], y: Complex, sigma: float) -> float:
+    """Twice the negative log-likelihood, less a constant, with the price of every path and every waveform."""
+    squares = 2 * float(np.linalg.norm(residual(channels, y)) ** 2) / sigma**2
+    logarithm = float(np.log(2 * y.size))
+    return squares + sum(
+        len(one) * price(one.atoms) + bool(len(one)) * 2 * (one.waveform.size - 1) * logarithm for one in channels
+    )
+
+
+def structured(lifted: Sequence[Channel], y: Complex, sigma: float) -> Channels:
+    """Lifted channels with one waveform a source; in noise, with the number of paths that costs least."""
+    channels = [one.structured() for one in lifted]
+    if not any(paths(channels)):
+        return channels
+    return selected(channels, y, sigma) if sigma else fit(channels, y)
+
+
+def selected(channels: Channels, y: Complex, sigma: float) -> Channels:
+    """The channels with the number of paths that costs least, from a fit with too many or too few."""
+    channels = fit(channels, y)
+    best = cost(channels, y, sigma)
+    for _ in range(_ROUNDS):
+        trial = _one_less(channels, y, sigma, best) or _one_more(channels, y, sigma, best)
+        if trial is None:
+            break
+        channels, best = trial, cost(trial, y, sigma)
+    return fit(channels, y)
+
+
+def _one_less(channels: Channels, y: Complex, sigma: float, best: float) -> Channels | None:
+    """The channels without the path that is missed least, if they cost less."""
+    for _, index, path in sorted(_doubtful(channels, sigma))[:_TRIED]:
+        trial = _with(channels, index, channels[index].without(path), y)
+        if cost(trial, y, sigma) < best:
+            return trial
+    return None
+
+
+def _with(channels: Channels, index: int, channel: Channel, y: Complex) -> Channels:
+    """A short fit with one channel replaced."""
+    return fit([*channels[:index], channel, *channels[index + 1 :]], y, _STEPS)
+
+
+def _doubtful(channels: Channels, sigma: float) -> list[tuple[float, int, int]]:
+    """Paths that may be noise or doubles: their significance with all else fixed, source and number."""
+    columns = np.hstack([one.columns() for one in channels])
+    variances = iter(np.real(np.diag(np.linalg.pinv(columns.conj().T @ columns))))
+    doubtful = []
+    for index, one in enumerate(channels):
+        for path, gain in enumerate(one.amplitudes):
+            gained = 2 * abs(gain) ** 2 / (next(variances) * sigma**2)
+            apart = np.max(distance(one.positions, one.positions[path]) * one.atoms.counts, axis=1)
+            if gained < 6 * price(one.atoms) or np.sum(apart < _NEAR) > 1:
+                doubtful.append((float(gained), index, path))
+    return doubtful
+
+
+def _one_more(channels: Channels, y: Complex, sigma: float, best: float) -> Channels | None:
+    """The channels with a path more where the residual matches a source best, if they cost less."""
+    left = residual(channels, y)
+    for index, one in enumerate(channels):
+        trial = _with(channels, index, _another(one, left) if len(one) else _first(one, left), y)
+        if cost(trial, y, sigma) < best:
+            return trial
+    return None
+
+
+def _another(channel: Channel, left: Complex) -> Channel:
+    """The channel with one more path of its waveform, where a matched filter says."""
+    matched = Atoms(channel.atoms.source.with_signal(channel.waveform), channel.atoms.shape)
+    point = Polynomial(matched, left).peaks(0.0, most=1)[0][:1]
+    column = channel.atoms.signals(point, channel.waveform)[0]
+    gain = np.vdot(column, left) / np.vdot(column, column)
+    positions = np.vstack([channel.positions, point])
+    return Channel(channel.atoms, positions, np.append(channel.amplitudes, gain), channel.waveform)
+
+
+def _first(channel: Channel, left: Complex) -> Channel:
+    """The first path of a source whose waveform is not known yet either."""
+    lifted = Atoms(channel.atoms.source, channel.atoms.shape)
+    point = Polynomial(lifted, left).peaks(0.0, most=1)[0][:1]
+    weight = np.linalg.lstsq(lifted.matrix(point[0]), left, rcond=None)[0]
+    position = np.nan_to_num(channel.atoms.seen(lifted.full(point)))
+    return Channel(channel.atoms, position, np.ones(1, complex), weight).normalised()
+
+
+def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int | None] | None = None) -> list[Real]:
+    """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source.
+
+    Gains and waveforms are nuisance, up to their common factor. Dopplers of ``block`` messages are bounded relative to
+    one path's, whose own is zero. Coordinates that no samples of this kind can tell have no bound: infinite.
+
+    Args:
+        channels: structured; the truth, or an estimate in its place.
+        sigma: standard deviation of the complex noise.
+        references: per source, the path that relative Dopplers count from; by default the strongest.
+    """
+    curvature, _ = normal_equations(channels, np.zeros(channels[0].atoms.samples, complex))
+    sizes = np.sqrt(np.diag(curvature))
+    sizes[sizes == 0] = 1  # no rank depends on anybody's units
+    fisher = 2 / sigma**2 * curvature / np.outer(sizes, sizes)
+    ends = np.cumsum([one.positions.size for one in channels])
+    nuisance = np.arange(len(fisher) - ends[-1])
+    fixed = _reference_columns(channels, references or [None] * len(channels))
+    free = np.setdiff1d(np.arange(ends[-1]), fixed)
+    columns = len(nuisance) + free
+    cross = fisher[np.ix_(columns, nuisance)]
+    within = np.linalg.pinv(fisher[np.ix_(nuisance, nuisance)], rcond=1e-9)
+    information = fisher[np.ix_(columns, columns)] - cross @ within @ cross.T
+    deviations = np.zeros(ends[-1])
+    deviations[free] = _deviations(information, least=1e-11 * 2 / sigma**2) / sizes[columns]
+    parts = np.split(deviations, ends[:-1])
+    return [part.reshape(one.positions.shape) for one, part in zip(channels, parts, strict=True)]
+
+
+def _deviations(information: Real, least: float) -> Real:
+    """Square roots of the diagonal of the inverse; infinite along directions with ``least`` information or less."""
+    values, vectors = np.linalg.eigh(information)
+    certain = values > least
+    variances = (vectors[:, certain] ** 2 / values[certain]).sum(axis=1)
+    variances[(vectors[:, ~certain] ** 2).sum(axis=1) > 1e-8] = np.inf
+    return np.sqrt(variances)
+
+
+def _reference_columns(channels: Sequence[Channel], references: Sequence[int | None]) -> list[int]:
+    """Columns of Dopplers that serve as references."""
+    columns, start = [], 0
+    for one, given in zip(channels, references, strict=True):
+        if one.relative_axis is not None and len(one):
+            path = one.strongest if given is None else given
+            columns.append(start + path * one.positions.shape[1] + one.relative_axis)
+        start += one.positions.size
+    return columns
+
+
+def true_bounds(problem: Problem, references: Sequence[int | None] | None = None) -> list[Real]:
+    """Cramér–Rao bounds of a simulated problem, at its true parameters; see :func:`bounds`.
+
+    Raises:
+        SettingError: a problem without truth or without noise.
+    """
+    if problem.truth is None or not problem.sigma:
+        raise SettingError("problem", "no truth or no noise", "a simulated problem with snr_db")
+    channels = []
+    for source, truth in zip(problem.sources, problem.truth, strict=True):
+        atoms = Atoms(source, problem.shape, every_axis=True)
+        channels.append(Channel(atoms, atoms.seen(truth.points), truth.amplitudes, truth.waveform))
+    return bounds(channels, problem.sigma, references)

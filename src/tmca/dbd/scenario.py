@@ -1,0 +1,348 @@
+"""The physical layer: a pulse-Doppler radar and an OFDM transmitter on one carrier, received in the time domain.
+
+Every interval of ``prefix_s + useful_s`` seconds starts with the cyclic prefix of a message; the radar fires when the
+prefix is over, and the receiver looks at the useful part. There, a path no later than the prefix turns the spectrum of
+a message by a ramp, and so does an echo that is over before the interval ends: thesis equations (37) to (58), with the
+number of frequencies M = bandwidth × useful time. The Doppler shift within an interval is what the model leaves out.
+
+A :class:`Scenario` describes; :meth:`Scenario.draw` draws codes and symbols, whose :class:`Scene` is what is received.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+
+from tmca.dbd.coordinates import LIGHT_M_S, Complex, Real, Units
+from tmca.dbd.messages import carriers, unit_vector
+from tmca.dbd.messages import messages as message_source
+from tmca.dbd.model import Problem, Source, Truth
+from tmca.dbd.simulation import overlaid
+from tmca.errors import SettingError
+
+_OVERSAMPLING = 32
+"""Time samples per inverse bandwidth; the spectra are sums over them."""
+
+
+class Way:
+    """What delays, shifts and scales a signal on its way to the receiver.
+
+    Raises:
+        SettingError: a number that is not finite.
+    """
+
+    velocity_m_s: float
+    gain: complex
+    angle_deg: float
+    trips: ClassVar[int]
+    """2 for there and back."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not np.isfinite(value):
+                raise SettingError(f"{name} of a {type(self).__name__.lower()}", f"{value}", "a finite number")
+
+    @property
+    def delay_s(self) -> float:
+        """Of all trips."""
+        raise NotImplementedError
+
+    def doppler_hz(self, carrier_hz: float) -> float:
+        """``f v / c`` for each trip."""
+        return self.trips * carrier_hz * self.velocity_m_s / LIGHT_M_S
+
+    def turn(self, spacing: float) -> float:
+        """The normalised angle for antennas ``spacing`` wavelengths apart."""
+        return float(spacing * np.sin(np.deg2rad(self.angle_deg)))
+
+
+@dataclass(frozen=True)
+class Target(Way):
+    """A point target of the radar.
+
+    Args:
+        range_m: distance.
+        velocity_m_s: radial, positive away.
+        gain: complex amplitude of the echo; one is as strong as a communications path of gain one.
+        angle_deg: from the broadside of the array.
+    """
+
+    range_m: float
+    velocity_m_s: float
+    gain: complex = 1.0
+    angle_deg: float = 0.0
+    trips: ClassVar[int] = 2
+
+    @property
+    def delay_s(self) -> float:
+        """There and back."""
+        return 2 * self.range_m / LIGHT_M_S
+
+
+@dataclass(frozen=True)
+class Path(Way):
+    """A path from the communications transmitter to the receiver.
+
+    Args:
+        length_m: of the whole way.
+        velocity_m_s: by which the way grows.
+        gain: complex amplitude.
+        angle_deg: of arrival.
+    """
+
+    length_m: float
+    velocity_m_s: float
+    gain: complex = 1.0
+    angle_deg: float = 0.0
+    trips: ClassVar[int] = 1
+
+    @property
+    def delay_s(self) -> float:
+        """One way."""
+        return self.length_m / LIGHT_M_S
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """The description of a radar scene and a communications channel that one receiver hears together.
+
+    The radar's pulse is an unknown mix of ``subspace`` known pulses of random phase codes; a message is ``subspace``
+    unknown symbols spread over all subcarriers by known codes.
+
+    Args:
+        targets: of the radar.
+        paths: of the communications channel.
+        bandwidth_hz: of both.
+        useful_s: of an interval, the inverse of the subcarrier spacing.
+        prefix_s: cyclic prefix.
+        carrier_hz: of both.
+        pulses: intervals that are received.
+        subspace: J.
+        pulse_s: duration of the radar's pulse; a fifth of the useful time without.
+        messages: ``shared``, ``block`` or ``dense``.
+        antennas: of the receiver.
+        spacing: of the antennas, in wavelengths.
+        snr_db: of the samples; no noise without.
+        seed: of codes, symbols and noise, where :meth:`draw` is given none.
+
+    Raises:
+        SettingError: durations or a bandwidth that are not positive, echoes that outlast the interval, paths later
+            than the prefix, velocities or angles that look like others.
+    """
+
+    targets: Sequence[Target]
+    paths: Sequence[Path]
+    bandwidth_hz: float = 10e6
+    useful_s: float = 3.3e-6
+    prefix_s: float = 1.2e-6
+    carrier_hz: float = 77e9
+    pulses: int = 17
+    subspace: int = 3
+    pulse_s: float | None = None
+    messages: str = "shared"
+    antennas: int = 1
+    spacing: float = 0.5
+    snr_db: float | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        self._check_numbers()
+        self._check_delays()
+        self._check_unambiguous()
+
+    @property
+    def frequencies(self) -> int:
+        """M, subcarriers in the bandwidth."""
+        return max(1, round(self.bandwidth_hz * self.useful_s))
+
+    @property
+    def interval_s(self) -> float:
+        """Pulse repetition interval: prefix and useful time."""
+        return self.prefix_s + self.useful_s
+
+    @property
+    def duration_s(self) -> float:
+        """Of the radar's pulse."""
+        return self.useful_s / 5 if self.pulse_s is None else self.pulse_s
+
+    @property
+    def units(self) -> Units:
+        """From normalised coordinates to seconds and hertz."""
+        return Units(self.useful_s, 1 / self.interval_s, self.carrier_hz, self.spacing)
+
+    def draw(self, seed: int | None = None) -> Scene:
+        """Draws codes and symbols, all that is random but the noise; ``seed`` in place of the scenario's."""
+        scenario = self if seed is None else replace(self, seed=seed)
+        rng = np.random.default_rng(scenario.seed)
+        chips = max(2, round(self.bandwidth_hz * self.duration_s))
+        codes = np.exp(2j * np.pi * rng.random((chips, self.subspace)))
+        rows = _transform(self) @ np.stack([_pulse(self, code, _times(self)) for code in codes.T], axis=1)
+        power = np.sqrt(np.mean(np.abs(rows) ** 2))  # a gain of one is then as strong as one of the other channel
+        size = (self.pulses, self.frequencies)
+        radar = Source("radar", rows / power, np.zeros(self.pulses, np.int64))
+        link = message_source(rng, "communications", size, self.subspace, "gaussian", self.messages)
+        waveforms = [unit_vector(rng, source.unknowns) for source in (radar, link)]
+        truth = self._truth(self.targets, waveforms[0]), self._truth(self.paths, waveforms[1])
+        return Scene(scenario, (radar, link), truth, codes / power)
+
+    def _truth(self, channel: Sequence[Way], waveform: Complex) -> Truth:
+        points = np.zeros((len(channel), 3))
+        gains = np.zeros(len(channel), complex)
+        for index, way in enumerate(channel):
+            doppler = way.doppler_hz(self.carrier_hz)
+            points[index] = (way.delay_s / self.useful_s, doppler * self.interval_s, way.turn(self.spacing))
+            gains[index] = way.gain * np.exp(-2j * np.pi * doppler * self.middle_s(way))
+        return Truth(points % 1.0, gains, waveform)
+
+    def middle_s(self, way: Way) -> float:
+        """The middle of an echo, or of a message, since the useful part of an interval began; gains count from it."""
+        return way.delay_s + self.duration_s / 2 if isinstance(way, Target) else self.useful_s / 2
+
+    def _check_numbers(self) -> None:
+        """Sizes are whole and positive, durations positive, the signal-to-noise ratio finite."""
+        for name, least in (("pulses", 1), ("subspace", 1), ("antennas", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if not np.isfinite(value) or value != int(value) or value < least:
+                raise SettingError(name, f"{value}", f"a whole number of {least} or more")
+        for name in ("bandwidth_hz", "useful_s", "carrier_hz", "spacing", "pulse_s"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise SettingError(name, f"{value}", "a positive number")
+        if not (np.isfinite(self.prefix_s) and self.prefix_s >= 0):
+            raise SettingError("prefix_s", f"{self.prefix_s}", "seconds, zero or more")
+        if self.snr_db is not None and not abs(self.snr_db) <= 300:
+            raise SettingError("snr_db", f"{self.snr_db}", "decibels from -300 to 300")
+
+    def _check_delays(self) -> None:
+        """Echoes end within the interval, paths come within the prefix, none before it was sent."""
+        last = max((one.delay_s for one in self.targets), default=0.0) + self.duration_s
+        if last > self.useful_s:
+            reach = (self.useful_s - self.duration_s) * LIGHT_M_S / 2
+            echo = f"an echo that ends {last * 1e6:.4g} µs after the pulse"
+            remedy = f"take targets within {reach:.4g} m, a longer interval or a shorter pulse"
+            raise SettingError("targets", echo, f"{self.useful_s * 1e6:.4g} µs at most", remedy)
+        late = max((one.delay_s for one in self.paths), default=0.0)
+        if late > self.prefix_s:
+            remedy = "take a longer prefix; without one, subcarriers are no longer orthogonal"
+            most = f"at most the prefix, {self.prefix_s * 1e6:.4g} µs"
+            raise SettingError("paths", f"a path of {late * 1e6:.4g} µs", most, remedy)
+        if any(one.delay_s < 0 for one in (*self.targets, *self.paths)):
+            raise SettingError("targets and paths", "a negative distance", "distances of zero or more")
+
+    def _check_unambiguous(self) -> None:
+        """Dopplers stay within half the pulse repetition frequency, and angles within half a turn between antennas."""
+        channels: list[tuple[str, Sequence[Way], int]] = [("targets", self.targets, 2), ("paths", self.paths, 1)]
+        for what, channel, trips in channels:
+            fastest = max((abs(one.velocity_m_s) for one in channel), default=0.0)
+            limit = LIGHT_M_S / (2 * trips * self.carrier_hz * self.interval_s)
+            if fastest >= limit:
+                remedy = "take shorter intervals or a lower carrier; faster ones look like slower ones"
+                raise SettingError(what, f"{fastest:.4g} m/s", f"less than {limit:.4g} m/s", remedy)
+            turn = max((abs(one.turn(self.spacing)) for one in channel), default=0.0)
+            if self.antennas > 1 and turn >= 0.5:
+                apart = f"a turn of {turn:.4g} wavelengths between antennas {self.spacing:g} wavelengths apart"
+                raise SettingError(what, apart, "less than 0.5", "take antennas closer together or smaller angles")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scenario with the codes and symbols that were drawn for it, the one on air.
+
+    Args:
+        scenario: its description, with the seed.
+        sources: radar and communications transmitter.
+        truth: the channel and the signal of both.
+        codes: ``(chips, J)``, of the radar's pulses.
+    """
+
+    scenario: Scenario
+    sources: tuple[Source, Source] = field(repr=False)
+    truth: tuple[Truth, Truth] = field(repr=False)
+    codes: Complex = field(repr=False)
+
+    def problem(self) -> Problem:
+        """The samples of the normalised model (58), with everything known."""
+        scene, rng = self.scenario, np.random.default_rng(self.scenario.seed + 1)
+        return replace(overlaid(self.sources, self.truth, scene.antennas, scene.snr_db, rng), units=scene.units)
+
+    def receive(self, doppler_within: bool = True) -> Problem:
+        """The samples as a receiver gets them: both signals in the time domain, through their channels, transformed.
+
+        The problem's ``sigma`` counts the noise and what the model leaves out, which a solver can explain no better.
+
+        Args:
+            doppler_within: let phases turn within an interval too, as they do; without, they turn from interval to
+                interval only, and the samples are the model's.
+        """
+        spectra = self._spectra(doppler_within)
+        power = self._left_out(spectra) ** 2 if doppler_within else 0.0
+        if self.scenario.snr_db is not None:
+            rng = np.random.default_rng(self.scenario.seed + 1)
+            sigma = _rms(spectra) * 10 ** (-self.scenario.snr_db / 20)
+            noise = rng.standard_normal(spectra.shape) + 1j * rng.standard_normal(spectra.shape)
+            spectra, power = spectra + sigma * noise / np.sqrt(2), power + sigma**2
+        return Problem(spectra, self.sources, float(np.sqrt(power)), self.truth, self.scenario.units)
+
+    @property
+    def model_error(self) -> float:
+        """Relative norm of what the model leaves out of the noiseless samples."""
+        spectra = self._spectra(True)
+        return self._left_out(spectra) / _rms(spectra)
+
+    def _left_out(self, spectra: Complex) -> float:
+        """Root mean square of what the model leaves out of noiseless samples."""
+        silent = replace(self, scenario=replace(self.scenario, snr_db=None))
+        return _rms(spectra - silent.problem().y)
+
+    def _spectra(self, doppler_within: bool) -> Complex:
+        """``(A, P, M)`` spectra of what arrives in every interval."""
+        scene = self.scenario
+        times, transform = _times(scene), _transform(scene)
+        spectra = np.zeros((scene.antennas, scene.pulses, scene.frequencies), complex)
+        channels: list[tuple[Sequence[Way], Callable[[int, Real], Complex]]]
+        channels = [(scene.targets, self._radar), (scene.paths, self._link)]
+        for way, sent in ((way, sent) for channel, sent in channels for way in channel):
+            within = times if doppler_within else np.full_like(times, scene.middle_s(way))
+            steer = np.exp(-2j * np.pi * way.turn(scene.spacing) * np.arange(scene.antennas))
+            for pulse in range(scene.pulses):
+                phase = way.doppler_hz(scene.carrier_hz) * (pulse * scene.interval_s + within)
+                arrived = way.gain * sent(pulse, times - way.delay_s) * np.exp(-2j * np.pi * phase)
+                spectra[:, pulse] += steer[:, None] * (transform @ arrived)
+        return spectra
+
+    def _radar(self, _: int, time: Real) -> Complex:
+        """What the radar sends in an interval, at times since its useful part began."""
+        return _pulse(self.scenario, self.codes @ self.truth[0].waveform, time)
+
+    def _link(self, interval: int, time: Real) -> Complex:
+        """What the transmitter sends in an interval, at times since its useful part began."""
+        symbols = self.sources[1].signal(self.truth[1].waveform)[interval]
+        waves = np.exp(2j * np.pi * np.outer(time, carriers(len(symbols))) / self.scenario.useful_s)
+        return np.where(time >= -self.scenario.prefix_s, waves @ symbols, 0)
+
+
+def _rms(values: Complex) -> float:
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
+def _pulse(scenario: Scenario, code: Complex, time: Real) -> Complex:
+    """A pulse at times in seconds: overlapping raised-cosine chips, zero outside its duration."""
+    half = scenario.duration_s / (len(code) + 1)
+    away = time[:, None] / half - 1 - np.arange(len(code))
+    return np.where(np.abs(away) < 1, 0.5 + 0.5 * np.cos(np.pi * away), 0.0) @ code
+
+
+def _times(scenario: Scenario) -> Real:
+    """Instants of the useful part of an interval."""
+    count = _OVERSAMPLING * scenario.frequencies
+    return np.arange(count) * (scenario.useful_s / count)
+
+
+def _transform(scenario: Scenario) -> Complex:
+    """``(M, instants)``: the Fourier integral at the subcarriers, over the useful time."""
+    times = _times(scenario)
+    phases = np.outer(carriers(scenario.frequencies), times) / scenario.useful_s
+    return np.exp(-2j * np.pi * phases) / len(times)

@@ -1,1 +1,0 @@
-"""Sliding Frank–Wolfe, the dual semidefinite programme, and certificates."""
