@@ -15,8 +15,8 @@ import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
-from tmca.decoders.patch_based.depth_posterior import DepthPosterior
+from tmca.decoders import PatchLikelihood
+from tmca.decoders.likelihood import DepthPosterior
 from tmca.experiments.spectral_depth.imaging import take_spectral_depth_snapshot
 from tmca.experiments.spectral_depth.scenes import depth_tensor, load_any_depth_scene, middle_of
 from tmca.priors import load_prior

@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 import torch
+from TODO import LIGHT_FIELD_METHODS, METHODS, needs_prior
 from torch import Tensor
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data import rendered_light_field, rendered_scene, split_rendered_light_fields
-from tmca.decoders import LIGHT_FIELD_METHODS, METHODS, NeuralDecoder, Weights, build_network, decode
+from tmca.decoders import PatchLikelihood, Weights, build_network, decode
 from tmca.decoders import decode_light_field as decode_views
-from tmca.decoders.decoding import needs_prior
-from tmca.decoders.networks.depth_weights import TwoHeadedDecoder
-from tmca.decoders.networks.two_headed import DEPTH_STARTS, build_depth_network
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
+from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
+from tmca.decoders.nets.two_headed import DEPTH_STARTS
+from tmca.decoders.prior_choice import find_depth_prior
 from tmca.errors import SettingError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.experiments.spectral_depth.scenes import depth_tensor
@@ -253,7 +253,7 @@ def _by_network(case: Case, name: str) -> Frame:
         network = _network(case, settings, bands=camera.views[0] ** 2, views=camera.views)
     else:
         network = _network(case, _SPECTRAL_NETWORKS[name], bands=camera.bands)
-    decoder = NeuralDecoder(network, _prior(case, False) if network.start == "lmmse" else None)
+    decoder = CollapsedNetwork(network, _prior(case, False) if network.start == "lmmse" else None)
     return lambda values: decoder(values, camera.operator(), camera.noise)
 
 
@@ -264,7 +264,7 @@ def _depth_decoder(case: Case, name: str) -> Frame:
         return lambda values: likelihood(values, planes=False)
     torch.manual_seed(0)
     network = build_depth_network({"start": name.split()[-1]}, case.camera).to(case.device)
-    return TwoHeadedDecoder(network, case.camera, prior)
+    return TwoHeadedNetwork(network, case.camera, prior)
 
 
 def _exported(case: Case, format: str) -> Frame:

@@ -52,6 +52,31 @@ def test_imports_only_go_down(file):
         assert other == room or FLOORS[other] < FLOORS[room], f"{file} imports {other}, which lies above {room}"
 
 
+def imported_files(file):
+    """Files of the same room that a file imports, wherever in it."""
+    room = file.relative_to(SOURCE).parts[0]
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(f"tmca.{room}."):
+            path = SOURCE.parent.joinpath(*node.module.split("."))
+            yield from (found for found in (path.with_suffix(".py"), path / "__init__.py") if found.exists())
+
+
+@pytest.mark.parametrize("room", ["decoders"])
+def test_no_file_of_a_room_is_imported_by_what_it_imports(room):
+    graph = {file: {*imported_files(file)} for file in (SOURCE / room).rglob("*.py") if file.name != "__init__.py"}
+    done = set()
+
+    def visit(file, path):
+        assert file not in path, " → ".join(one.stem for one in (*path, file))
+        if file not in done:
+            for other in graph.get(file, ()):
+                visit(other, (*path, file))
+            done.add(file)
+
+    for file in graph:
+        visit(file, ())
+
+
 def test_every_room_has_its_floor():
     rooms = {path.name for path in SOURCE.iterdir() if path.is_dir() and (path / "__init__.py").exists()}
     assert rooms <= set(FLOORS)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.decoders.patch_based.depth_likelihood import usual_window
+from tmca.decoders.likelihood import usual_window
 from tmca.errors import OutputError, SettingError
 from tmca.experiments.figures import save_figure
 from tmca.experiments.scenes import at_bands, load_scene

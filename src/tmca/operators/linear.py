@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 import torch
 from torch import Tensor, nn
@@ -12,52 +12,60 @@ from tmca.errors import SettingError, ShapeError
 _TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
 
 
-class Imaging(Protocol):
-    """Anything with ``A`` and ``A_adjoint``."""
-
-    def A(self, x: Tensor, /) -> Tensor: ...
-
-    def A_adjoint(self, y: Tensor, /) -> Tensor: ...
-
-
-def conjugate_gradient_gram(
-    operator: Imaging,
-    y: Tensor,
-    shift: float,
+def conjugate_gradients(
+    apply: Callable[[Tensor], Tensor],
+    right: Tensor,
     *,
-    tolerance: float = 1e-6,
+    shift: float = 0.0,
+    tolerance: float | None = 1e-6,
     steps: int = 200,
     start: Tensor | None = None,
+    preconditioner: Tensor | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Tensor:
-    """``(A Aᵀ + shift·I)⁻¹ y`` for a batch of snapshots by conjugate gradients.
+    """Solve ``apply(x) + shift · x = right`` for a batch, each entry with steps of its own (Hestenes, Stiefel 1952).
 
     Args:
-        operator: with ``A`` and ``A_adjoint``.
-        y: (B, …).
-        shift: ≥ 0; with 0, y must lie in the range of A.
-        tolerance: residual, as a share of the norm of y, at which each snapshot of the batch is solved.
+        apply: symmetric and positive semidefinite, in whose range ``right`` lies.
+        right: (B, …).
+        shift: ≥ 0.
+        tolerance: residual, as a share of the norm of ``right``, at which the iteration stops; None takes a fixed
+            number of steps, in operations that exporters know, of which those beyond rounding change nothing.
         steps: most steps taken.
         start: a solution that is near, such as that of the iteration before; zero if None.
+        preconditioner: (…) near inverse of the diagonal.
+        progress: told the share of the steps that is done.
     """
-    dims = tuple(range(1, y.ndim))
-
-    def dot(a: Tensor, b: Tensor) -> Tensor:
-        return (a * b).sum(dim=dims, keepdim=True)
-
-    tiny = torch.finfo(y.dtype).tiny
-    solution = torch.zeros_like(y) if start is None else start
-    residual = y if start is None else y - operator.A(operator.A_adjoint(start)) - shift * start
-    direction, energy = residual, dot(residual, residual)
-    goal = tolerance**2 * dot(y, y)
-    for _ in range(steps):
-        if bool((energy <= goal).all()):
+    tiny, rounding = torch.finfo(right.dtype).tiny, torch.finfo(right.dtype).eps ** 2
+    inner = _inner if tolerance is not None else _inner_by_rows
+    solution = torch.zeros_like(right) if start is None else start
+    residual = right if start is None else right - apply(start) - shift * start
+    direction = scaled = residual if preconditioner is None else preconditioner * residual
+    first = energy = inner(residual, scaled)
+    goal = None if tolerance is None else tolerance**2 * inner(right, right)
+    for step in range(1, steps + 1):
+        if goal is not None and bool((inner(residual, residual) <= goal).all()):
             break
-        image = operator.A(operator.A_adjoint(direction)) + shift * direction
-        step = energy / dot(direction, image).clamp_min(tiny)
-        solution, residual = solution + step * direction, residual - step * image
-        energy, previous = dot(residual, residual), energy
-        direction = residual + energy / previous.clamp_min(tiny) * direction
+        image = apply(direction) + shift * direction if shift else apply(direction)
+        length = energy / inner(direction, image).clamp_min(tiny)
+        length = length * (energy > rounding * first) if goal is None else length
+        solution, residual = solution + length * direction, residual - length * image
+        scaled = residual if preconditioner is None else preconditioner * residual
+        energy, previous = inner(residual, scaled), energy
+        direction = scaled + energy / previous.clamp_min(tiny) * direction
+        if progress is not None:
+            progress(step / steps)
     return solution
+
+
+def _inner(one: Tensor, other: Tensor) -> Tensor:
+    """(B, 1, …) inner products."""
+    return (one * other).sum(dim=tuple(range(1, one.ndim)), keepdim=True)
+
+
+def _inner_by_rows(one: Tensor, other: Tensor) -> Tensor:
+    """The same, row by row: exported, one sum of millions in single precision is rounded differently everywhere."""
+    return torch.linalg.vecdot(one, other).flatten(1).sum(1).reshape(-1, *(1 for _ in one.shape[1:]))
 
 
 class LinearOperator(nn.Module):
@@ -84,7 +92,9 @@ class LinearOperator(nn.Module):
     def A_dagger(self, snapshot: Tensor) -> Tensor:
         """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``; by iteration, unless closed."""
         self._check(snapshot, self.snapshot_shape, "snapshot")
-        solved = conjugate_gradient_gram(self, snapshot, 0.0, tolerance=_TOLERANCE[snapshot.dtype], steps=1000)
+        solved = conjugate_gradients(
+            lambda y: self.A(self.A_adjoint(y)), snapshot, tolerance=_TOLERANCE[snapshot.dtype], steps=1000
+        )
         return self.A_adjoint(solved)
 
     def _check(self, tensor: Tensor, shape: tuple[int, ...], name: str) -> None:

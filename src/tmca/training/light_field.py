@@ -133,12 +133,6 @@ class LightFieldApplication:
         _no_mixture(mixture)
         return learn_light_field_prior(scenes)
 
-    def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
-        """Views and shear."""
-        own = cast(LightFieldCamera, camera)
-        optics = {"views": list(own.views), "shear": list(own.shear.step), "mask_scale": own.shear.scale}
-        return (), optics
-
 
 def _no_mixture(mixture: bool) -> None:
     if mixture:

@@ -46,13 +46,6 @@ class SpectralApplication:
         """For the camera's dispersion."""
         return learn_prior(scenes, spread=cast(SpectralCamera, camera).dispersion.spread, mixture=mixture)
 
-    def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
-        """Wavelengths, dispersion, and a response that is not flat."""
-        own = cast(SpectralCamera, camera)
-        response = own.response.detach().cpu().tolist()
-        flat = {} if set(response) == {1.0} else {"response": response}
-        return own.wavelengths, {"dispersion": list(own.dispersion.displacement), "disperser": own.disperser, **flat}
-
 
 def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:
     """The camera with the codes that a run starts from."""

@@ -11,13 +11,13 @@ from tmca.experiments.figures import save_figure
 from tmca.experiments.light_field.animation import views_gif
 from tmca.experiments.light_field.figures import light_field_figure
 from tmca.experiments.light_field.imaging import (
-    LightFieldReconstruction,
     load_light_field,
     reconstruct_light_field,
     take_light_field_snapshot,
 )
 from tmca.experiments.light_field.refocus import refocus_strip
 from tmca.experiments.light_field.truth import geometry
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.report import Section
 from tmca.sensor import Sensor
 
@@ -77,7 +77,7 @@ def demo_light_field(
 
 def _section(
     truth: Any,
-    found: dict[str, tuple[Any, LightFieldReconstruction]],
+    found: dict[str, tuple[Any, Reconstruction]],
     rows: list[dict[str, Any]],
     out: Path,
     overwrite: bool,

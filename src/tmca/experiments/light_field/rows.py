@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tmca.experiments.decoder_labels import DecoderLabels
+
 RENDERED = (128, 160)
 """Pixels of rendered light fields that networks learn from."""
 EFFORT = {"descents": 2, "steps": 120, "flips": 2000}
@@ -60,13 +62,15 @@ LEARNED: dict[str, tuple[str, str]] = {
 TRAINED = (*CODES, *list(DESIGNED)[:2], *LEARNED)
 """Codes that networks are trained behind: one network for all noises."""
 STATIC_CODES = tuple(name for name in (*CODES, *DESIGNED, *LEARNED) if name.startswith("CLFP"))
-DECODER_NAMES = {
+SHOWN_DECODERS = {
     "dictionary": "dictionary (LASSO)",
     "lmmse": "patch LMMSE",
     "mixture": "patch mixture",
     "sub-network": "thesis' sub-network",
     "consistent": "measurement-consistent network",
 }
+"""Decoders of the published table."""
+DECODER_NAMES = DecoderLabels("light-field", SHOWN_DECODERS)
 NETWORKS: dict[str, dict[str, Any]] = {
     "sub-network": {
         "kind": "spatial-angular", "stages": 0, "start": "dagger", "width": 32, "blocks": 4, "gather": 2,

@@ -13,6 +13,7 @@ from tmca.design import KINDS, designable
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
+from tmca.experiments.decoder_labels import DecoderLabels, prior_kind
 from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.reading import NOTHING, Reading, check_asked, read
@@ -21,7 +22,8 @@ from tmca.experiments.sweep import Swept, Values, sweep
 from tmca.optics import view_grid
 from tmca.sensor import Sensor
 
-_DECODERS = {"lmmse": "patch LMMSE", "mixture": "patch mixture", "admm-tv": "ADMM-TV", "dagger": "least norm"}
+_DECODERS = DecoderLabels("light-field", {"lmmse": "patch LMMSE", "mixture": "patch mixture"})
+_ATOMS = 1024
 
 
 def measure(cell: Settings) -> Measured:
@@ -117,8 +119,9 @@ def sweep_light_field(
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
         make_folder(work)
         decoders = {point["decoder"] for point in points}
-        made = {"lmmse": learned.prior, "mixture": learned.mixture}
-        found: Settings = {"prior": {name: make() for name, make in made.items() if name in decoders}}
+        made = {"gaussian": learned.prior, "mixture": learned.mixture, "dictionary": lambda: learned.dictionary(_ATOMS)}
+        kinds = {name: prior_kind(name) for name in sorted(decoders)}
+        found: Settings = {"prior": {name: made[kind]() for name, kind in kinds.items() if kind is not None}}
         if any("design" in point for point in points):
             found |= {"examples": learned.examples(), "designs": str(make_folder(work / "designs"))}
             found |= {"period": 2 * [Sizes().period], "effort": EFFORT, "exposures": 1}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.experiments.cells import Grid, Measured, Timed, cell_key
+from tmca.experiments.decoder_labels import prior_kind
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.scenes import check_readable
 from tmca.experiments.source import source_digest
@@ -15,7 +16,7 @@ from tmca.experiments.spectral import plan
 from tmca.experiments.spectral.cells import measure
 from tmca.experiments.spectral.figures import comparison_pictures, picture_files
 from tmca.experiments.spectral.plan import Table
-from tmca.experiments.spectral.rows import DECODER_NAMES, MULTIPLEXED
+from tmca.experiments.spectral.rows import DECODER_NAMES, MULTIPLEXED, NETWORKS
 from tmca.experiments.spectral.tables import markdown, results
 
 
@@ -100,9 +101,10 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
     from tmca.experiments.scenes import load_scene
     from tmca.priors import learn_prior
 
-    kept: dict[str, Path] = {}
-    for kind, users in {"lmmse": {"lmmse", "lmmse-adapted"}, "mixture": {"mixture"}}.items():
-        if not users & set(decoders):
+    files: dict[str, Path] = {}
+    for kind, prior in {"lmmse": "gaussian", "mixture": "mixture"}.items():
+        users = [name for name in decoders if name not in NETWORKS and prior_kind(name) == prior]
+        if not users:
             continue
         identity: dict[str, Any] = {"decoder": kind, "bands": bands, "source": source_digest(__name__)}
         identity["scenes"] = [checksum_of(s) for s in scenes]
@@ -110,5 +112,5 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
         if not file.exists():
             cubes = [load_scene(scene, bands=bands) for scene in scenes]
             learn_prior(cubes, spread=bands - 1, mixture=kind == "mixture").save(file)
-        kept |= dict.fromkeys(users, file)
-    return kept
+        files |= dict.fromkeys(users, file)
+    return files

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
+from tmca.decoders.prior_choice import rendered_depth_prior
 from tmca.experiments.figures import save_figure
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS
 from tmca.experiments.spectral_depth.figures import depth_figure, psf_figure
 from tmca.experiments.spectral_depth.imaging import (
-    SpectralDepthReconstruction,
     reconstruct_spectral_depth,
     take_spectral_depth_snapshot,
 )
@@ -68,8 +68,8 @@ def demo_spectral_depth(
     scene = load_spectral_depth(SCENE, first.wavelengths, near=near, far=far, reduce=_REDUCE)
     truth = middle_of(scene, size, SCENE)
     told(0.1, "the prior of rendered scenes at these bands")
-    prior = find_depth_prior(None, first, WINDOW)
-    found: dict[str, SpectralDepthReconstruction] = {}
+    prior = rendered_depth_prior(first, WINDOW)
+    found: dict[str, Reconstruction] = {}
     for place, (code, camera) in enumerate(cameras.items()):
         told(0.4 + 0.25 * place, f"spectrum and depth, {code}")
         found[code] = _through(camera, truth, prior, out, overwrite)
@@ -83,7 +83,7 @@ def demo_spectral_depth(
 
 def _through(
     camera: SpectralDepthCamera, truth: xr.Dataset, prior: GaussianPrior, out: Path, overwrite: bool
-) -> SpectralDepthReconstruction:
+) -> Reconstruction:
     stem = f"spectral_depth_{'static' if camera.slots == 1 else 'onehot4'}"
     snapshot = take_spectral_depth_snapshot(truth, camera)
     snapshot.save(out / f"{stem}_snapshot.nc", overwrite=overwrite)
@@ -93,7 +93,7 @@ def _through(
 
 
 def _figures(
-    found: Mapping[str, SpectralDepthReconstruction],
+    found: Mapping[str, Reconstruction],
     cameras: Mapping[str, SpectralDepthCamera],
     truth: xr.Dataset,
     out: Path,

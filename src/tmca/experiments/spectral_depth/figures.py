@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from tmca.experiments.spectral_depth.imaging import SpectralDepthReconstruction
+    from tmca.experiments.reconstructions import Reconstruction
 
 _POINTS = 4
 
 
-def depth_figure(result: SpectralDepthReconstruction, planes: DepthPlanes, truth: xr.Dataset | None = None) -> Figure:
+def depth_figure(result: Reconstruction, planes: DepthPlanes, truth: xr.Dataset | None = None) -> Figure:
     """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own."""
     cube, waves = result.cube.values, result.cube["wavelength"].values.tolist()
     real = None if truth is None else truth["radiance"].values

@@ -6,10 +6,12 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.decoders.estimate import PLANES
 from tmca.errors import DataError, SettingError
 from tmca.experiments.figures import save_figure
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.spectral_depth.figures import depth_figure
-from tmca.experiments.spectral_depth.imaging import PLANES, SpectralDepthReconstruction, spectral_depth_metrics
+from tmca.experiments.spectral_depth.imaging import spectral_depth_metrics
 from tmca.experiments.spectral_depth.scenes import READING, compare_source, load_spectral_depth
 from tmca.optics import DepthPlanes
 
@@ -48,7 +50,7 @@ def evaluate_spectral_depth(
     return found
 
 
-def stored_reconstruction(path: str | Path) -> tuple[SpectralDepthReconstruction, DepthPlanes]:
+def stored_reconstruction(path: str | Path) -> tuple[Reconstruction, DepthPlanes]:
     """A reconstruction as it is stored, and the depth planes of its camera.
 
     Raises:
@@ -62,9 +64,7 @@ def stored_reconstruction(path: str | Path) -> tuple[SpectralDepthReconstruction
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(path, f"no {PLANES} ({error})", "a file of `tmca reconstruct`", "reconstruct anew") from error
     decoder, seconds = str(stored.attrs.get("decoder", "estimate")), float(stored.attrs.get("seconds", 0.0))
-    cube, depth, confidence = (stored[name] for name in _PARTS)
-    known: dict[str, Any] = {"decoder": decoder, "seconds": seconds, "notes": dict(stored.attrs)}
-    return SpectralDepthReconstruction(cube, depth, confidence, **known), planes
+    return Reconstruction(stored, decoder, seconds, notes=dict(stored.attrs)), planes
 
 
 def _reading(notes: dict[str, Any], where: str | Path) -> dict[str, Any]:

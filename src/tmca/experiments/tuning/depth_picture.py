@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.patch_based.depth_likelihood import DepthDecoded
+from tmca.decoders.likelihood import DepthRaw
 from tmca.experiments.composite import rgb_composite, white_level
 from tmca.experiments.figures import add_bar, bare, grid, image
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def depth_before_after(found: Mapping[str, DepthDecoded], camera: SpectralDepthCamera, truth: np.ndarray) -> Figure:
+def depth_before_after(found: Mapping[str, DepthRaw], camera: SpectralDepthCamera, truth: np.ndarray) -> Figure:
     """A column for the truth and every estimate: colour composite and depth; errors in the titles.
 
     Args:
@@ -32,7 +32,7 @@ def depth_before_after(found: Mapping[str, DepthDecoded], camera: SpectralDepthC
     image(axes[0, 0], rgb_composite(cube, waves, white), "truth")
     _draw(axes[1, 0], metres, "depth", camera)
     for column, (name, one) in zip(axes[:, 1:].T, found.items(), strict=True):
-        own, depth = one.estimate[0].numpy(), one.depth[0, 0].numpy()
+        own, depth = one.values[0].numpy(), one.depth[0, 0].numpy()
         psnr, away = -10 * np.log10(np.square(own - cube).mean()), np.nanmean(np.abs(depth - metres))
         image(column[0], rgb_composite(own, waves, white), f"{name}\n{psnr:.2f} dB")
         _draw(column[1], depth, f"{away:.3f} m off", camera)

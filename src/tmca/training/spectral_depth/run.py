@@ -12,9 +12,10 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import make_folder
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.two_headed import TwoHeadedUNet, build_depth_network
-from tmca.decoders.patch_based.depth_prior import find_depth_prior
+from tmca.decoders import Weights
+from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.two_headed import TwoHeadedUNet
+from tmca.decoders.prior_choice import find_prior, rendered_depth_prior
 from tmca.errors import DataError
 from tmca.optics import check_mask
 from tmca.priors import GaussianPrior
@@ -60,7 +61,7 @@ def train_spectral_depth(settings: SpectralDepthTrainSettings, folder: Path, loa
     """
     found = train(_prepare, settings, folder, load, **how)
     if "mask" in settings.camera.learn:
-        check_mask(DepthWeights.load(found.weights).camera.spread)
+        check_mask(Weights.load(found.weights).camera.spread)
     return found
 
 
@@ -89,7 +90,7 @@ def _prepare(
     def keep(best: dict[str, Any]) -> None:
         named = "" if network.start != "likelihood" else "rendered" if lists.prior == RENDERED else "prior.nc"
         camera.filters.relax(False)
-        found = DepthWeights(network, camera, named, card_of(settings, lists, best, system))
+        found = Weights.of(network, camera, named, card_of(settings, lists, best, system))
         found.save(folder / "weights.safetensors", overwrite=True)
 
     return Prepared(system, patches, keep, _pool(settings, system, patches, len(lists.train), folder))
@@ -99,7 +100,7 @@ def _network(settings: SpectralDepthTrainSettings, camera: SpectralDepthCamera) 
     network = build_depth_network(settings.decoder, camera)
     if settings.codes.decoder is not None:
         try:
-            network.load_state_dict(DepthWeights.load(settings.codes.decoder).network.state_dict())
+            network.load_state_dict(Weights.load(settings.codes.decoder).network.state_dict())
         except RuntimeError:
             raise DataError(
                 settings.codes.decoder, "a decoder of other sizes", "the same kind and settings as in this run"
@@ -113,14 +114,15 @@ def _prior(
     """The run's own prior, learned once, or that of the rendered scenes, for windows of network and codes."""
     window = max(network.window, SIDE, camera.tile_size) if camera.learnable else network.window
     if lists.prior == RENDERED:
-        return find_depth_prior(None, camera, window)
+        return rendered_depth_prior(camera, window)
     file = folder / "prior.nc"
     if fabric.is_global_zero and not file.exists():
         learn_depth_prior(
             lists.prior or lists.train, lambda name: load(name)["radiance"], window, camera.bench.window
         ).save(file)
     fabric.barrier()
-    return find_depth_prior(file, camera, window)
+    prior: GaussianPrior = find_prior(camera, file)
+    return prior
 
 
 def _crops(name: str, channels: NDArray[np.float32], side: int) -> list[Tensor]:
