@@ -75,7 +75,7 @@ def main() -> None:
         for contamination, reach in product(CONTAMINATIONS, REACHES):
             decoder = PatchLikelihood(prior, camera, temperature=1.0, reach=reach, contamination=contamination)
             found = [(decoder(snapshot), depth, cube) for snapshot, depth, cube in known]
-            errors = torch.stack([(one.estimate - cube).square().mean() for one, _, cube in found])
+            errors = torch.stack([(one.values - cube).square().mean() for one, _, cube in found])
             print(f"{name}, contamination {contamination:g}, reach {reach}: PSNR {-10 * errors.log10().mean():.2f} dB")
             for temperature in TEMPERATURES:
                 every = torch.tensor([judged(one.planes, depth, camera, temperature) for one, depth, _ in found])

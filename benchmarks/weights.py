@@ -15,7 +15,7 @@ import xarray as xr
 
 from tmca.cameras import SpectralCamera
 from tmca.data import read_split, split_rendered
-from tmca.decoders import Weights, find_weights
+from tmca.decoders import Weights
 from tmca.experiments.scenes import load_scene
 from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 from tmca.sensor import Sensor

@@ -54,8 +54,8 @@ def test_priors_and_names_that_are_of_no_use_are_refused():
     taken = Snapshot(values, camera)
     mixture = case(DECODERS["mixture"], "spectral")[2]
     for decoder, given, where in (
-        ("admm-tv", prior, "prior"), ("lmmse", mixture, "prior"), ("mixture", prior, "prior"), ("magic", None, "decoder"),
-        ("network", None, "weights"),
+        ("admm-tv", prior, "prior"), ("lmmse", mixture, "prior"), ("mixture", prior, "prior"),
+        ("magic", None, "decoder"), ("network", None, "weights"),
     ):  # fmt: skip
         with pytest.raises(SettingError) as refusal:
             decode(taken, decoder, prior=given)

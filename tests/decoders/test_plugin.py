@@ -101,6 +101,11 @@ def test_it_is_swept(plugin, tmp_path, kind):
     names = ["backprojection", "dagger"]
     found = sweep({"decoder": names}, ["coffee"], tmp_path / "out", tmp_path / "work", size=(24, 26), **more)
     assert [row["decoder"] for row in found["rows"]] == names
+    fixed = {"decoder": "backprojection"}
+    gains = {"decoder.gain": [0.5, 1.0]}
+    found = sweep(gains, ["coffee"], tmp_path / "gains", tmp_path / "work", fixed=fixed, size=(24, 26), **more)
+    assert [row["decoder.gain"] for row in found["rows"]] == ["0.5", "1.0"]
+    assert found["rows"][0]["psnr"] != found["rows"][1]["psnr"]
 
 
 def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(tmp_path, monkeypatch):

@@ -44,7 +44,8 @@ def spectral(
     Args:
         scenes: cubes or rendered scenes to measure on; the rendered test scenes without any.
         vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
-            slots, aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed, or a
+            slots, aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed, a
+            setting of the decoder (decoder.tv_weight, …; `tmca decoders`), or a
             fault of the bench that decoders are not told of: misregistration, delay, … (docs/hardware.md).
         out: results, without a suffix.
         work: folder of finished cells.

@@ -33,7 +33,7 @@ def measure(cell: Settings) -> Measured:
     faults = Hardware.of(cell.get("faults", {}))
     snapshot = take_light_field_snapshot(scene, camera, cell["camera"].get("seed", 0), faults)
     prior = cell["prior"].get(cell["decoder"])
-    result = reconstruct_light_field(snapshot, cell["decoder"], prior=prior, truth=scene)
+    result = reconstruct_light_field(snapshot, cell["decoder"], prior=prior, truth=scene, **cell.get("settings", {}))
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
 
 

@@ -108,7 +108,9 @@ def sweep_cell(cell: Settings) -> Measured:
         prior = _prior_of(cell, camera)
     with catch_warnings():
         simplefilter("ignore", OtherCodes)  # the page says which decoder it was
-        result = reconstruct_snapshot(snapshot, method, prior=prior, weights=weights, truth=scene)
+        result = reconstruct_snapshot(
+            snapshot, method, prior=prior, weights=weights, truth=scene, **cell.get("settings", {})
+        )
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
 
 

@@ -45,7 +45,7 @@ def measure(cell: Settings) -> Measured:
     snapshot = take_spectral_depth_snapshot(scene, camera, seed, hardware=faults)
     window = {"window": cell["window"]} if cell["decoder"] == "likelihood" else {}
     prior = cell["prior"] if prior_kind(cell["decoder"]) else None
-    whole = reconstruct_spectral_depth(snapshot, cell["decoder"], prior=prior, **window)
+    whole = reconstruct_spectral_depth(snapshot, cell["decoder"], prior=prior, **{**window, **cell.get("settings", {})})
     found = middle_of_reconstruction(whole, size, scene, camera.planes)
     return {"metrics": found.metrics, "seconds": found.seconds, "throughput": camera.throughput()}
 
