@@ -21,12 +21,13 @@ import xarray as xr
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_split
 from tmca.data.scenes import load_scene
-from tmca.decoders import AdaptedLMMSE, admm_tv, decode, default_weight, pnp_admm, tv_denoiser
-from tmca.decoders.iterative.subspace import subspace_denoiser
-from tmca.decoders.iterative.tikhonov import tikhonov
+from tmca.decoders import admm_tv, decode, default_weight, pnp_admm, tv_denoiser
+from tmca.decoders.adapted import AdaptedEstimator
+from tmca.decoders.denoisers import subspace_denoiser
+from tmca.decoders.least_squares import tikhonov
 from tmca.metrics import psnr
 from tmca.priors import learn_prior
-from tmca.sensor import Sensor
+from tmca.sensor import Noise, Sensor
 
 CODES = {
     "static": {"slots": 1, "aperture": "static", "shutter": "open"},
@@ -155,7 +156,8 @@ def _adapted(cube: xr.DataArray, whole: Sequence[xr.DataArray], settings: dict[s
             taken, scene = snapshot(cube, code, noise)
             found = []
             for own in settings.values():
-                result = AdaptedLMMSE(prior, **own)(taken.values, taken.camera.taps(), noise, uncertainty=True)
+                estimator = AdaptedEstimator(prior, taken.camera.taps(), Noise(noise), **own)
+                result = estimator(taken.values, uncertainty=True)
                 predicted = -10 * torch.log10(result.deviation.square().mean())
                 found.append(f"{float(psnr(result.estimate.clamp_min(0), scene)):.2f} ({float(predicted):.2f})")
             print(f"{cube.attrs['name']}, {code}, {noise:g}:  " + "  ".join(found), flush=True)

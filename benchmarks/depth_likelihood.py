@@ -16,8 +16,8 @@ import torch
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.data.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
-from tmca.decoders.patch_based.depth_posterior import DepthPosterior
+from tmca.decoders import PatchLikelihood
+from tmca.decoders.likelihood import DepthPosterior
 from tmca.experiments.spectral_depth.imaging import reading_range, take_spectral_depth_snapshot
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
@@ -75,7 +75,7 @@ def main() -> None:
         for contamination, reach in product(CONTAMINATIONS, REACHES):
             decoder = PatchLikelihood(prior, camera, temperature=1.0, reach=reach, contamination=contamination)
             found = [(decoder(snapshot), depth, cube) for snapshot, depth, cube in known]
-            errors = torch.stack([(one.estimate - cube).square().mean() for one, _, cube in found])
+            errors = torch.stack([(one.values - cube).square().mean() for one, _, cube in found])
             print(f"{name}, contamination {contamination:g}, reach {reach}: PSNR {-10 * errors.log10().mean():.2f} dB")
             for temperature in TEMPERATURES:
                 every = torch.tensor([judged(one.planes, depth, camera, temperature) for one, depth, _ in found])

@@ -19,12 +19,12 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.networks.depth_weights import TwoHeadedDecoder
-from tmca.decoders.networks.two_headed import build_depth_network
-from tmca.decoders.patch_based.depth_likelihood import WINDOW, PatchLikelihood
+from tmca.decoders import PatchLikelihood
+from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.tiles import TwoHeadedNetwork
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import needed_block
+from tmca.priors.spectral_depth import WINDOW, needed_block
 from tmca.sensor import Sensor
 
 Result = TypeVar("Result")
@@ -102,7 +102,7 @@ def main() -> None:
     if arguments.only != "simulate":
         prior = steps.run("prior", lambda: prior_of(camera))
         if arguments.decoder == "network":
-            network = TwoHeadedDecoder(build_depth_network({}, camera), camera, prior)
+            network = TwoHeadedNetwork(build_depth_network({}, camera), camera, prior)
             steps.run("decode", lambda: network(snapshot))
         else:
             decoder = PatchLikelihood(prior, camera)

@@ -15,8 +15,10 @@ import time
 import torch
 
 from tmca.cameras import LightFieldCamera
-from tmca.decoders import NeuralDecoder, build_network
+from tmca.decoders import build_network
+from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.experiments.light_field.rows import NETWORKS
+from tmca.operators import TapOperator
 from tmca.priors import find_prior
 from tmca.training.light_field import LIGHT_FIELD_PRESETS
 
@@ -46,7 +48,7 @@ def main() -> None:
     with torch.no_grad():
         snapshot = camera(torch.rand(1, *camera.scene_shape))
         start = time.process_time()
-        NeuralDecoder(network, prior)(snapshot, camera.operator(), camera.noise)
+        CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior)(snapshot)
     seconds, peak = time.process_time() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
     found = {"network": arguments.network, "seconds": seconds, "peak_gb": peak, "bound_gb": BOUND}
     told = f"{arguments.network}: {seconds:.1f} s, peak {peak:.2f} GB of {BOUND}"

@@ -18,16 +18,22 @@ from torch import Tensor
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data import rendered_light_field, rendered_scene, split_rendered_light_fields
 from tmca.data.depth_scenes import depth_tensor
-from tmca.decoders import LIGHT_FIELD_METHODS, METHODS, NeuralDecoder, Weights, build_network, decode
-from tmca.decoders import decode_light_field as decode_views
-from tmca.decoders.decoding import needs_prior
-from tmca.decoders.networks.depth_weights import TwoHeadedDecoder
-from tmca.decoders.networks.two_headed import DEPTH_STARTS, build_depth_network
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders import (
+    DECODERS,
+    PatchLikelihood,
+    Weights,
+    build_network,
+    decode,
+    decoders_for,
+)
+from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
+from tmca.decoders.nets.two_headed import DEPTH_STARTS
 from tmca.errors import SettingError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.lab.exported_decoder import FORMATS, export_decoder, load_exported
 from tmca.lab.real_captures.movie import MOVIE_METHODS, decode_movie
+from tmca.operators import TapOperator
 from tmca.optics import DepthPlanes
 from tmca.priors import PatchDictionary, find_prior, learn_prior
 from tmca.sensor import Sensor
@@ -171,11 +177,7 @@ def _export(case: Case, format: str) -> None:
     """An untrained network of this camera as a program of its own."""
     camera, folder = case.camera, case.folder / f"exported-{format}"
     network = _network(case, _SPECTRAL_NETWORKS[_EXPORTED], bands=camera.bands)
-    about = {"size": list(camera.size), "period": None, "exposure": camera.exposure, "disperser": "single",
-             "dispersion": list(camera.dispersion.displacement)}  # fmt: skip
-    codes = [plane.detach().cpu() for plane in camera.codes()]
-    weights = Weights(network.cpu(), tuple(camera.wavelengths), *codes, about)
-    file = weights.save(case.folder / f"{format}.safetensors", overwrite=True)
+    file = Weights.of(network.cpu(), camera.cpu()).save(case.folder / f"{format}.safetensors", overwrite=True)
     export_decoder(file, folder, (format,), noise=NOISE, overwrite=True)
 
 
@@ -185,8 +187,7 @@ def decoders(kind: str) -> list[str]:
         return ["likelihood", *(f"network, two-headed from {start}" for start in DEPTH_STARTS)]
     if kind == "pixel shutter":
         return list(MOVIE_METHODS)
-    methods = LIGHT_FIELD_METHODS if kind == "light field" else METHODS
-    plain = [name for name in methods if name != "network"]
+    plain = [name for name in decoders_for("light-field" if kind == "light field" else "spectral") if name != "network"]
     plain.insert(1, "lmmse --no-uncertainty")
     if kind == "light field":
         return [*plain, *(f"network, {name}" for name in NETWORKS)]
@@ -204,13 +205,14 @@ def decoder_of(case: Case, name: str) -> Frame:
     if name.startswith("network"):
         return _by_network(case, name)
     method, _, plain = name.partition(" ")
-    how: dict[str, Any] = {"uncertainty": not plain} if needs_prior(method) else {}
-    if needs_prior(method):
-        how["prior"] = _prior(case, method == "mixture")
-    if method.startswith("dictionary"):
-        how["dictionary"] = PatchDictionary.load(case.folder / "dictionary.nc")
-    run: Any = decode_views if case.kind == "light field" else decode
-    return lambda values: run(Snapshot(values, case.camera), method, **how)
+    cls, how = DECODERS[method], dict[str, Any]()
+    if cls.deviation:
+        how["uncertainty"] = not plain
+    if cls.prior_kind == "dictionary":
+        how["prior"] = PatchDictionary.load(case.folder / "dictionary.nc")
+    elif cls.prior_kind is not None:
+        how["prior"] = _prior(case, cls.prior_kind == "mixture")
+    return lambda values: decode(Snapshot(values, case.camera), method, **how)
 
 
 def _prior(case: Case, mixture: bool) -> Any:
@@ -230,8 +232,8 @@ def _by_network(case: Case, name: str) -> Frame:
         network = _network(case, settings, bands=camera.views[0] ** 2, views=camera.views)
     else:
         network = _network(case, _SPECTRAL_NETWORKS[name], bands=camera.bands)
-    decoder = NeuralDecoder(network, _prior(case, False) if network.start == "lmmse" else None)
-    return lambda values: decoder(values, camera.operator(), camera.noise)
+    prior = _prior(case, False) if network.start == "lmmse" else None
+    return lambda values: CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior)(values)
 
 
 def _depth_decoder(case: Case, name: str) -> Frame:
@@ -241,7 +243,7 @@ def _depth_decoder(case: Case, name: str) -> Frame:
         return lambda values: likelihood(values, planes=False)
     torch.manual_seed(0)
     network = build_depth_network({"start": name.split()[-1]}, case.camera).to(case.device)
-    return TwoHeadedDecoder(network, case.camera, prior)
+    return TwoHeadedNetwork(network, case.camera, prior)
 
 
 def _exported(case: Case, format: str) -> Frame:

@@ -13,8 +13,8 @@ import torch
 from spectral import milliseconds
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.networks.network import build_network
-from tmca.decoders.networks.two_headed import build_depth_network
+from tmca.decoders import build_network
+from tmca.decoders.nets.build import build_depth_network
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
 from tmca.training import spectral_depth_settings

@@ -16,7 +16,7 @@ import xarray as xr
 from tmca.cameras import SpectralCamera
 from tmca.data import read_split, split_rendered
 from tmca.data.scenes import load_scene
-from tmca.decoders import Weights, find_weights
+from tmca.decoders import Weights
 from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 from tmca.sensor import Sensor
 
@@ -29,7 +29,7 @@ SENSORS = {
 
 def random_camera(weights: Weights, size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
     """Random codes with as many slots and the same tile."""
-    slots = len(weights.aperture)
+    slots = weights.slots
     shutter = "random" if slots > 1 else "open"
     return SpectralCamera(
         bands=weights.wavelengths,
@@ -37,16 +37,16 @@ def random_camera(weights: Weights, size: tuple[int, int], sensor: Sensor) -> Sp
         slots=slots,
         shutter=shutter,
         sensor=sensor,
-        period=weights.camera["period"],
+        period=weights.settings["period"],
     )
 
 
 def rows(scene: xr.DataArray, slots: int) -> list[str]:
     """Markdown rows of one scene and one camera."""
-    weights, size = find_weights("default", slots), (scene.sizes["y"], scene.sizes["x"])
+    weights, size = Weights.find("default", slots), (scene.sizes["y"], scene.sizes["x"])
     found = []
     for noise, sensor in SENSORS.items():
-        learned = take_snapshot(scene, weights.spectral_camera(size, sensor=sensor))
+        learned = take_snapshot(scene, weights.camera_for(size, sensor=sensor))
         plain = take_snapshot(scene, random_camera(weights, size, sensor))
         prior = weights.load_prior()
         values = [
@@ -55,7 +55,7 @@ def rows(scene: xr.DataArray, slots: int) -> list[str]:
             reconstruct_snapshot(learned, "network", weights=weights, truth=scene).metrics["psnr"],
         ]
         numbers = " | ".join(f"{value:.2f}" for value in values)
-        found.append(f"| {scene.attrs['name']} | {len(weights.aperture)} | {noise} | {numbers} |")
+        found.append(f"| {scene.attrs['name']} | {weights.slots} | {noise} | {numbers} |")
     return found
 
 

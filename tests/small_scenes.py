@@ -2,7 +2,10 @@
 
 import torch
 
+from tmca.decoders.adapted import AdaptedEstimator
+from tmca.decoders.blocks import PatchEstimator
 from tmca.operators.taps import Taps
+from tmca.sensor import Noise
 
 
 def smooth_scene(height, width, channels=3, seed=0):
@@ -54,3 +57,21 @@ def noisy(values, read_noise, shot, seed=0):
     generator = torch.Generator().manual_seed(seed)
     white = torch.randn(values.shape, generator=generator, dtype=values.dtype)
     return values + white * (read_noise**2 + shot * values.clamp(min=0)).sqrt()
+
+
+def patches(prior, **how):
+    """``estimate(y, taps, read, shot, …)`` under a prior of blocks."""
+
+    def estimate(y, taps, read=0.0, shot=0.0, differentiable=False, **asked):
+        return PatchEstimator(prior, taps, Noise(read, shot), differentiable=differentiable, **how)(y, **asked)
+
+    return estimate
+
+
+def adapted(prior, *how, **more):
+    """``estimate(y, taps, read, shot, …)`` under priors that are refitted to the snapshot."""
+
+    def estimate(y, taps, read=0.0, shot=0.0, **asked):
+        return AdaptedEstimator(prior, taps, Noise(read, shot), *how, **more)(y, **asked)
+
+    return estimate

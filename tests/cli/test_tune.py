@@ -14,7 +14,6 @@ from tmca.data.bands import at_bands
 from tmca.data.depth_scenes import load_spectral_depth, middle_of
 from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
-from tmca.decoders.networks.depth_weights import DepthWeights
 from tmca.experiments.tuning.run import prepared
 
 SIZE = (24, 32)
@@ -75,7 +74,7 @@ def windows_are_parts_of_the_whole(folder, parts):
 
 def test_a_spectral_decoder(capsys, folder):
     train("spectral", "chelsea", *SMALL, "data.bands=3")
-    camera = Weights.load("run").coded_camera(SIZE)
+    camera = Weights.load("run").camera_for(SIZE)
     for name in ("coffee", "rocket"):
         cube = at_bands(load_scene(name, bands=None), camera.wavelengths)[:, : SIZE[0], : SIZE[1]]
         capture(camera, torch.from_numpy(cube.values.copy())[None], name=name)
@@ -96,7 +95,7 @@ def views_of(name):
 def test_a_light_field_decoder(capsys, folder):
     write_dataset(views_of("chelsea").to_dataset(name="light_field"), folder / "chelsea.nc")
     train("light-field", "chelsea.nc", *SMALL, "camera.views=3")
-    camera = Weights.load("run").coded_camera(SIZE)
+    camera = Weights.load("run").camera_for(SIZE)
     for name in ("coffee", "rocket"):
         field = views_of(name)
         capture(camera, torch.from_numpy(field.values.copy())[None], name=name)
@@ -114,7 +113,7 @@ def test_a_spectral_depth_decoder(capsys, folder):
         "spectral-depth", "chelsea", "camera.size=[16, 16]", "camera.planes=3", "camera.period=2", "camera.slots=2",
         BENCH, "camera.filters=clear", "camera.channels=monochrome", "data.margin=0", TWO_HEADS,
     )  # fmt: skip
-    camera = DepthWeights.load("run").sized_camera(SIZE)
+    camera = Weights.load("run").camera_for(SIZE)
     how = {"near": camera.planes.near, "far": camera.planes.far, "reduce": 4}
     for name in ("coffee", "rocket"):
         scene = middle_of(load_spectral_depth(name, camera.wavelengths, **how), SIZE, name)

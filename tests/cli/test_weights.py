@@ -18,7 +18,7 @@ def test_default_weights_take_and_decode_a_snapshot(tmp_path, monkeypatch, optio
     weights = find_weights("default", slots)
     assert camera.slots == slots
     aperture, _ = camera.codes()
-    assert (aperture[:, :32, :32] == weights.aperture).all()
+    assert (aperture[:, :32, :32] == weights.codes["aperture"]).all()
     main(["reconstruct", "s.nc", "--weights", "default", "--no-figures"])
     assert (tmp_path / "s_network.nc").exists()
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
-from tmca.decoders import AdaptedLMMSE, PatchLMMSE
-from tmca.decoders.patch_based.adapted import Tiling
+from tests.small_scenes import CAMERAS, adapted, camera, noisy, patches, smooth_scene, snapshot
+from tmca.decoders.adapted import Tiling
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.adaptation import error_moments, refitted
@@ -76,7 +75,7 @@ def test_it_finds_the_statistics_that_a_wrong_prior_lacks(name, size):
     def error(decoder):
         return float((decoder(y, taps, 0.02).estimate[0] - scene).square().mean().sqrt())
 
-    before, after, oracle = (error(d) for d in (PatchLMMSE(wrong), AdaptedLMMSE(wrong, 12), PatchLMMSE(right)))
+    before, after, oracle = (error(d) for d in (patches(wrong), adapted(wrong, 12), patches(right)))
     assert before - after > 0.3 * (before - oracle) > 0
 
 
@@ -84,9 +83,9 @@ def test_without_iterations_it_is_the_patch_lmmse_and_every_snapshot_has_its_own
     taps = camera("single disperser", 24, 40)
     scenes = torch.stack([smooth_scene(24, 40, seed=s) * gain for s, gain in ((4, 1.0), (5, 0.2))])
     y = noisy(snapshot(taps, scenes), 0.02, 0.005)
-    plain, none = (d(y, taps, 0.02, 0.005) for d in (PatchLMMSE(PRIOR), AdaptedLMMSE(PRIOR, iterations=0)))
+    plain, none = (d(y, taps, 0.02, 0.005) for d in (patches(PRIOR), adapted(PRIOR, iterations=0)))
     torch.testing.assert_close(plain.estimate, none.estimate)
-    decoder, told = AdaptedLMMSE(PRIOR, iterations=2), []
+    decoder, told = adapted(PRIOR, iterations=2), []
     both = decoder(y, taps, 0.02, 0.005, uncertainty=True, progress=told.append)
     alone = [decoder(one, taps, 0.02, 0.005, uncertainty=True) for one in y.split(1)]
     torch.testing.assert_close(both.estimate, torch.cat([one.estimate for one in alone]))
@@ -99,7 +98,7 @@ def test_its_deviation_is_the_size_of_its_error():
     taps = camera("single disperser", 40, 60, seed=2)
     scene = smooth_scene(40, 60, seed=12)
     y = noisy(snapshot(taps, scene[None]), 0.03, 0.0)
-    found = AdaptedLMMSE(PRIOR)(y, taps, 0.03, uncertainty=True)
+    found = adapted(PRIOR)(y, taps, 0.03, uncertainty=True)
     error = (found.estimate[0] - scene).square().mean().sqrt()
     assert found.deviation.square().mean().sqrt() == pytest.approx(float(error), rel=0.15)
 
@@ -108,14 +107,14 @@ def test_what_it_cannot_do_is_refused():
     taps = camera("single disperser", 3, 40)
     y = snapshot(taps, smooth_scene(3, 40)[None])
     with pytest.raises(ShapeError, match="at least the prior's block"):
-        AdaptedLMMSE(PRIOR)(y, taps, 0.01)
+        adapted(PRIOR)(y, taps, 0.01)
     with pytest.raises(SettingError, match="≥ 0"):
-        AdaptedLMMSE(PRIOR, iterations=-1)
+        adapted(PRIOR, iterations=-1)(y, taps, 0.01)
     taps = camera("single disperser", 12, 40)
     y = snapshot(taps, smooth_scene(12, 40)[None])
     plain = replace(PRIOR, moments=PRIOR.covariance)
     with pytest.raises(SettingError, match="stationary"):
-        AdaptedLMMSE(plain)(y, taps, 0.01)
+        adapted(plain)(y, taps, 0.01)
 
 
 @pytest.mark.parametrize(
@@ -137,11 +136,11 @@ def test_tiles_share_out_the_blocks_and_cover_the_frame(size, side, counts):
 
 
 def test_tiles_follow_statistics_that_change_over_the_image(monkeypatch):
-    monkeypatch.setattr("tmca.decoders.patch_based.adapted._MARGIN", 0)
+    monkeypatch.setattr("tmca.decoders.adapted._MARGIN", 0)
     white = torch.rand(3, 48, 48, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     scene = torch.cat([0.3 + 0.01 * smooth_scene(48, 48, seed=20), white], dim=2)
     taps = camera("single disperser", 48, 96, seed=4)
     y = noisy(snapshot(taps, scene[None]), 0.05, 0.0)
-    found = (AdaptedLMMSE(PRIOR, tile=tile)(y, taps, 0.05).estimate[0] for tile in (48, None))
+    found = (adapted(PRIOR, tile=tile)(y, taps, 0.05).estimate[0] for tile in (48, None))
     tiled, whole = (float((one - scene)[..., :32].square().mean()) for one in found)
     assert tiled < 0.5 * whole

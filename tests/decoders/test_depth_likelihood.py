@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from tests.priors.test_spectral_depth import BENCH, camera, matrix, parts, prior_of
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders import PatchLikelihood
 from tmca.errors import SettingError, ShapeError
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
@@ -44,7 +44,7 @@ def test_one_window_is_scipys_gaussian_and_the_explicit_lmmse():
     assert (shares > 0).sum() > 1
     estimate = sum(share * one for share, one in zip(shares, every, strict=True)).reshape(wide_shape(4))
     inside = estimate[:, 2:6, 3:7].clamp_min(0)
-    torch.testing.assert_close(found.estimate[0], inside, atol=1e-6, rtol=1e-5)
+    torch.testing.assert_close(found.values[0], inside, atol=1e-6, rtol=1e-5)
 
 
 def likely(shares):
@@ -77,7 +77,7 @@ def test_a_textured_wall_is_found_at_its_depth_brighter_or_darker(size):
         assert float(right) > 0.8  # one plane in four by chance
         assert float((1 / found.depth[inside] - 1 / depth[inside]).abs().mean()) < made.planes.step / 2
         assert float(found.confidence.min()) >= 0
-        assert float((found.estimate - scene)[inside].square().mean()) < float(scene[inside].var())
+        assert float((found.values - scene)[inside].square().mean()) < float(scene[inside].var())
 
 
 def test_what_does_not_fit_is_refused():
@@ -149,10 +149,10 @@ def test_a_frame_row_by_row_is_every_window_by_itself(size, sensor, reach):
 
     torch.testing.assert_close(found.planes, laid_over_each_other(decoder, size, likelihood, reach))
     slow = laid_over_each_other(decoder, size, spectrum).clamp_min(0)
-    torch.testing.assert_close(found.estimate, slow, atol=1e-9, rtol=1e-9)
-    assert decoder(taken, planes=False).planes.numel() == 0
+    torch.testing.assert_close(found.values, slow, atol=1e-9, rtol=1e-9)
+    assert decoder(taken, planes=False).planes is None
     depth_alone = decoder(taken, spectrum=False)
-    assert depth_alone.estimate.numel() == 0
+    assert depth_alone.values.numel() == 0
     torch.testing.assert_close(depth_alone.depth, found.depth)
 
 
@@ -161,12 +161,12 @@ def test_how_much_is_worked_on_together_changes_nothing(sensor, monkeypatch):
     decoder, taken = textured((26, 31), sensor)
     found = []
     for together in (1, 25, 2048):
-        monkeypatch.setattr("tmca.decoders.patch_based.window_rows._BATCH", together)
+        monkeypatch.setattr("tmca.decoders.overlap._BATCH", together)
         found.append(decoder(taken))
         alone = decoder(taken[1:])
         torch.testing.assert_close(alone.depth, found[-1].depth[1:], atol=1e-6, rtol=1e-6)
     for other in found[1:]:
-        for name in ("estimate", "depth", "confidence", "planes"):
+        for name in ("values", "depth", "confidence", "planes"):
             torch.testing.assert_close(getattr(other, name), getattr(found[0], name), atol=1e-5, rtol=1e-5)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.decoders.patch_based.depth_posterior import DepthPosterior
+from tmca.decoders.likelihood import DepthPosterior
 from tmca.optics import DepthPlanes
 
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.spatial.distance import cdist
 
-from tmca.decoders.patch_based.kriging import Covariance, Samples, foretelling_covariance, krige
+from tmca.decoders.kriging import Covariance, Samples, fitted_covariance, krige
 from tmca.errors import SettingError
 
 SCENE = Covariance(length=2.5, lifetime=7.0, changing=0.4, noise=0.02)
@@ -80,7 +80,7 @@ def test_what_is_left_out_is_what_the_others_say():
         points, values = samples.points.numpy(), samples.values.numpy()
         mean, variance = ordinary_kriging(points[others], values[others], points[left])
         np.testing.assert_allclose(found.residual[left], values[left] - mean, rtol=1e-8)
-        np.testing.assert_allclose(found.foretold[left], variance + SCENE.noise, rtol=1e-8)
+        np.testing.assert_allclose(found.predicted[left], variance + SCENE.noise, rtol=1e-8)
 
 
 def test_a_place_without_a_sample_leaves_none_out():
@@ -112,7 +112,7 @@ def test_errors_are_as_large_as_foretold():
     which = (samples.points[:, 2] + 5).long()[None]
     error = found.mean.gather(0, which)[0] - torch.from_numpy(later)
     assert float((error**2 / found.variance.gather(0, which)[0]).mean()) == pytest.approx(1, abs=0.15)
-    assert float((found.residual**2 / found.foretold).mean()) == pytest.approx(1, abs=0.15)
+    assert float((found.residual**2 / found.predicted).mean()) == pytest.approx(1, abs=0.15)
 
 
 def test_the_covariance_that_is_found_foretells_as_well_as_the_true_one():
@@ -121,10 +121,10 @@ def test_the_covariance_that_is_found_foretells_as_well_as_the_true_one():
     places = samples.points[:, :2]
     error = {
         name: float(krige(samples, places, samples.points[:1, 2], one).residual.square().mean())
-        for name, one in (("found", foretelling_covariance(samples, 16, shown=200)), ("true", scene))
+        for name, one in (("found", fitted_covariance(samples, 16, shown=200)), ("true", scene))
     }
     assert error["found"] < 1.05 * error["true"]
-    fixed = foretelling_covariance(samples, 16, shown=30, changing=1.0, lifetime=2.0)
+    fixed = fitted_covariance(samples, 16, shown=30, changing=1.0, lifetime=2.0)
     assert (fixed.changing, fixed.lifetime) == (1.0, 2.0)
 
 

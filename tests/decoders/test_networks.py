@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.networks.network import build_network, code_maps, local_level
-from tmca.decoders.networks.start import first_estimate
+from tmca.decoders import build_network, first_estimate
+from tmca.decoders.nets.network import code_maps, local_level
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator
 from tmca.sensor import Noise

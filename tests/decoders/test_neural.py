@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders import decode
-from tmca.decoders.networks.network import build_network
-from tmca.decoders.networks.neural import NeuralDecoder, Weights, same_bands
+from tmca.decoders import Weights, build_network, decode
+from tmca.decoders.nets.tiles import CollapsedNetwork
+from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.sensor import Noise
 
@@ -43,15 +43,15 @@ def snapshot_of(operator):
 def test_tiles_leave_no_seam(kind, dispersion, height, tile):
     operator = camera((height, 13), dispersion=dispersion).operator()
     snapshot, network = snapshot_of(operator), trained(kind)
-    whole = NeuralDecoder(network, None, tile=None)(snapshot, operator, NOISE)
-    tiled = NeuralDecoder(network, None, tile=tile)(snapshot, operator, NOISE)
+    whole = CollapsedNetwork(network, operator, NOISE, tile=None)(snapshot)
+    tiled = CollapsedNetwork(network, operator, NOISE, tile=tile)(snapshot)
     assert tiled.shape == whole.shape
     torch.testing.assert_close(tiled, whole, rtol=0, atol=1e-5)
 
 
 def test_progress_rises_to_one():
     operator, told = camera((70, 13)).operator(), []
-    NeuralDecoder(trained("unrolled"), None, tile=16)(snapshot_of(operator), operator, NOISE, told.append)
+    CollapsedNetwork(trained("unrolled"), operator, NOISE, tile=16)(snapshot_of(operator), told.append)
     assert told == sorted(told)
     assert len(told) == 5
     assert told[-1] == pytest.approx(1)
@@ -59,7 +59,7 @@ def test_progress_rises_to_one():
 
 def test_tiles_of_no_rows_are_refused():
     with pytest.raises(SettingError, match="tile"):
-        NeuralDecoder(trained("unet"), None, tile=0)
+        CollapsedNetwork(trained("unet"), camera((8, 8)).operator(), NOISE, tile=0)
 
 
 @pytest.mark.parametrize("kind", SMALL)
@@ -81,22 +81,19 @@ def test_nothing_beyond_the_reach_of_a_network_changes_its_estimate(kind):
 
 def weights(size=(8, 8)):
     made = camera(size)
-    aperture, shutter = made.codes()
-    settings = {"size": list(size), "dispersion": 1.0, "exposure": "equal"}
-    card = {"psnr": 31.5, "scenes": ["one", "two"]}
-    return Weights(trained("unrolled"), made.wavelengths, aperture, shutter, settings, "", card)
+    return Weights.of(trained("unrolled"), made, "", {"psnr": 31.5, "scenes": ["one", "two"]})
 
 
 def test_a_file_of_weights_gives_the_same_camera_and_the_same_decoder(tmp_path):
     kept = weights()
     found = Weights.load(kept.save(tmp_path / "weights.safetensors"))
-    mine, theirs = kept.spectral_camera(), found.spectral_camera()
+    mine, theirs = kept.camera_for(), found.camera_for()
     assert torch.equal(mine.operator().code, theirs.operator().code)
     assert found.wavelengths == kept.wavelengths
     assert found.card == kept.card
     assert found.load_prior() is None
     snapshot = snapshot_of(mine.operator())
-    estimates = [NeuralDecoder(w.network, None)(snapshot, mine.operator(), NOISE) for w in (kept, found)]
+    estimates = [CollapsedNetwork(w.network, mine.operator(), NOISE)(snapshot) for w in (kept, found)]
     torch.testing.assert_close(*estimates, rtol=0, atol=2e-3)  # weights are kept in half precision
     again = Weights.load(found.save(tmp_path / "again.safetensors"))
     for name, value in found.network.state_dict().items():
@@ -105,9 +102,9 @@ def test_a_file_of_weights_gives_the_same_camera_and_the_same_decoder(tmp_path):
 
 def test_codes_that_do_not_repeat_fit_their_own_size_alone():
     kept = weights((8, 10))
-    assert kept.spectral_camera((8, 10)).scene_shape[-2:] == (8, 10)
+    assert kept.camera_for((8, 10)).scene_shape[-2:] == (8, 10)
     with pytest.raises(ShapeError, match="weights: found codes of 8×10 pixels that do not repeat, expected 9×10"):
-        kept.spectral_camera((9, 10))
+        kept.camera_for((9, 10))
 
 
 def test_weights_are_not_written_over_another_file(tmp_path):
@@ -147,14 +144,7 @@ def test_bands_are_the_same_to_a_nanometre():
 
 def weights_of(own, kind="unrolled", **network):
     torch.manual_seed(1)
-    codes = own.codes
-    kept = {
-        "size": own.size, "period": 4, "exposure": own.exposure, "disperser": own.disperser,
-        "dispersion": list(own.dispersion.displacement),
-    }  # fmt: skip
-    built = build_network(kind, bands=3, **(SMALL[kind] | network)).eval()
-    planes = [plane.tile() for plane in (codes.aperture, codes.shutter)]
-    return Weights(built, own.wavelengths, *planes, kept)
+    return Weights.of(build_network(kind, bands=3, **(SMALL[kind] | network)).eval(), own)
 
 
 def seen_by(own):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
-from tmca.decoders import MixtureLMMSE, PatchLMMSE
+from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, snapshot
 from tmca.errors import ShapeError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
@@ -28,9 +27,9 @@ def test_one_component_is_the_linear_estimate(name, read_noise, shot):
     plain = GaussianPrior.learn([smooth_scene(40, 60, seed=1)], BLOCK[1:])
     taps = camera(name, 7, 30)
     y = noisy(snapshot(taps, smooth_scene(7, 30, seed=3)[None]), read_noise, shot)
-    linear = PatchLMMSE(plain, dtype=torch.float64)(y, taps, read_noise, shot, uncertainty=True)
+    linear = patches(plain, dtype=torch.float64)(y, taps, read_noise, shot, uncertainty=True)
     one = GaussianMixturePrior.of(plain, rank=4)
-    mixed = MixtureLMMSE(one, dtype=torch.float64)(y, taps, read_noise, shot, uncertainty=True)
+    mixed = patches(one, dtype=torch.float64)(y, taps, read_noise, shot, uncertainty=True)
     torch.testing.assert_close(mixed.estimate, linear.estimate, atol=1e-5, rtol=0)
     torch.testing.assert_close(mixed.deviation.square(), linear.deviation.square(), atol=1e-7, rtol=0)
 
@@ -72,8 +71,8 @@ def test_on_scenes_of_the_mixture_it_beats_the_best_linear_estimate_and_knows_it
     first, last = BlockModel.of(taps, BLOCK).judged
     scenes = prior.sample(300, seed=5)[..., first:last]
     y = noisy(snapshot(taps, scenes), 0.02, 0.0)
-    mixed = MixtureLMMSE(prior)(y, taps, 0.02, uncertainty=True)
-    linear = PatchLMMSE(prior.gaussian())(y, taps, 0.02).estimate
+    mixed = patches(prior)(y, taps, 0.02, uncertainty=True)
+    linear = patches(prior.gaussian())(y, taps, 0.02).estimate
     assert (mixed.estimate - scenes).square().mean() < 0.97 * (linear - scenes).square().mean()
     z = (mixed.estimate - scenes) / mixed.deviation
     assert float(z.square().mean()) == pytest.approx(1, abs=0.1)
@@ -84,8 +83,8 @@ def test_tiled_codes_any_size_and_batches(prior, size):
     taps = camera("two taps per band", *size, period=(2, 2), dtype=torch.float32)
     scenes = torch.stack([smooth_scene(*size, seed=s).float() for s in (5, 6)])
     y = noisy(snapshot(taps, scenes), 0.01, 0.0)
-    both = MixtureLMMSE(prior)(y, taps, 0.01, uncertainty=True)
-    alone = MixtureLMMSE(prior)(y[:1], taps, 0.01)
+    both = patches(prior)(y, taps, 0.01, uncertainty=True)
+    alone = patches(prior)(y[:1], taps, 0.01)
     assert both.deviation.shape == scenes.shape
     assert alone.deviation is None
     torch.testing.assert_close(both.estimate[:1], alone.estimate, atol=2e-3, rtol=0)
@@ -93,4 +92,4 @@ def test_tiled_codes_any_size_and_batches(prior, size):
 
 def test_a_prior_of_other_bands_is_refused(prior):
     with pytest.raises(ShapeError, match="3 channels"):
-        MixtureLMMSE(prior)(torch.zeros(1, 1, 2, 9), Taps(torch.ones(4, 2, 9), (0, 1, 2, 3), (0, 0, 0, 0), 4, 9))
+        patches(prior)(torch.zeros(1, 1, 2, 9), Taps(torch.ones(4, 2, 9), (0, 1, 2, 3), (0, 0, 0, 0), 4, 9))

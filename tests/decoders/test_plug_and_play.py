@@ -5,7 +5,6 @@ from small_cameras import blocky_scene, coded_camera, matrix, noisy
 from torch import Tensor, nn
 
 from tmca.decoders import (
-    PnPADMM,
     admm_tv,
     chambolle_denoiser,
     module_denoiser,
@@ -15,7 +14,7 @@ from tmca.decoders import (
     total_variation,
     tv_denoiser,
 )
-from tmca.decoders.iterative.pnp import sigma_schedule
+from tmca.decoders.pnp import sigma_schedule
 from tmca.errors import SettingError, ShapeError
 
 SHAPE = (3, 6, 7)
@@ -114,13 +113,13 @@ def test_a_denoiser_plugged_in_improves_on_the_pseudo_inverse() -> None:
     camera = coded_camera((4, 24, 25), torch.float32)
     scene = blocky_scene((1, 4, 24, 25), torch.float32)
     snapshot, seen = noisy(camera.A(scene), 0.01), []
-    decoder = PnPADMM(
-        chambolle_denoiser(), max_iterations=30, tolerance=0.0, progress=lambda *state: seen.append(state)
-    )
-    error = (decoder(snapshot, camera) - scene).square().mean()
+    result = pnp_admm(
+        camera, snapshot, chambolle_denoiser(), max_iterations=30, tolerance=0.0,
+        progress=lambda *state: seen.append(state),
+    )  # fmt: skip
+    error = (result.estimate - scene).square().mean()
     assert error < 0.3 * (camera.A_dagger(snapshot) - scene).square().mean()
-    assert decoder.result is not None
-    assert [state[0] for state in seen] == list(decoder.result.checked) == list(range(1, 31))
+    assert [state[0] for state in seen] == list(result.checked) == list(range(1, 31))
 
 
 @pytest.mark.parametrize(
@@ -137,8 +136,6 @@ def test_impossible_settings_are_named(settings: dict[str, object], named: str) 
     camera = coded_camera(SHAPE)
     with pytest.raises(SettingError, match=named):
         pnp_admm(camera, torch.zeros(1, *camera.snapshot_shape), tv_denoiser(), **settings)
-    with pytest.raises(SettingError, match=named):
-        PnPADMM(tv_denoiser(), **settings)
 
 
 def test_impossible_denoisers_are_named() -> None:

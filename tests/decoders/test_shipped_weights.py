@@ -5,8 +5,8 @@ import torch
 
 from tmca.cameras import Snapshot
 from tmca.data import rendered_scene, select_bands
-from tmca.decoders import Weights, decode, find_weights
-from tmca.decoders.networks.shipped import FOLDER, SHIPPED
+from tmca.decoders import Weights, decode
+from tmca.decoders.nets.weights import FOLDER, SHIPPED
 from tmca.errors import DataError
 from tmca.metrics import psnr
 from tmca.sensor import Sensor
@@ -27,18 +27,18 @@ def scene():
 def test_both_are_small_and_hold_binary_tiles():
     assert sum((FOLDER / f"{name}.safetensors").stat().st_size for name in SHIPPED) <= 5e6
     for slots in (1, 8):
-        weights = find_weights("default", slots)
-        assert len(weights.aperture) == slots
+        weights = Weights.find("default", slots)
+        assert weights.slots == slots
         assert weights.prior == "rendered"
-        for plane in (weights.aperture, weights.shutter):
+        for plane in weights.codes.values():
             assert set(plane.unique().tolist()) <= {0.0, 1.0}
 
 
 @pytest.mark.parametrize("slots", [1, 8])
 @pytest.mark.parametrize("noise", SENSORS)
 def test_the_network_beats_the_lmmse_it_starts_from(scene, slots, noise):
-    weights = find_weights("default", slots)
-    camera = weights.spectral_camera((96, 128), sensor=SENSORS[noise])
+    weights = Weights.find("default", slots)
+    camera = weights.camera_for((96, 128), sensor=SENSORS[noise])
     snapshot = Snapshot(camera(scene, generator=0).detach(), camera)
     prior = weights.load_prior()
     plain, trained = decode(snapshot, "lmmse", prior=prior), decode(snapshot, "network", weights=weights)
@@ -47,10 +47,10 @@ def test_the_network_beats_the_lmmse_it_starts_from(scene, slots, noise):
 
 def test_learned_codes_beat_random_ones_of_the_same_kind(scene):
     for slots in (1, 8):
-        weights = find_weights("default", slots)
+        weights = Weights.find("default", slots)
         found = []
         for changes in ({}, {"random": True}):
-            camera = weights.spectral_camera((96, 128), sensor=SENSORS["σ = 0.01"])
+            camera = weights.camera_for((96, 128), sensor=SENSORS["σ = 0.01"])
             if changes:
                 settings = {"aperture": "random", "shutter": "random" if slots > 1 else "open", "period": 32}
                 camera = type(camera)(
@@ -62,8 +62,8 @@ def test_learned_codes_beat_random_ones_of_the_same_kind(scene):
 
 
 def test_a_run_s_folder_is_as_good_as_its_file(tmp_path):
-    weights = find_weights("default", 1)
+    weights = Weights.find("default", 1)
     weights.save(tmp_path / "weights.safetensors")
-    torch.testing.assert_close(Weights.load(tmp_path).aperture, weights.aperture)
+    torch.testing.assert_close(Weights.load(tmp_path).codes, weights.codes)
     with pytest.raises(DataError, match="no such file"):
-        find_weights(tmp_path / "none")
+        Weights.find(tmp_path / "none")

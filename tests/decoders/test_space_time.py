@@ -7,7 +7,7 @@ import torch
 from scipy.ndimage import gaussian_filter
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.iterative.space_time import BlockThreshold, local_means, space_time_dct
+from tmca.decoders.space_time import BlockThreshold, local_means, space_time_dct
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators import SlotwiseDisperser
 

@@ -7,10 +7,9 @@ import pytest
 import torch
 from torch.nn.functional import conv2d
 
-from tmca.decoders.networks.network import build_network
-from tmca.decoders.networks.neural import NeuralDecoder
-from tmca.decoders.networks.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
-from tmca.decoders.networks.start import first_estimate
+from tmca.decoders import build_network, first_estimate
+from tmca.decoders.nets.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
+from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.errors import SettingError, ShapeError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.operators import TapOperator, Taps
@@ -230,8 +229,8 @@ def test_settings_survive_json_and_rebuild_the_same_function(name):
 def test_tiles_leave_no_seam(name, size, tile):
     camera, network = operator((3, 1), size), trained(name, (3, 1))
     snapshot = camera.A(scene_of(camera, 1))
-    whole = NeuralDecoder(network, None, tile=None)(snapshot, camera, NOISE)
-    tiled = NeuralDecoder(network, None, tile=tile)(snapshot, camera, NOISE)
+    whole = CollapsedNetwork(network, camera, NOISE, tile=None)(snapshot)
+    tiled = CollapsedNetwork(network, camera, NOISE, tile=tile)(snapshot)
     torch.testing.assert_close(tiled, whole, rtol=0, atol=1e-5)
 
 

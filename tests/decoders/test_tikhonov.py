@@ -4,9 +4,8 @@ import pytest
 import torch
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
-from tmca.decoders import decode, decode_light_field
-from tmca.decoders.iterative.tikhonov import _roughness, tikhonov
-from tmca.decoders.networks.start import first_estimate
+from tmca.decoders import decode, decode_light_field, first_estimate
+from tmca.decoders.least_squares import _roughness, tikhonov
 from tmca.errors import SettingError, ShapeError
 from tmca.sensor import Noise, Sensor
 

@@ -5,15 +5,10 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder
-from tmca.decoders.networks.two_headed import (
-    DepthEstimate,
-    build_depth_network,
-    first_likelihood,
-    first_stage,
-    white_level,
-)
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders import PatchLikelihood, Weights
+from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.tiles import TwoHeadedNetwork
+from tmca.decoders.nets.two_headed import DepthEstimate, first_likelihood, first_stage, white_level
 from tmca.errors import DataError, SettingError
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
@@ -57,7 +52,7 @@ def test_an_untrained_network_gives_what_its_first_stage_gives(prior, size):
     network, snapshot = build_depth_network({**SMALL, "start": "likelihood"}, made), snapshot_of(camera(size))
     likelihood = PatchLikelihood(prior, made, 4)
     known, found = likelihood(snapshot), network(snapshot, made, made.noise, first_stage(likelihood, snapshot))
-    torch.testing.assert_close(found.cube, known.estimate)
+    torch.testing.assert_close(found.cube, known.values)
     assert torch.equal(found.logits.argmax(1), known.planes.argmax(1))
     assert found.logits.shape == (2, 3, *size)
 
@@ -67,9 +62,9 @@ def test_an_untrained_network_gives_what_its_first_stage_gives(prior, size):
 def test_tiles_change_nothing(prior, start, size, period):
     made = camera(size, period=period)
     network, snapshot = trained(made, start), snapshot_of(made, 1)
-    whole, tiled = (TwoHeadedDecoder(network, made, prior, tile)(snapshot) for tile in (1000, 37))
-    assert network.reach < 60 < whole.estimate.std() * 1e4  # tiles see less than the frame, and there is a picture
-    for one, other in ((whole.estimate, tiled.estimate), (whole.depth, tiled.depth), (whole.planes, tiled.planes)):
+    whole, tiled = (TwoHeadedNetwork(network, made, prior, tile)(snapshot) for tile in (1000, 37))
+    assert network.reach < 60 < whole.values.std() * 1e4  # tiles see less than the frame, and there is a picture
+    for one, other in ((whole.values, tiled.values), (whole.depth, tiled.depth), (whole.planes, tiled.planes)):
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
 
 
@@ -104,17 +99,17 @@ def test_brightness_changes_the_level_alone():
 def test_weights_bring_camera_and_network_back(tmp_path, prior):
     made = camera(mask="free-form", rms=0.2e-6)
     network, snapshot = trained(made, "snapshot"), snapshot_of(made)
-    file = DepthWeights(network, made, "", {"best": {"psnr": 1.0}}).save(tmp_path / "weights.safetensors")
-    again = DepthWeights.load(tmp_path)
+    file = Weights.of(network, made, "", {"best": {"psnr": 1.0}}).save(tmp_path / "weights.safetensors")
+    again = Weights.load(tmp_path)
     assert (again.card, again.camera.planes, again.camera.bench) == ({"best": {"psnr": 1.0}}, made.planes, BENCH)
     torch.testing.assert_close(again.camera.psf(), made.psf())
     assert torch.equal(again.camera.colour(), made.colour())
     assert torch.equal(again.camera.shutter(), made.shutter())
     assert again.same_codes(made)
     assert not again.same_codes(camera(mask="free-form", rms=0.2e-6, seed=1))
-    own = again.sized_camera(made.size, sensor=made.sensor)
-    one, other = TwoHeadedDecoder(network, made)(snapshot), again.decoder(own)(snapshot)
-    torch.testing.assert_close(one.estimate, other.estimate, atol=5e-3, rtol=0)  # half precision
+    own = again.camera_for(made.size, sensor=made.sensor)
+    one, other = TwoHeadedNetwork(network, made)(snapshot), TwoHeadedNetwork(again.network, own)(snapshot)
+    torch.testing.assert_close(one.values, other.values, atol=5e-3, rtol=0)  # half precision
     assert again.path == file
 
 
@@ -126,14 +121,14 @@ def test_windows_hold_a_tile_of_the_codes(prior):
         build_depth_network({**SMALL, "start": "likelihood"}, large)
     network = build_depth_network({**SMALL, "start": "likelihood"}, camera())
     with pytest.raises(SettingError, match=r"window of the weights: found 4 pixels, expected 16 .*trained for such"):
-        TwoHeadedDecoder(network, large, prior)
+        TwoHeadedNetwork(network, large, prior)
 
 
 def test_weights_keep_the_first_stage_that_they_were_trained_behind(tmp_path, prior):
     made, own = camera(), {"temperature": 3.0, "reach": 5, "contamination": 0.3}
     network = build_depth_network({**SMALL, "start": "likelihood", **own}, made)
-    DepthWeights(network, made, "", {}).save(tmp_path / "weights.safetensors")
-    again = DepthWeights.load(tmp_path).network
+    Weights.of(network, made, "", {}).save(tmp_path / "weights.safetensors")
+    again = Weights.load(tmp_path).network
     found = first_likelihood(again, prior, made)
     assert {name: getattr(found, name) for name in own} == own
     snapshot = snapshot_of(made)
@@ -145,15 +140,15 @@ def test_networks_of_other_cameras_are_refused(tmp_path, prior):
     made = camera()
     network = build_depth_network({**SMALL, "start": "likelihood"}, made)
     with pytest.raises(SettingError, match="planes = 3, expected 4"):
-        TwoHeadedDecoder(network, camera(planes=4), prior)
+        TwoHeadedNetwork(network, camera(planes=4), prior)
     with pytest.raises(SettingError, match="prior"):
-        TwoHeadedDecoder(network, made)
+        TwoHeadedNetwork(network, made)
     for settings, name in (({"start": "guess"}, "start"), ({"depth": 3}, "depth"), ({"kind": "unet"}, "unet")):
         with pytest.raises(SettingError, match=name):
             build_depth_network({**SMALL, **settings}, made)
     (tmp_path / "weights.safetensors").write_bytes(b"none")
     with pytest.raises(DataError, match="no readable weights"):
-        DepthWeights.load(tmp_path)
+        Weights.load(tmp_path)
 
 
 @pytest.mark.parametrize("count", [1, 2, 7])

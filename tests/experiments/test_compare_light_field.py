@@ -67,7 +67,7 @@ def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found):
             twice = {code for code in rows.DESIGNED if code.endswith("this noise") and noise == "σ = 0.05"}
             assert own == {*rows.CODES, *rows.DESIGNED} - twice
     assert {code for name, _, code in whole if name in rows.NETWORKS} == {"CLFP optimised", "CLFP E2E"}
-    assert {row["decoder"] for row in found["crop_rows"]} == set(rows.DECODER_NAMES)
+    assert {row["decoder"] for row in found["crop_rows"]} == set(rows.SHOWN_DECODERS)
     assert all(len(row["seed_psnr"]) == 2 for row in found["rows"])
 
 
@@ -100,10 +100,10 @@ def test_codes_learn_end_to_end_from_the_designed_ones(found, folder):
     (fixed, plain), (tuned, settings) = learned["CLFP optimised"], learned["CLFP E2E"]
     assert (plain["camera"]["learn"], settings["camera"]["learn"]) == ("none", "aperture")
     assert settings["codes"]["start"] == plain["codes"]["start"]
-    assert (tuned.shutter == 1).all()
+    assert (tuned.codes["shutter"] == 1).all()
     camera = coded_camera({"code": "CLFP E2E", "noise": "noise-free"}, (30, 36), tuned)
-    assert (camera.codes.aperture.tile() == tuned.aperture).all()
-    assert fixed.aperture.shape == tuned.aperture.shape
+    assert (camera.codes.aperture.tile() == tuned.codes["aperture"]).all()
+    assert fixed.codes["aperture"].shape == tuned.codes["aperture"].shape
 
 
 def test_the_json_has_what_results_have_and_every_view(found):

@@ -6,7 +6,7 @@ import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.placing import drawn_nearness
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders import PatchLikelihood
 from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior

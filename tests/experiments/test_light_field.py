@@ -121,8 +121,8 @@ def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
     tune = ["--set", camera, "--set", decoder, "--set", "data.patch=16", "--set", "data.batch=2"]
     main(["train", "light-field", "--train", "rocket", "--steps", "2", "--out", "run", *tune])
     weights = Weights.load("run")
-    assert weights.application == "light-field"
-    assert weights.light_field_camera((30, 40)).views == (3, 3)
+    assert weights.kind == "light-field"
+    assert weights.camera_for((30, 40)).views == (3, 3)
     capsys.readouterr()
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--weights", "run", "--out", "s.nc"])
     main(["reconstruct", "s.nc", "--weights", "run", "--out", "e.nc", "--no-figures"])

@@ -31,7 +31,8 @@ def written_weights(folder, start="dagger", kind="unrolled", dispersion=1.0, ban
     camera = {"size": list(SIZE), "period": None, "exposure": "equal", "dispersion": dispersion, "disperser": "single"}
     card = {"training": {"noise": [{"read_noise": 0.02, "full_well": 5000.0}]}}
     waves = tuple(5e-7 + 2e-8 * band for band in range(bands))
-    weights = Weights(network, waves, mask, torch.ones(1, SIZE[0], wide), camera, "", card)
+    codes = {"aperture": mask, "shutter": torch.ones(1, SIZE[0], wide)}
+    weights = Weights(network, "spectral", codes, {"bands": list(waves), **camera}, "", card)
     return weights.save(folder / "weights.safetensors")
 
 
@@ -67,7 +68,7 @@ def test_the_torch_file_is_the_network(exported):
 
 
 def test_a_grey_mask_stays_grey_in_the_weights(exported):
-    aperture = Weights.load(exported[0]).aperture
+    aperture = Weights.load(exported[0]).codes["aperture"]
     torch.testing.assert_close(aperture, torch.rand(1, *SIZE, generator=torch.Generator().manual_seed(1)))
 
 
@@ -77,7 +78,7 @@ def test_it_decodes_as_the_package_does(exported, tmp_path):
     file, folder, _ = exported
     weights = Weights.load(file)
     about = json.loads((folder / "decoder.json").read_text())
-    camera = weights.spectral_camera()
+    camera = weights.camera_for()
     camera.sensor.read_noise, camera.sensor.full_well = 0.02, 5000.0
     taken = Snapshot(camera.A(torch.rand(1, BANDS, *SIZE)), camera)
     taken.save(tmp_path / "s.nc")
@@ -142,7 +143,7 @@ def test_a_file_of_another_network_is_found_out(exported, tmp_path):
 
 
 def test_a_snapshot_of_another_size_is_refused(exported, tmp_path):
-    camera = Weights.load(exported[0]).spectral_camera()
+    camera = Weights.load(exported[0]).camera_for()
     from tmca.cameras import SpectralCamera
 
     other = SpectralCamera(bands=camera.wavelengths, size=(20, 21), slots=1, shutter="open")
@@ -155,7 +156,7 @@ def test_a_snapshot_of_another_size_is_refused(exported, tmp_path):
 
 def snapshot_of(folder, change=lambda camera: {}):
     """A snapshot file of the decoder's camera, or of one that differs from it."""
-    camera = Weights.load(folder.parent / "weights.safetensors").spectral_camera()
+    camera = Weights.load(folder.parent / "weights.safetensors").camera_for()
     own = {
         "bands": camera.wavelengths, "size": camera.size, "slots": 1, "aperture": camera.codes()[0],
         "shutter": camera.codes()[1], "dispersion": camera.dispersion, "response": camera.response,

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from tests.small_scenes import patches
 from tmca.cameras import LightFieldCamera
-from tmca.decoders import PatchLMMSE
-from tmca.decoders.patch_based.mixture import MixtureLMMSE
 from tmca.errors import ShapeError
 from tmca.priors import GaussianMixturePrior, GaussianPrior, pooled
 from tmca.priors.statistics import random_blocks
@@ -75,8 +74,8 @@ def test_a_mixture_of_one_kind_and_gain_is_the_gaussian_of_its_subspace():
     camera = LightFieldCamera(3, (12, 14), 2, period=4)
     snapshot = camera(fields[0].float().unflatten(0, VIEWS)[None, :, :, :12, :14])
     taps = camera.operator().taps
-    one = MixtureLMMSE(found)(snapshot, taps).estimate
-    other = PatchLMMSE(found.component(0))(snapshot, taps).estimate
+    one = patches(found)(snapshot, taps).estimate
+    other = patches(found.component(0))(snapshot, taps).estimate
     torch.testing.assert_close(one, other, atol=2e-3, rtol=1e-3)
 
 
@@ -118,7 +117,7 @@ def test_the_estimate_is_that_of_dense_matrices():
     prior = GaussianPrior.learn([parallax(1), parallax(0, seed=5)], (5, 6), views=VIEWS)
     camera = LightFieldCamera(3, (5, 6), 2, seed=3)
     snapshot = camera.A(parallax(1, (5, 6), seed=9).unflatten(0, VIEWS)[None].float()).double()
-    found = PatchLMMSE(prior, dtype=torch.float64)(snapshot, camera.taps(), 0.05).estimate
+    found = patches(prior, dtype=torch.float64)(snapshot, camera.taps(), 0.05).estimate
     matrix = torch.zeros(30, 9 * 30, dtype=torch.float64)
     for view, place in product(range(9), range(30)):
         matrix[place, view * 30 + place] = camera.taps().code[view].flatten()[place]

@@ -5,7 +5,7 @@ import torch
 from scipy.stats import multivariate_normal
 
 from tests.priors.test_spectral_depth import BENCH, camera, prior_of
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders import PatchLikelihood
 from tmca.design.spectral_depth import window_covariance
 from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor

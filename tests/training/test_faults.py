@@ -7,7 +7,7 @@ import torch
 from tests.training import test_spectral_depth as masks
 from tests.training import tiny
 from tmca.cameras import SpectralCamera
-from tmca.decoders.networks.neural import Weights
+from tmca.decoders import Weights
 from tmca.errors import SettingError
 from tmca.sensor import Sensor
 from tmca.training.faults import DrawnFaults

@@ -6,9 +6,8 @@ import torch
 
 from tests.training import tiny
 from tmca.codes import CodePlane, hard_threshold
-from tmca.decoders.networks.network import build_network
-from tmca.decoders.networks.neural import NeuralDecoder, Weights
-from tmca.decoders.networks.start import first_estimate
+from tmca.decoders import Weights, build_network, first_estimate
+from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.design import hold_throughput
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.operators import single_disperser
@@ -85,7 +84,7 @@ def test_a_hard_target_for_the_light_is_held(target):
 def test_the_target_is_held_through_a_run(tmp_path):
     changes = {"codes.throughput": 0.4, "codes.hold": "hard", "camera.period": 16, "optimiser.code_rate": 0.1}
     found = tiny.train(tmp_path / "run", **changes)
-    assert Weights.load(found.weights).spectral_camera().throughput() == pytest.approx(0.4, abs=0.02)
+    assert Weights.load(found.weights).camera_for().throughput() == pytest.approx(0.4, abs=0.02)
 
 
 def test_equal_slots_can_part_ways():
@@ -97,10 +96,10 @@ def test_equal_slots_can_part_ways():
 
 def test_weights_give_back_the_network_and_the_camera(tmp_path):
     found = Weights.load(tiny.train(tmp_path / "run").weights)
-    camera = found.spectral_camera((30, 41))
+    camera = found.camera_for((30, 41))
     scene = torch.from_numpy(tiny.load("fourth").values)[None, :, :30, :41]
     snapshot, noise = camera.A(scene), Noise(0.01)
-    decoder = NeuralDecoder(found.network, found.load_prior())
+    decoder = CollapsedNetwork(found.network, found.load_prior())
     whole = decoder(snapshot, camera.operator(), noise)
     assert whole.shape == scene.shape
     assert found.card["best"]["psnr"] > 0
@@ -116,7 +115,7 @@ def test_tiles_join_without_a_seam(kind, noise):
         parameter.data.normal_(std=0.2)
     operator = single_disperser((torch.rand(2, 203, 21) > 0.5).float(), torch.ones(2, 203, 22), Dispersion.linear(2))
     snapshot = operator.A(torch.rand(1, 2, 203, 21))
-    whole, tiled = (NeuralDecoder(network, None, tile)(snapshot, operator, noise) for tile in (None, 40))
+    whole, tiled = (CollapsedNetwork(network, None, tile)(snapshot, operator, noise) for tile in (None, 40))
     assert torch.allclose(whole, tiled, atol=1e-5)
 
 

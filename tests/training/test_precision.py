@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tests.training import tiny
-from tmca.decoders.networks.neural import Weights
+from tmca.decoders import Weights
 from tmca.training.imaging import ImagingSystem
 from tmca.training.precision import choose_precision
 

@@ -11,8 +11,8 @@ import xarray as xr
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.data import label
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.two_headed import DepthEstimate
+from tmca.decoders import Weights
+from tmca.decoders.nets.two_headed import DepthEstimate
 from tmca.errors import SettingError
 from tmca.optics import PhaseMaskBench, RotationalProfile, StrayLight, Stroke, ZernikeHeights
 from tmca.sensor import Sensor
@@ -65,8 +65,8 @@ def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
     score = [float(row[rows[0].index("score")]) for row in rows[1:]]
     assert max(score) > score[0] + 0.01
     assert found.best["score"] == pytest.approx(max(score), rel=1e-4)
-    weights = DepthWeights.load(found.weights)
-    camera = weights.sized_camera((30, 27))
+    weights = Weights.load(found.weights)
+    camera = weights.camera_for((30, 27))
     decoded = weights.decoder(camera)(camera(torch.rand(1, 8, 30, 27), torch.full((1, 1, 30, 27), 0.8)))
     assert decoded.estimate.shape == (1, 8, 30, 27)
     assert bool(camera.planes.within(decoded.depth).all())
@@ -89,7 +89,7 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
         "optimiser.mask_rate": 0.005,
     }
     found = train(tmp_path, **changes, **{"codes.frozen": 0.0, "codes.slope": [1.0, 2.0]})
-    before, after = training_camera(settings(**changes)), DepthWeights.load(found.weights).camera
+    before, after = training_camera(settings(**changes)), Weights.load(found.weights).camera
     moved = {
         "mask": not torch.allclose(before.spread.heights(), after.spread.heights()),
         "shutter": not torch.equal(before.tile()[1], after.tile()[1]),
@@ -109,7 +109,7 @@ def test_the_first_stage_follows_codes_that_learn(tmp_path):
     decoder = {**TINY["decoder"], "start": "likelihood"}
     changes = {"decoder": decoder, "camera.learn": ["mask"], "optimiser.mask_rate": 0.01, "codes.frozen": 0.5}
     found = train(tmp_path, **changes, **{"data.pool": 8, "optimiser.steps": 4, "validate_every": 2})
-    weights = DepthWeights.load(found.weights)
+    weights = Weights.load(found.weights)
     assert weights.prior == "prior.nc"
     assert weights.load_prior() is not None
     assert not (tmp_path / "starts").exists()
@@ -128,7 +128,7 @@ def test_a_run_that_is_stopped_ends_as_one_that_is_not(tmp_path, start):
     with pytest.raises((KeyboardInterrupt, Stopped)):
         train(tmp_path / "parts", progress=stop, **changes)
     train(tmp_path / "parts", **changes)
-    one, other = (DepthWeights.load(tmp_path / name) for name in ("whole", "parts"))
+    one, other = (Weights.load(tmp_path / name) for name in ("whole", "parts"))
     for name, value in one.network.state_dict().items():
         assert torch.equal(value, other.network.state_dict()[name]), name
     assert one.card == other.card
@@ -166,7 +166,7 @@ def test_channels_are_the_cube_and_the_share_of_the_range():
 
 
 def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
-    from tmca.decoders.networks.two_headed import build_depth_network
+    from tmca.decoders.nets.build import build_depth_network
     from tmca.training.spectral_depth.system import SURPRISE, DepthSystem
 
     camera = training_camera(settings())
@@ -182,7 +182,7 @@ def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
 
 
 def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
-    from tmca.decoders.networks.two_headed import build_depth_network
+    from tmca.decoders.nets.build import build_depth_network
     from tmca.training.spectral_depth.system import DepthSystem
 
     seen, camera = [], training_camera(settings(**{"data.margin": None}))
@@ -248,7 +248,7 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
     first = {"camera.mask": family, "camera.shutter": "one-hot", "optimiser.steps": 2, "validate_every": 2}
     static = first | {"camera.slots": 1, "camera.shutter": "open", "camera.stroke": (-3e-7, 3e-7)}
     before = train(tmp_path / "static", **static).weights
-    maps = DepthWeights.load(before).camera.spread.heights
+    maps = Weights.load(before).camera.spread.heights
     assert isinstance(maps, kept)
     first |= {"optimiser.mask_rate": 0.01}
     asked = ("camera.bench", *CHOSEN_BY_CODES[:3])
@@ -259,7 +259,7 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
     assert found.stroke == Stroke(-3e-7, 3e-7)
     torch.testing.assert_close(found().detach(), maps().expand(2, -1, -1))
     run = train_spectral_depth(spectral_depth_settings(None, None, going), tmp_path / "learned", load)
-    learned = DepthWeights.load(run.weights).camera.spread.heights
+    learned = Weights.load(run.weights).camera.spread.heights
     assert isinstance(learned, kept)
     assert float((learned() - found()).abs().max()) > 1e-9
     going |= {"camera.mask": "free-form"}
@@ -302,7 +302,7 @@ def test_codes_learn_depth_from_the_likelihood_alone_if_the_network_sees_none(tm
     for weight in (0.0, 1.0, 10.0):
         folder = tmp_path / str(weight)
         weights = train(folder, **changes, **{"optimiser.likelihood_weight": weight, "validate_every": 2}).weights
-        heights[weight] = DepthWeights.load(weights).camera.spread.heights().detach()
-        assert DepthWeights.load(weights).prior == ""
+        heights[weight] = Weights.load(weights).camera.spread.heights().detach()
+        assert Weights.load(weights).prior == ""
         assert (folder / "prior.nc").exists() == (weight > 0)
     assert not torch.equal(heights[0.0], heights[1.0])

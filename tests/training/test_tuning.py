@@ -35,7 +35,7 @@ def captures(run, tmp_path_factory):
 
 
 def taken(run, folder, calibration=None):
-    camera = Weights.load(run).coded_camera(SIZE, sensor=Sensor(read_noise=0.01))
+    camera = Weights.load(run).camera_for(SIZE, sensor=Sensor(read_noise=0.01))
     bench = bench_of(camera, calibration)
     for seed, name in enumerate(NAMES):
         cube = tiny.load(name)[:, : SIZE[0], : SIZE[1]]
@@ -75,8 +75,7 @@ def system_of(tuning, folder):
 def test_the_decoder_alone_moves_and_is_not_worse_on_what_is_held_out(run, captures, tmp_path):
     found = tuned(run, captures, tmp_path / "tuned")
     before, after = Weights.load(run), Weights.load(found.weights)
-    torch.testing.assert_close(after.aperture, before.aperture)
-    torch.testing.assert_close(after.shutter, before.shutter)
+    torch.testing.assert_close(after.codes, before.codes)
     moved = [
         not torch.equal(a, b) for a, b in zip(before.network.parameters(), after.network.parameters(), strict=True)
     ]
@@ -138,7 +137,7 @@ def test_a_run_that_is_stopped_ends_as_one_that_is_not(run, captures, tmp_path):
 
 
 def test_a_calibrated_operator_is_what_it_learns_behind_and_is_kept(run, tmp_path):
-    camera = Weights.load(run).coded_camera(SIZE)
+    camera = Weights.load(run).camera_for(SIZE)
     span = camera.snapshot_shape[2] - SIZE[1]
     place = registered(SIZE, camera.snapshot_shape[1:], [[1, 0.01, 0.4], [0, 1, span / 2 + 0.3]])
     calibration = with_parts(registration=place, dispersion=dispersed([-1.0, 0.0, 1.0])).save(tmp_path / "cam")
@@ -148,7 +147,7 @@ def test_a_calibrated_operator_is_what_it_learns_behind_and_is_kept(run, tmp_pat
     found = tuned(run, folder, tmp_path / "tuned", calibration.path)
     assert found.best["psnr"] > as_drawn.best["psnr"] + 1
     kept = Weights.load(found.weights)
-    assert not set(kept.aperture.unique().tolist()) <= {0.0, 1.0}  # grey: the registered mask
+    assert not set(kept.codes["aperture"].unique().tolist()) <= {0.0, 1.0}  # grey: the registered mask
     assert kept.card["tuning"]["calibration"]["sha256"]
 
 

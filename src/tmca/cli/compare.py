@@ -42,9 +42,9 @@ def spectral(
         out: folder of the two result files.
         work: folder of priors and finished cells.
         bands: bands, nearest to even spacing from 400 to 700 nm.
-        decoders: which of lmmse, lmmse-adapted, mixture, admm-tv, admm-tv-joint, and of the trained unet-thesis (from
-            Φᵀy), unet (from the LMMSE), unrolled, unrolled-mixture; separated by commas. unet-thesis and unrolled learn
-            codes too.
+        decoders: which of those that `tmca decoders` lists for the camera, and of the trained unet-thesis (from Φᵀy),
+            unet (from the LMMSE), unrolled, unrolled-mixture; separated by commas. unet-thesis and unrolled learn codes
+            too.
         validation: split file of the scenes that choose a network's best step.
         seed: of codes, noise and trainings.
         seeds: how many codes and trainings, from --seed on (ADMM-TV: one).
@@ -87,8 +87,8 @@ def light_field(
         test: split file whose light fields are measured; it chooses nothing.
         out: folder of the results.
         work: folder of priors, designs and finished cells.
-        decoders: which of dictionary (on a crop), lmmse, mixture, and of the trained sub-network (the thesis') and
-            consistent (measurement-consistent, from the lmmse); separated by commas.
+        decoders: which of those that `tmca decoders` lists for the camera (dictionaries on a crop), and of the trained
+            sub-network (the thesis') and consistent (measurement-consistent, from the lmmse); separated by commas.
         frame: HEIGHTxWIDTH, the middle of the light fields of --test.
         period: tile of all codes, pixels.
         atoms: of the dictionary.
@@ -139,8 +139,8 @@ def spectral_depth(
         test: scenes or split files that are measured; they choose nothing.
         out: folder of the results.
         work: folder of prior, codes, trainings and finished cells.
-        decoders: which of likelihood, and of the trained two-headed (from the snapshot) and physics (from the
-            likelihood); separated by commas.
+        decoders: which of those that `tmca decoders` lists for the camera, and of the trained two-headed (from the
+            snapshot) and physics (from the likelihood); separated by commas.
         from_rgb: make up spectra of measured reflectances for RGB-D scenes.
         placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
         preset: of the camera: quick or thesis.

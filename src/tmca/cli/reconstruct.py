@@ -34,6 +34,7 @@ def reconstruct(
     tv_weight: float | None = None,
     uncertainty: bool = True,
     window: MaybeWhole = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     calibration: Path | None = None,
     reading: TruthOptions = _SCENE,
     output: OutputOptions = _OUTPUT,
@@ -42,11 +43,10 @@ def reconstruct(
 
     Args:
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
-        decoder: lmmse (default), admm-tv, tikhonov, dagger, or network; of a spectral snapshot also lmmse-adapted
-            (its prior refitted to the snapshot itself), mixture, admm-tv-joint, pnp-tv, pnp-nl-means, pnp-subspace
-            (the best of those without a prior); of a light-field snapshot also mixture, dictionary, dictionary-omp. Of
-            a spectral-depth snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch
-            prior; or network.
+        decoder: one that `tmca decoders` lists for the camera: lmmse (default), admm-tv, pnp-subspace, tikhonov,
+            dagger, network, …; of a spectral snapshot also lmmse-adapted (its prior refitted to the snapshot itself);
+            of a light-field snapshot also dictionary, dictionary-omp. Of a spectral-depth snapshot likelihood: depth
+            and spectrum by the likelihood of every plane under a patch prior; or network.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
             the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
@@ -57,27 +57,27 @@ def reconstruct(
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
+        set_: NAME=VALUE, any setting of the decoder; `tmca decoders` lists them. May be given several times.
         calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Snapshots
             in digital numbers need one.
     """
+    from tmca.decoders import usual_decoder
     from tmca.lab.calibration.apply import load_snapshot
 
     taken = load_snapshot(snapshot, calibration)
-    usual = "likelihood" if taken.camera.kind == "spectral-depth" else "lmmse"
-    decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual)
+    kind = taken.camera.kind
+    decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual_decoder(kind))
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
-    how: dict[str, Any] = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty}
-    if window is not None and usual != "likelihood":
-        raise SettingError("--window", str(window), "none: spectral-depth snapshots alone have one", "leave it out")
-    if taken.camera.kind == "light-field":
+    how = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
+    how |= _settings(decoder, kind, set_ or [])
+    if dictionary is not None and kind != "light-field":
+        wanted = "none: only light fields are decoded by one"
+        raise SettingError("--dictionary", str(dictionary), wanted, "leave it out")
+    if kind == "light-field":
         way = _light_field(taken, reading, how | {"dictionary": dictionary})
-    elif taken.camera.kind == "spectral-depth":
-        spectral_depth.refuse_reading(reading, dictionary=dictionary, tv_weight=tv_weight)
-        way = spectral_depth.way_back(taken, {"prior": prior, "weights": weights, "window": window})
-    elif dictionary is not None:
-        raise SettingError(
-            "--dictionary", str(dictionary), "none: only light fields are decoded by one", "leave it out"
-        )
+    elif kind == "spectral-depth":
+        spectral_depth.refuse_reading(reading)
+        way = spectral_depth.way_back(taken, how)
     else:
         way = _spectral(taken, reading, how)
     check_targets(way.files(target, output.figures), output.overwrite, snapshot)
@@ -88,6 +88,19 @@ def reconstruct(
     if output.figures:
         written += way.pictures(result, target, truth=scene, overwrite=output.overwrite)
     _say(result, target, written, output)
+
+
+def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
+    """Settings of a decoder from ``NAME=VALUE``."""
+    from tmca.decoders.decoder import decoders_for, settings_from_text
+
+    pairs = [text.partition("=") for text in texts]
+    for name, equals, _ in pairs:
+        if not (name and equals):
+            raise SettingError("--set", repr(name), "NAME=VALUE, such as iterations=50")
+    named = {name.strip(): value.strip() for name, _, value in pairs}
+    known = decoders_for(kind, moving=None)
+    return settings_from_text(known[decoder], named) if decoder in known else dict(named)
 
 
 def _spectral(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:

@@ -144,14 +144,17 @@ class SpectralDepthOptions:
 
     def _trained(self, sensor: SensorOptions, bench: BenchOptions, crop: tuple[int, int]) -> SpectralDepthCamera:
         """The camera of a trained network, which nothing else may set."""
-        from tmca.decoders.networks.depth_weights import DepthWeights
+        from tmca.decoders import Weights
         from tmca.sensor import Sensor
 
         plain = vars(SpectralDepthOptions())
         beside = [name for name, value in vars(self).items() if name not in ("codes", "seed") and value != plain[name]]
         if named := [*(f"--{name.replace('_', '-')}" for name in beside), *bench.named()]:
             raise SettingError("--codes", f"{named[0]} beside weights", "one of them", "leave one of the two out")
-        return DepthWeights.load(self.codes or "").sized_camera(crop, sensor=Sensor(**vars(sensor)))
+        weights = Weights.load(self.codes or "")
+        weights.check_kind("spectral-depth")
+        camera: SpectralDepthCamera = weights.camera_for(crop, sensor=Sensor(**vars(sensor)))
+        return camera
 
     def _designed(self, given: dict[str, Any], bench: BenchOptions) -> dict[str, Any]:
         """Camera arguments of a file of codes, which nothing else may set."""
@@ -213,7 +216,6 @@ def refuse_reading(reading: TruthOptions, **others: Any) -> None:
 
 def way_back(taken: Any, how: dict[str, Any]) -> WayBack:
     """Cube and depth of a snapshot; ``how`` are options of the decoders."""
-    from tmca.decoders.patch_based.depth_likelihood import check_window
     from tmca.experiments.spectral_depth.imaging import (
         reconstruct_spectral_depth,
         spectral_depth_files,
@@ -221,11 +223,6 @@ def way_back(taken: Any, how: dict[str, Any]) -> WayBack:
     )
     from tmca.experiments.spectral_depth.truth import true_spectral_depth
 
-    window = how["window"]
-    if window is not None and how["weights"] is not None:
-        raise SettingError("--window", f"{window} beside weights", "none: a network brings its own", "leave it out")
-    if window is not None:
-        check_window(window, taken.camera, "--window")
     decode = partial(reconstruct_spectral_depth, taken, **how)
     pictures = partial(spectral_depth_pictures, snapshot=taken)
     return WayBack(spectral_depth_files, partial(true_spectral_depth, taken=taken), decode, pictures)

@@ -44,15 +44,16 @@ def spectral(
     Args:
         scenes: cubes or rendered scenes to measure on; the rendered test scenes without any.
         vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
-            slots, aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed, or a
+            slots, aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed, a
+            setting of the decoder (decoder.tv_weight, …; `tmca decoders`), or a
             fault of the bench that decoders are not told of: misregistration, delay, … (docs/hardware.md).
         out: results, without a suffix.
         work: folder of finished cells.
         test: split file of scenes to add.
         train: split file of the scenes that teach priors and networks; the rendered scenes' prior without it.
         validation: split file of the scenes that choose a network's best step; some of --train without it.
-        decoder: lmmse, lmmse-adapted, mixture, admm-tv, admm-tv-joint, or a network trained at every combination:
-            unet-thesis, unet, unrolled.
+        decoder: one that `tmca decoders` lists for the camera, or a network trained at every combination: unet-thesis,
+            unet, unrolled.
         set_: NAME=VALUE of the same names for all cells.
         steps: of each training.
         bands: bands, nearest to even spacing from 400 to 700 nm.
@@ -101,7 +102,7 @@ def light_field(
         work: folder of priors, designs and finished cells.
         test: split file of light fields to add.
         train: split file of the light fields that teach priors and designs; rendered ones without it.
-        decoder: lmmse, mixture, admm-tv or dagger.
+        decoder: one that `tmca decoders` lists for the camera; no network.
         set_: NAME=VALUE of the same names for all cells.
         crop: HEIGHTxWIDTH, the middle of the light fields.
     """
@@ -132,6 +133,7 @@ def spectral_depth(
     work: Path = Path("runs/sweep-spectral-depth"),
     test: list[str] | None = None,
     train: list[str] | None = None,
+    decoder: str = "likelihood",
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     preset: str = "quick",
     crop: str = "96x128",
@@ -156,6 +158,7 @@ def spectral_depth(
         work: folder of the prior and finished cells.
         test: more of them.
         train: scenes or split files that teach the prior; that of the rendered scenes without any.
+        decoder: one that `tmca decoders` lists for the camera.
         set_: NAME=VALUE of the same names for all cells.
         preset: of the camera: quick, quick-diffractive, thesis or diffractive.
         crop: HEIGHTxWIDTH, the middle of the scenes.
@@ -171,7 +174,8 @@ def spectral_depth(
     named = named_scenes([*scenes, *(test or ())]) or sorted(split_rendered()["test"])
     axes, fixed = _axes(vary, set_)
     found = sweep_spectral_depth(
-        axes, named, out, work, fixed=fixed, train=named_scenes(train or ()), preset=preset, size=size(crop, "--crop"),
+        axes, named, out, work, fixed=fixed, decoder=decoder, train=named_scenes(train or ()),
+        preset=preset, size=size(crop, "--crop"),
         side=side, placed=placed, from_rgb=from_rgb, progress=cell_done, **grid.how(),
     )  # fmt: skip
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())

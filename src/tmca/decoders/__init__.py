@@ -1,45 +1,71 @@
 """From a snapshot and its codes back to the scene."""
 
-from tmca.decoders.decoding import Decoded
-from tmca.decoders.iterative.admm import ADMMTV, admm_tv, default_weight
-from tmca.decoders.iterative.data_step import Result
-from tmca.decoders.iterative.denoisers import (
+from tmca.decoders.adapted import AdaptedLMMSE
+from tmca.decoders.admm import VariationDecoder, admm_tv, default_weight
+from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
+from tmca.decoders.blocks import LMMSE, MixtureLMMSE, PatchEstimator
+from tmca.decoders.data_step import Result
+from tmca.decoders.decoder import (
+    DECODERS,
+    Decoder,
+    Prepared,
+    Raw,
+    decode,
+    decoders,
+    decoders_for,
+    make_decoder,
+    settings_of,
+    usual_decoder,
+)
+from tmca.decoders.denoisers import (
     chambolle_denoiser,
     module_denoiser,
     nl_means_denoiser,
     per_band,
+    subspace_denoiser,
     tv_denoiser,
 )
-from tmca.decoders.iterative.pnp import PnPADMM, pnp_admm
-from tmca.decoders.iterative.sparse import LassoResult, batch_omp, lasso_admm
-from tmca.decoders.iterative.tv import total_variation, tv_prox
-from tmca.decoders.light_field import LIGHT_FIELD_METHODS, decode_light_field
-from tmca.decoders.networks.network import Network, build_network
-from tmca.decoders.networks.neural import NeuralDecoder, Weights
-from tmca.decoders.networks.shipped import find_weights
-from tmca.decoders.networks.start import first_estimate
-from tmca.decoders.patch_based.adapted import AdaptedLMMSE
-from tmca.decoders.patch_based.blending import Estimate
-from tmca.decoders.patch_based.dictionary import DictionaryDecoder
-from tmca.decoders.patch_based.lmmse import PatchLMMSE
-from tmca.decoders.patch_based.mixture import MixtureLMMSE
-from tmca.decoders.spectral import METHODS, decode
+from tmca.decoders.dictionary import DictionaryDecoder, DictionaryEstimator
+from tmca.decoders.estimate import Estimate
+from tmca.decoders.kriging import KrigingDecoder
+from tmca.decoders.least_squares import LeastNorm, TikhonovDecoder, tikhonov
+from tmca.decoders.likelihood import LikelihoodDecoder, PatchLikelihood
+from tmca.decoders.nets.build import build_network
+from tmca.decoders.nets.network import Network
+from tmca.decoders.nets.tiles import first_estimate
+from tmca.decoders.nets.weights import OtherCodes, Weights
+from tmca.decoders.network import NetworkDecoder
+from tmca.decoders.pnp import PlugAndPlay, pnp_admm
+from tmca.decoders.space_time import SpaceTimeDecoder
+from tmca.decoders.sparse import LassoResult, batch_omp, lasso_admm
+from tmca.decoders.tv import total_variation, tv_prox
 
 __all__ = [
-    "ADMMTV",
-    "LIGHT_FIELD_METHODS",
-    "METHODS",
+    "DECODERS",
+    "LMMSE",
     "AdaptedLMMSE",
     "Decoded",
+    "Decoder",
     "DictionaryDecoder",
+    "DictionaryEstimator",
     "Estimate",
+    "KrigingDecoder",
     "LassoResult",
+    "LeastNorm",
+    "LikelihoodDecoder",
     "MixtureLMMSE",
     "Network",
-    "NeuralDecoder",
-    "PatchLMMSE",
-    "PnPADMM",
+    "NetworkDecoder",
+    "OtherCodes",
+    "PatchEstimator",
+    "PatchLikelihood",
+    "PlugAndPlay",
+    "Prepared",
+    "Raw",
     "Result",
+    "SpaceTimeDecoder",
+    "TikhonovDecoder",
+    "VariationDecoder",
     "Weights",
     "admm_tv",
     "batch_omp",
@@ -47,15 +73,22 @@ __all__ = [
     "chambolle_denoiser",
     "decode",
     "decode_light_field",
+    "decoders",
+    "decoders_for",
     "default_weight",
     "find_weights",
     "first_estimate",
     "lasso_admm",
+    "make_decoder",
     "module_denoiser",
     "nl_means_denoiser",
     "per_band",
     "pnp_admm",
+    "settings_of",
+    "subspace_denoiser",
+    "tikhonov",
     "total_variation",
     "tv_denoiser",
     "tv_prox",
+    "usual_decoder",
 ]

@@ -12,9 +12,10 @@ from tmca.decoders import find_weights
 from tmca.errors import OutputError, TmcaError
 from tmca.experiments.camera_figures import codes_figure, snapshot_figure
 from tmca.experiments.light_field.demo import demo_light_field
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import METRICS, mean_over_scenes
-from tmca.experiments.spectral.imaging import SpectralReconstruction, reconstruct_snapshot, take_snapshot
+from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 from tmca.experiments.spectral_depth.demo import demo_spectral_depth
 from tmca.plots.cube import reconstruction_figure
 from tmca.plots.style import save_figure
@@ -115,14 +116,14 @@ def _demo(out: Path, size: tuple[int, int], overwrite: bool, told: Progress) -> 
 
 def _through(
     scene: xr.DataArray, settings: dict[str, Any], prior: Any, stem: Path, overwrite: bool
-) -> tuple[Snapshot[SpectralCamera], SpectralReconstruction]:
+) -> tuple[Snapshot[SpectralCamera], Reconstruction]:
     size, sensor = (scene.sizes["y"], scene.sizes["x"]), Sensor(read_noise=READ_NOISE)
     weights = find_weights(settings["weights"], settings["slots"]) if "weights" in settings else None
     if weights is None:
         bands = scene["wavelength"].values.tolist()
         camera = SpectralCamera(bands=bands, size=size, sensor=sensor, period=PERIOD, **settings)
     else:
-        camera = weights.spectral_camera(size, sensor=sensor)
+        camera = weights.camera_for(size, sensor=sensor)
     method = "lmmse" if weights is None else "network"
     snapshot = take_snapshot(scene, camera)
     snapshot.save(stem.with_name(f"{stem.name}_snapshot.nc"), overwrite=overwrite)
@@ -133,7 +134,7 @@ def _through(
     return snapshot, result
 
 
-def _row(scene: str, code: str, snapshot: Snapshot[SpectralCamera], result: SpectralReconstruction) -> dict[str, Any]:
+def _row(scene: str, code: str, snapshot: Snapshot[SpectralCamera], result: Reconstruction) -> dict[str, Any]:
     throughput = snapshot.camera.throughput()
     return {"code": code, "scene": scene, **result.metrics, "throughput": throughput, "seconds": result.seconds}
 
@@ -141,7 +142,7 @@ def _row(scene: str, code: str, snapshot: Snapshot[SpectralCamera], result: Spec
 def _section(
     name: str,
     scene: xr.DataArray,
-    results: dict[str, tuple[Snapshot[SpectralCamera], SpectralReconstruction]],
+    results: dict[str, tuple[Snapshot[SpectralCamera], Reconstruction]],
     out: Path,
     overwrite: bool,
 ) -> Section:

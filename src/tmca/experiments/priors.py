@@ -9,7 +9,7 @@ from typing import Any
 from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data.bands import at_bands
 from tmca.data.scenes import load_scene
-from tmca.decoders.patch_based.depth_likelihood import usual_window
+from tmca.decoders.likelihood import usual_window
 from tmca.errors import OutputError, SettingError
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior

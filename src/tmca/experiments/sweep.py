@@ -14,6 +14,7 @@ from typing import Any
 
 from tmca.cameras import LIMITS, PAIRS, PARTS, Hardware
 from tmca.data.scene_names import identity_of, short_names
+from tmca.decoders.decoder import decoders_for, make_decoder, settings_from_text, settings_of
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.results import check_new, mean_over_scenes, repository_commit, write_table
@@ -25,6 +26,9 @@ from tmca.plots.style import save_figure
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
           "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip
 WHOLE = ("slots", "bits", "period", "planes", "seed")
+
+SETTING = "decoder."
+"""Before the name of a setting of a decoder."""
 
 Values = Mapping[str, Sequence[Any]]
 
@@ -57,7 +61,13 @@ class Swept:
     @property
     def axes(self) -> tuple[str, ...]:
         """Everything that can be varied."""
-        return (*SENSOR, *self.camera, "decoder", "seed", *self.faults)
+        return (*SENSOR, *self.camera, "decoder", "seed", *self.settings, *self.faults)
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """Settings of decoders, such as ``decoder.tv_weight``."""
+        known = decoders_for(self.application).values()
+        return tuple(sorted({f"{SETTING}{one.name}" for cls in known for one in settings_of(cls)}))
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -182,7 +192,7 @@ def converted(swept: Swept, settings: Values, option: str) -> dict[str, list[Any
 
 
 def _converted(swept: Swept, name: str, value: Any, option: str) -> Any:
-    if name in swept.words:
+    if name in swept.words or name.startswith(SETTING):
         return str(value)
     if name in PAIRS and ":" in str(value):
         Hardware.of({name: value})
@@ -219,6 +229,7 @@ def combinations(swept: Swept, vary: Values, fixed: Mapping[str, Any]) -> list[d
             raise SettingError("decoder", repr(point["decoder"]), f"one of {', '.join(swept.decoders)}")
         swept.check(*parts(swept, point))
         faults_of(swept, point)
+        decoder_settings(swept, point)
     return points
 
 
@@ -226,6 +237,23 @@ def parts(swept: Swept, point: Mapping[str, Any]) -> tuple[dict[str, Any], dict[
     """Arguments of the camera and of the sensor in a combination."""
     camera = {name: value for name, value in point.items() if name in swept.camera or name == "seed"}
     return camera, {SENSOR[name]: value for name, value in point.items() if name in SENSOR}
+
+
+def decoder_settings(swept: Swept, point: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the decoder in a combination.
+
+    Raises:
+        SettingError: those that it does not have, or that are of another type.
+    """
+    texts = {name.removeprefix(SETTING): value for name, value in point.items() if name.startswith(SETTING)}
+    known = decoders_for(swept.application)
+    if not texts:
+        return {}
+    if point["decoder"] not in known:
+        raise SettingError(f"{SETTING}{next(iter(texts))}", f"a setting of {point['decoder']}", "none of a network")
+    settings = settings_from_text(known[point["decoder"]], texts)
+    make_decoder(point["decoder"], swept.application, settings)
+    return settings
 
 
 def faults_of(swept: Swept, point: Mapping[str, Any]) -> dict[str, Any]:
@@ -246,6 +274,8 @@ def _cell(swept: Swept, point: dict[str, Any], path: str, scene: str, data: dict
     common |= {"camera": camera, "sensor": sensor, "decoder": point["decoder"]}
     faults = faults_of(swept, point)
     cell |= {"faults": faults} if faults else {}
+    settings = decoder_settings(swept, point)
+    common |= {"settings": settings} if settings else {}
     common["source"] = source_digest(__name__, swept.measure.__module__, swept.train.__module__)
     common["checksums"] = [identity_of(name) for name in (*data["train"], *data["validation"])]
     if point["decoder"] in swept.networks:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.neural import Weights
-from tmca.decoders.networks.weights_file import read_weights
+from tmca.decoders import Weights
 from tmca.experiments.camera_figures import codes_figure, phase_codes_figure, psf_figure
 from tmca.plots.curves import training_figure
 from tmca.plots.style import save_figure
@@ -23,15 +21,14 @@ _LOSSES = {
 
 def training_pictures(folder: Path) -> list[Path]:
     """Write ``curve.png`` and ``codes.png`` into a run's folder, in the place of earlier ones."""
-    file = folder / "weights.safetensors"
-    depth = read_weights(file)[1].get("application") == SpectralDepthCamera.kind
-    weights = DepthWeights.load(file) if depth else Weights.load(file)
+    weights = Weights.load(folder / "weights.safetensors")
+    depth = weights.kind == SpectralDepthCamera.kind
     loss = _LOSSES.get(weights.card.get("training", {}).get("optimiser", {}).get("loss", ""), "mean loss")
     drawings = {
         "curve": training_figure(TrainingLog(folder / "log.csv").rows(), loss + (" and of depth" if depth else ""))
     }
-    if isinstance(weights, DepthWeights):
+    if depth:
         drawings |= {"codes": phase_codes_figure(weights.camera), "psf": psf_figure(weights.camera)}
     else:
-        drawings["codes"] = codes_figure(weights.coded_camera())
+        drawings["codes"] = codes_figure(weights.camera)
     return [save_figure(figure, folder / f"{name}.png", overwrite=True) for name, figure in drawings.items()]

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from tmca.cameras import SpectralCamera
 from tmca.data import write_json
-from tmca.decoders.networks.neural import same_bands
+from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError
 from tmca.operators import TapOperator, Taps
 

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import atomic_path, check_target, make_folder
-from tmca.decoders.networks.neural import Weights
+from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.lab.decoder_description import (
     NAME,
@@ -90,7 +90,7 @@ def export_decoder(
         if folder.is_dir():
             check_target(folder / file, overwrite)
     weights = Weights.load(run)
-    camera = weights.spectral_camera(size, sensor=_sensor(weights, noise))
+    camera = _camera(weights, size, sensor=_sensor(weights, noise))
     decoders = {one: _fixed(weights, camera, camera.noise, one) for one in formats}
     make_folder(folder)
     found = [
@@ -99,6 +99,13 @@ def export_decoder(
     ]
     write_description(_described(weights, camera, decoders[formats[0]], found), folder, overwrite=overwrite)
     return found
+
+
+def _camera(weights: Weights, size: tuple[int, int] | None, **changes: Any) -> SpectralCamera:
+    """The spectral camera of some weights."""
+    weights.check_kind("spectral")
+    camera: SpectralCamera = weights.camera_for(size, **changes)
+    return camera
 
 
 def _fixed(weights: Weights, camera: SpectralCamera, noise: Noise, format: str) -> CameraDecoder:
@@ -126,7 +133,7 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Ex
     """
     about = read_description(Path(folder))
     weights = Weights.load(run)
-    camera = weights.spectral_camera((about.scene[2], about.scene[3]))
+    camera = _camera(weights, (about.scene[2], about.scene[3]))
     check_camera(about, camera, weights.path)
     decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
     files = {entry.format: Path(folder) / entry.file for entry in about.files}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from tmca.decoders.networks.neural import Weights
-from tmca.decoders.networks.start import NEED_PRIOR, first_estimate
+from tmca.decoders import Weights, first_estimate
+from tmca.decoders.nets.network import NEED_PRIOR
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.sensor import Noise

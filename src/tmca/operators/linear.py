@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -15,46 +14,64 @@ _TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
 
 
 def conjugate_gradients(
-    matrix: Callable[[Tensor], Tensor],
+    apply: Callable[[Tensor], Tensor],
     right: Tensor,
     *,
-    tolerance: float = 1e-6,
+    shift: float | Tensor = 0.0,
+    tolerance: float | None = 1e-6,
     steps: int = 200,
     start: Tensor | None = None,
+    preconditioner: Tensor | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Tensor:
-    """Solve ``matrix(x) = right`` for a batch, each entry with steps of its own (Hestenes and Stiefel 1952).
+    """Solve ``apply(x) + shift · x = right`` for a batch, each entry with steps of its own (Hestenes, Stiefel 1952).
 
     Args:
-        matrix: symmetric, positive semidefinite; applied to tensors like ``right``.
-        right: (B, …); where the matrix is singular it must lie in its range.
-        tolerance: residual, as a share of the norm of ``right``, at which every entry is solved.
+        apply: symmetric and positive semidefinite; without a shift ``right`` must lie in its range.
+        right: (B, …).
+        shift: ≥ 0, or a map.
+        tolerance: residual, as a share of the norm of ``right``, at which the iteration stops; None takes a fixed
+            number of steps, in operations that exporters know, of which those beyond rounding change nothing.
         steps: most steps taken.
         start: a solution that is near, such as that of the iteration before; zero if None.
+        preconditioner: (…) near inverse of the diagonal.
+        progress: told the share of the steps that is done.
     """
-    dims = tuple(range(1, right.ndim))
+    shifted = isinstance(shift, Tensor) or shift != 0
 
-    def dot(a: Tensor, b: Tensor) -> Tensor:
-        return (a * b).sum(dim=dims, keepdim=True)
+    def matrix(x: Tensor) -> Tensor:
+        return apply(x) + shift * x if shifted else apply(x)
 
-    tiny = torch.finfo(right.dtype).tiny
+    tiny, rounding = torch.finfo(right.dtype).tiny, torch.finfo(right.dtype).eps ** 2
+    inner = _inner if tolerance is not None else _inner_by_rows
     solution = torch.zeros_like(right) if start is None else start
     residual = right if start is None else right - matrix(start)
-    direction, energy = residual, dot(residual, residual)
-    goal = tolerance**2 * dot(right, right)
-    for _ in range(steps):
-        if bool((energy <= goal).all()):
+    direction = scaled = residual if preconditioner is None else preconditioner * residual
+    first = energy = inner(residual, scaled)
+    goal = None if tolerance is None else tolerance**2 * inner(right, right)
+    for step in range(1, steps + 1):
+        if goal is not None and bool((inner(residual, residual) <= goal).all()):
             break
         image = matrix(direction)
-        step = energy / dot(direction, image).clamp_min(tiny)
-        solution, residual = solution + step * direction, residual - step * image
-        energy, previous = dot(residual, residual), energy
-        direction = residual + energy / previous.clamp_min(tiny) * direction
+        length = energy / inner(direction, image).clamp_min(tiny)
+        length = length * (energy > rounding * first) if goal is None else length
+        solution, residual = solution + length * direction, residual - length * image
+        scaled = residual if preconditioner is None else preconditioner * residual
+        energy, previous = inner(residual, scaled), energy
+        direction = scaled + energy / previous.clamp_min(tiny) * direction
+        if progress is not None:
+            progress(step / steps)
     return solution
 
 
-def conjugate_gradient_gram(operator: Any, y: Tensor, shift: float, **iteration: Any) -> Tensor:
-    """``(A Aᵀ + shift·I)⁻¹ y`` of anything with ``A`` and ``A_adjoint``."""
-    return conjugate_gradients(lambda x: operator.A(operator.A_adjoint(x)) + shift * x, y, **iteration)
+def _inner(one: Tensor, other: Tensor) -> Tensor:
+    """(B, 1, …) inner products."""
+    return (one * other).sum(dim=tuple(range(1, one.ndim)), keepdim=True)
+
+
+def _inner_by_rows(one: Tensor, other: Tensor) -> Tensor:
+    """The same, row by row: exported, one sum of millions in single precision is rounded differently everywhere."""
+    return torch.linalg.vecdot(one, other).flatten(1).sum(1).reshape(-1, *(1 for _ in one.shape[1:]))
 
 
 class LinearOperator(nn.Module, ABC):
@@ -96,8 +113,9 @@ class LinearOperator(nn.Module, ABC):
             tolerance, steps, start: of the iteration, see ``conjugate_gradients``; closed solutions need none of them.
         """
         return conjugate_gradients(
-            lambda y: self.A(self.A_adjoint(y)) + shift * y,
+            lambda y: self.A(self.A_adjoint(y)),
             snapshot,
+            shift=shift,
             tolerance=_TOLERANCE[snapshot.dtype] if tolerance is None else tolerance,
             steps=steps,
             start=start,

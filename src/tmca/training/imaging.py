@@ -9,8 +9,8 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras import CodedCamera
-from tmca.decoders.networks.network import Network
-from tmca.decoders.networks.start import NEED_PRIOR, first_estimate
+from tmca.decoders import Network, first_estimate
+from tmca.decoders.nets.network import NEED_PRIOR
 from tmca.design import hold_throughput, throughput_of
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator, TapOperator

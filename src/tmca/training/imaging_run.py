@@ -13,9 +13,8 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.data import make_folder
-from tmca.decoders.networks.network import Network, build_network
-from tmca.decoders.networks.neural import Weights
-from tmca.decoders.networks.start import NEED_PRIOR
+from tmca.decoders import Network, Weights, build_network
+from tmca.decoders.nets.network import NEED_PRIOR
 from tmca.errors import DataError, SettingError
 from tmca.priors import GaussianMixturePrior, GaussianPrior, find_prior, learn_prior
 from tmca.sensor import Sensor
@@ -46,9 +45,6 @@ class Application(Protocol):
     def views(self, camera: CodedCamera) -> tuple[int, int] | None:
         """(V, U) where the channels are views, which turn with the pixels."""
 
-    def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
-        """Wavelengths, and settings of the camera that weights keep."""
-
 
 def prepare_imaging(
     application: Application, settings: TrainSettings, folder: Path, load: Load, lists: SceneLists, fabric: Fabric
@@ -74,7 +70,7 @@ def prepare_imaging(
     patches = _patches(settings, store, application.views(camera))
 
     def keep(best: dict[str, Any]) -> None:
-        found = weights_of(application, system, settings, lists, best, bool(prior))
+        found = weights_of(system, settings, lists, best, bool(prior))
         found.save(folder / "weights.safetensors", overwrite=True)
 
     return Prepared(system, patches, keep, _pool(settings, system, patches, len(lists.train), folder))
@@ -119,22 +115,11 @@ def _take_decoder(settings: TrainSettings, network: torch.nn.Module) -> None:
 
 
 def weights_of(
-    application: Application,
-    system: ImagingSystem,
-    settings: TrainSettings,
-    lists: SceneLists,
-    best: dict[str, Any],
-    with_prior: bool,
+    system: ImagingSystem, settings: TrainSettings, lists: SceneLists, best: dict[str, Any], with_prior: bool
 ) -> Weights:
     """The present state as a decoder with its codes."""
-    camera, codes = system.camera, system.camera.codes
-    with torch.no_grad():
-        planes = [(plane.tile() if plane.period else plane()).clone() for plane in (codes.aperture, codes.shutter)]
-    wavelengths, optics = application.stored(camera)
-    kept = {"size": list(camera.size), "period": settings.camera.period, "exposure": camera.exposure, **optics}
-    card = card_of(settings, lists, best, system)
     prior = ("rendered" if lists.prior == RENDERED else "prior.nc") if with_prior else ""
-    return Weights(system.network, wavelengths, planes[0], planes[1], kept, prior, card, application=application.name)
+    return Weights.of(system.network, system.camera, prior, card_of(settings, lists, best, system))
 
 
 def _prior(

@@ -124,12 +124,6 @@ class LightFieldApplication:
         """Which turn with the pixels."""
         return cast(LightFieldCamera, camera).views
 
-    def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
-        """Views and shear."""
-        own = cast(LightFieldCamera, camera)
-        optics = {"views": list(own.views), "shear": list(own.shear.step), "mask_scale": own.shear.scale}
-        return (), optics
-
 
 def light_field_settings(
     preset: str | None = None, file: str | Path | None = None, changes: Mapping[str, Any] | None = None

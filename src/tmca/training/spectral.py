@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,13 +35,6 @@ class SpectralApplication:
 
     def views(self, camera: CodedCamera) -> None:
         """Bands do not turn."""
-
-    def stored(self, camera: CodedCamera) -> tuple[tuple[float, ...], dict[str, Any]]:
-        """Wavelengths, dispersion, and a response that is not flat."""
-        own = cast(SpectralCamera, camera)
-        response = own.response.detach().cpu().tolist()
-        flat = {} if set(response) == {1.0} else {"response": response}
-        return own.wavelengths, {"dispersion": list(own.dispersion.displacement), "disperser": own.disperser, **flat}
 
 
 def starting_camera(settings: TrainSettings, wavelengths: list[float]) -> SpectralCamera:

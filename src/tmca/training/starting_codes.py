@@ -9,7 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from tmca.codes import pattern, read_codes
-from tmca.decoders.networks.neural import Weights
+from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
 from tmca.training.settings import TrainSettings
 
@@ -63,5 +63,5 @@ def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
         found = read_codes(start).settings()
         return {name: found[name] for name in ("aperture", "shutter")}, found["period"], None
     weights = Weights.load(start)
-    planes = {"aperture": weights.aperture, "shutter": weights.shutter}
-    return planes, weights.camera.get("period"), weights.camera.get("disperser")
+    planes = {name: weights.codes[name] for name in ("aperture", "shutter")}
+    return planes, weights.settings.get("period"), weights.settings.get("disperser")

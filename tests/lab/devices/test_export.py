@@ -12,7 +12,7 @@ from PIL import Image
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.codes import write_codes
-from tmca.decoders.networks.shipped import find_weights
+from tmca.decoders import find_weights
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.lab.devices import PRESETS, check_export, device_named, export_codes, read_export, read_planes
 from tmca.lab.devices.export import FastFrames

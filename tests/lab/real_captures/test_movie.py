@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.decoders.kriging import shutter_samples
+from tmca.decoders.space_time import frame_operator
 from tmca.errors import SettingError
-from tmca.lab.real_captures.kriged import shutter_samples
-from tmca.lab.real_captures.movie import decode_movie, frame_dataset, frame_operator
+from tmca.lab.real_captures.movie import decode_movie, frame_dataset
 from tmca.sensor import Sensor
 
 
@@ -61,12 +62,12 @@ def test_a_pixel_is_a_sample_at_the_middle_of_its_slots():
     shutter[6, :, 3] = 1
     own = camera(8, (3, 5), shutter=shutter, exposure="equal")
     snapshot = Snapshot(own.A(torch.full((1, 1, 3, 5), 0.7)), own)
-    found = shutter_samples(snapshot, frame_operator(own, 1))
+    found = shutter_samples(own, frame_operator(own, 1), snapshot.values[0, 0])
     assert sorted(set(found.points[:, 2].tolist())) == [3.0, 6.0]
     assert set(found.points[:, 1].long().tolist()) == {0, 1, 2, 3}
     torch.testing.assert_close(found.values, torch.full((12,), 0.7, dtype=torch.float64))
     with pytest.raises(SettingError, match="within one frame"):
-        shutter_samples(snapshot, frame_operator(own, 2))
+        decode_movie(snapshot, 2, "kriging")
 
 
 @pytest.mark.parametrize(("method", "share"), [("kriging", 0.35), ("space-time-dct", 0.3)])

@@ -7,11 +7,12 @@ import yaml
 
 from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
+from tmca.decoders.space_time import frame_operator
 from tmca.errors import DataError, SettingError
 from tmca.experiments.real.merit import foretelling_error, withheld
 from tmca.experiments.real.movies import moving_part
 from tmca.lab.real_captures import import_capture, load_prototype
-from tmca.lab.real_captures.movie import decode_movie, frame_operator
+from tmca.lab.real_captures.movie import decode_movie
 from tmca.lab.real_captures.saturation import without_pixels
 
 

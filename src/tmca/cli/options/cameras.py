@@ -213,7 +213,9 @@ def light_field_camera(
         from tmca.decoders import Weights
 
         weights = _of_slots(Weights.load(camera.weights), camera)
-        return weights.light_field_camera(size, sensor=Sensor(**vars(sensor)))
+        weights.check_kind("light-field")
+        made: LightFieldCamera = weights.camera_for(size, sensor=Sensor(**vars(sensor)))
+        return made
     own = bench.chosen(views, camera.chosen())
     settings = {**own, "views": views, "size": size, "sensor": Sensor(**vars(sensor))}
     check_memory(camera.slots or 1, size)
@@ -261,23 +263,22 @@ def check_memory(slots: int, size: tuple[int, ...]) -> None:
 
 def _learned_camera(scene: xr.DataArray, camera: SpectralOptions, sensor: Sensor) -> SpectralCamera:
     """The camera of some weights, at the size of a scene that has their bands."""
-    from tmca.decoders import find_weights
-    from tmca.decoders.networks.neural import same_bands
+    from tmca.decoders import Weights
+    from tmca.decoders.nets.weights import same_bands
 
     camera.alone()
-    weights = _of_slots(find_weights(camera.weights or "", camera.slots or 8), camera)
-    weights.check("spectral")
+    weights = _of_slots(Weights.find(camera.weights or "", camera.slots or 8), camera)
+    weights.check_kind("spectral")
     own = scene["wavelength"].values.tolist()
     if not same_bands(weights.wavelengths, own):
         bands = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
         raise SettingError("--weights", bands, f"the scene's {len(own)}, {own[0] * 1e9:.4g} nm and on")
-    return weights.spectral_camera((scene.shape[1], scene.shape[2]), sensor=sensor)
+    made: SpectralCamera = weights.camera_for((scene.shape[1], scene.shape[2]), sensor=sensor)
+    return made
 
 
 def _of_slots(weights: Weights, camera: CodeOptions) -> Weights:
     """The weights, unless other slots were asked for."""
-    if camera.slots not in (None, len(weights.aperture)):
-        raise SettingError(
-            "--slots", f"{camera.slots}", f"{len(weights.aperture)}, as these weights have", "leave it out"
-        )
+    if camera.slots not in (None, weights.slots):
+        raise SettingError("--slots", f"{camera.slots}", f"{weights.slots}, as these weights have", "leave it out")
     return weights

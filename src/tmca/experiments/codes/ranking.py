@@ -63,7 +63,7 @@ def ranking(cell: Settings) -> Measured:
     camera, weights = coded(task, cell["code"]), None
     if cell["steps"]:
         weights = _trained(task, cell, camera)
-        camera = Weights.load(weights).spectral_camera(task.period)  # tuned codes are others than it began with
+        camera = Weights.load(weights).camera_for(task.period)  # tuned codes are others than it began with
     found: Measured = {"expected": task.psnr(camera), "throughput": camera.throughput()}
     error = MixtureTileMse.of(
         GaussianMixturePrior.load(cell["mixture"]), task.examples.model, task.noise.read, task.noise.shot

@@ -13,7 +13,7 @@ from torch import Tensor
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.light_fields import centre_window
 from tmca.data.placing import drawn_nearness
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders import PatchLikelihood
 from tmca.design.mask_search import SIZE, Judge
 from tmca.priors import GaussianPrior
 

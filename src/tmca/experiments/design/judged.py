@@ -72,11 +72,11 @@ def coded_camera(file: str | Path, bands: int, settings: dict[str, Any]) -> Code
         DataError: none of these, or of a camera without binary aperture codes.
     """
     from tmca.data import read_dataset
-    from tmca.decoders.networks.neural import Weights
+    from tmca.decoders import Weights
 
     path = Path(file)
     if path.suffix == ".safetensors" or path.is_dir():
-        return Weights.load(path).coded_camera((_FRAME, _FRAME))
+        return Weights.load(path).camera_for((_FRAME, _FRAME))
     if "snapshot" not in read_dataset(path, ()):
         return SpectralCamera(bands=bands, size=(_FRAME, _FRAME), **{**read_codes(path).settings(), **settings})
     taken = Snapshot.load(path).camera

@@ -11,7 +11,7 @@ import numpy as np
 from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import Reading, read_middle, true_disparity
 from tmca.data.light_fields import centre_window
-from tmca.decoders.decoding import OtherCodes
+from tmca.decoders import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
@@ -129,7 +129,8 @@ def coded_camera(cell: Settings, size: tuple[int, int], weights: Weights | None 
     """The camera of a cell's code and noise; codes that learned with a network are in its weights."""
     code, sensor = cell["code"], Sensor(**NOISES[cell["noise"]])
     if code in LEARNED and weights is not None:
-        return weights.light_field_camera(size, sensor=sensor)
+        learned: LightFieldCamera = weights.camera_for(size, sensor=sensor)
+        return learned
     if code in CODES:
         return LightFieldCamera(
             (cell["views"][0], cell["views"][1]),

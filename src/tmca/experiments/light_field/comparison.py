@@ -12,12 +12,13 @@ from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, check_li
 from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed
+from tmca.experiments.decoder_labels import prior_kind
 from tmca.experiments.light_field import plan
 from tmca.experiments.light_field.cells import measure
 from tmca.experiments.light_field.comparison_figures import comparison_pictures, picture_files, slug
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.plan import Table
-from tmca.experiments.light_field.rows import DECODER_NAMES, EFFORT, Sizes
+from tmca.experiments.light_field.rows import DECODER_NAMES, EFFORT, NETWORKS, SHOWN_DECODERS, Sizes
 from tmca.experiments.light_field.tables import markdown, results
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.source import source_digest
@@ -30,7 +31,7 @@ def compare_light_field(
     out: Path,
     work: Path,
     *,
-    decoders: Sequence[str] = tuple(DECODER_NAMES),
+    decoders: Sequence[str] = tuple(SHOWN_DECODERS),
     sizes: Sizes | None = None,
     effort: Mapping[str, int] = EFFORT,
     reading: Reading = NOTHING,
@@ -134,10 +135,11 @@ def _measured(grid: Grid, table: Table, places: Sequence[Settings], learned: Map
 
 def _learn(learned: Learned, decoders: Sequence[str], atoms: int) -> dict[str, str]:
     """Files that the decoders need, and the examples of the searches."""
-    found = {"examples": learned.examples(), "lmmse": learned.prior()}
-    if "mixture" in decoders:
+    found = {"examples": learned.examples(), "gaussian": learned.prior()}
+    kinds = {prior_kind(name) for name in decoders if name not in NETWORKS}
+    if "mixture" in kinds:
         found["mixture"] = learned.mixture()
-    if plan.DICTIONARY in decoders:
+    if plan.DICTIONARY in kinds:
         found[plan.DICTIONARY] = learned.dictionary(atoms)
     return found
 

@@ -9,11 +9,11 @@ from typing import Any
 from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import load_light_field
 from tmca.experiments.light_field.imaging import (
-    LightFieldReconstruction,
     reconstruct_light_field,
     take_light_field_snapshot,
 )
 from tmca.experiments.light_field.truth import geometry
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.report import Section
 from tmca.plots.light_field import light_field_figure
 from tmca.plots.style import save_figure
@@ -78,7 +78,7 @@ def demo_light_field(
 
 def _section(
     truth: Any,
-    found: dict[str, tuple[Any, LightFieldReconstruction]],
+    found: dict[str, tuple[Any, Reconstruction]],
     rows: list[dict[str, Any]],
     out: Path,
     overwrite: bool,

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import torch
-from torch import Tensor
 
 from tmca.cameras import Hardware, LightFieldCamera, Snapshot, imperfect, moving_scenes
 from tmca.data.light_field_scenes import as_batch
 from tmca.data.scene_names import READING
-from tmca.decoders import Decoded, Weights, decode_light_field
+from tmca.decoders import decoders
 from tmca.errors import SettingError
-from tmca.experiments.reconstructions import Reconstruction
+from tmca.experiments.reconstructions import Reconstruction, decoded
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.plots.light_field import light_field_figure
 from tmca.plots.style import save_figure
@@ -23,25 +21,6 @@ from tmca.plots.views import focus_steps, refocus_strip, views_gif
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from tmca.priors import GaussianPrior, PatchDictionary
-
-
-@dataclass
-class LightFieldReconstruction(Reconstruction):
-    """A reconstructed light field with its coordinates.
-
-    Args:
-        light_field: (view_v, view_u, y, x) estimate, with colours first if there are any.
-        deviation: of the same shape, predicted standard deviation, if known.
-    """
-
-    light_field: xr.DataArray
-    deviation: xr.DataArray | None
-
-    def parts(self) -> Mapping[str, xr.DataArray | None]:
-        """``estimate`` and ``deviation``."""
-        return {"estimate": self.light_field, "deviation": self.deviation}
 
 
 def take_light_field_snapshot(
@@ -74,42 +53,35 @@ def reconstruct_light_field(
     snapshot: Snapshot[LightFieldCamera],
     decoder: str = "lmmse",
     *,
-    prior: str | Path | GaussianPrior | None = None,
-    dictionary: str | Path | PatchDictionary | None = None,
-    tv_weight: float | None = None,
-    weights: str | Path | Weights | None = None,
-    uncertainty: bool = False,
+    prior: Any = None,
+    dictionary: Any = None,
     truth: xr.DataArray | None = None,
     progress: Callable[..., None] | None = None,
-) -> LightFieldReconstruction:
+    **how: Any,
+) -> Reconstruction:
     """Recover the light field of a snapshot.
 
     Args:
         snapshot: with its camera.
-        decoder: one of ``tmca.decoders.LIGHT_FIELD_METHODS``.
+        decoder: one of ``tmca.decoders.decoders_for("light-field")``.
         prior: a prior, its file, or None for the rendered light fields' one.
-        dictionary: a dictionary or its file.
-        tv_weight: of the total variation.
-        weights: of a trained network, their file, or the folder of their run.
-        uncertainty: also estimate the standard deviation of every entry.
+        dictionary: a dictionary or its file: the prior of the decoders that use one.
         truth: the light field, for metrics.
         progress: told the share that is done and, while a prior is learned, what is done next.
-    """
-    from tmca.priors import PatchDictionary, find_prior
+        how: settings of the decoder.
 
-    if isinstance(weights, str) and weights == "default":
-        missing = "'default', of which none come with tmca for light fields"
-        raise SettingError("weights", missing, "a file or run of `tmca train light-field`")
-    chosen: Any = None
-    if decoder == "lmmse" or prior is not None:
-        kind = "mixture" if decoder == "mixture" else "gaussian"
-        chosen = find_prior(snapshot.camera, prior, kind, progress=progress)
-    found = decode_light_field(
-        snapshot, decoder, prior=chosen, tv_weight=tv_weight, uncertainty=uncertainty, progress=progress,
-        dictionary=PatchDictionary.load(dictionary) if isinstance(dictionary, str | Path) else dictionary,
-        weights=Weights.load(weights) if isinstance(weights, str | Path) else weights,
-    )  # fmt: skip
-    return _labelled(found, decoder, snapshot, truth)
+    Raises:
+        SettingError: a dictionary for a decoder that uses none.
+    """
+    from tmca.metrics import light_field_metrics
+
+    if dictionary is not None and (decoder not in decoders() or decoders()[decoder].prior_kind != "dictionary"):
+        wanted = "none: only dictionary and dictionary-omp use it"
+        raise SettingError("dictionary", f"one for {decoder}", wanted, "leave it out")
+    estimate = decoded(snapshot, decoder, prior=prior if dictionary is None else dictionary, progress=progress, **how)
+    found = Reconstruction.of(estimate)
+    found.metrics = {} if truth is None else light_field_metrics(found.light_field.values, truth.values)
+    return found
 
 
 def light_field_files(path: Path, figures: bool) -> list[Path]:
@@ -120,7 +92,7 @@ def light_field_files(path: Path, figures: bool) -> list[Path]:
 
 
 def light_field_pictures(
-    result: LightFieldReconstruction,
+    result: Reconstruction,
     path: Path,
     *,
     snapshot: Snapshot[LightFieldCamera],
@@ -138,24 +110,3 @@ def light_field_pictures(
         save_figure(refocus_strip(values, focus_steps(result.light_field), title), strip, overwrite=overwrite),
         views_gif(values, walk, overwrite=overwrite),
     ]
-
-
-def _labelled(
-    found: Decoded, decoder: str, snapshot: Snapshot[LightFieldCamera], truth: xr.DataArray | None
-) -> LightFieldReconstruction:
-    from tmca.data import label_light_field
-    from tmca.metrics import light_field_metrics
-
-    def labelled(values: Tensor, meaning: str) -> xr.DataArray:
-        array = values.numpy() if len(values) > 1 else values[0].numpy()
-        return label_light_field(array, {"long_name": meaning})
-
-    estimate = labelled(found.estimate, f"light field estimated by {decoder}")
-    return LightFieldReconstruction(
-        light_field=estimate,
-        deviation=None if found.deviation is None else labelled(found.deviation, "predicted standard deviation"),
-        decoder=decoder,
-        seconds=found.seconds,
-        metrics={} if truth is None else light_field_metrics(estimate.values, truth.values),
-        notes={**snapshot.notes, **found.notes},
-    )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tmca.experiments.light_field.comparison_figures import picture_files, slug
-from tmca.experiments.light_field.rows import DECODER_NAMES, NETWORKS, NOISES, SHOWN, SHOWN_NOISE
+from tmca.experiments.light_field.rows import DECODER_NAMES, NETWORKS, NOISES, SHOWN, SHOWN_DECODERS, SHOWN_NOISE
 from tmca.experiments.results import markdown_table
 
 _DICTIONARY = "dictionary"
@@ -64,7 +64,7 @@ def _levels(rows: Sequence[dict[str, Any]], noise: str, scenes: Sequence[str]) -
 def left_out(found: dict[str, Any]) -> list[str]:
     """A line that names decoders without rows."""
     measured = {row["decoder"] for row in (*found["rows"], *found["crop_rows"])}
-    missing = [f"{words} (`{name}`)" for name, words in DECODER_NAMES.items() if name not in measured]
+    missing = [f"{words} (`{name}`)" for name, words in SHOWN_DECODERS.items() if name not in measured]
     return [f"Left out of this run (`--decoders`): {', '.join(missing)}.", ""] if missing else []
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from tmca.data.light_field_scenes import Reading
 from tmca.data.scene_names import identity_of
 from tmca.experiments.cells import Measured, Settings, cell_key
+from tmca.experiments.decoder_labels import prior_kind
 from tmca.experiments.light_field.rows import (
     DECODER_NAMES,
     DESIGNED,
@@ -81,7 +82,7 @@ def untrained(
     Args:
         table: that is asked for.
         places: where is measured.
-        learned: the prior or dictionary of every decoder.
+        learned: file of the prior or dictionary of every kind.
         maps: disparity of the true views of every scene.
     """
     return [
@@ -91,21 +92,28 @@ def untrained(
         for code in rows(noise)
         for seed in table.seeds
         for cell in _measurements(
-            {**table.common, DICTIONARY if decoder == DICTIONARY else "prior": learned[decoder], "code": code,
-             "noise": noise, "decoder": decoder, "seed": seed}, places, maps,
+            {**table.common, **_prior(decoder, learned), "code": code, "noise": noise, "decoder": decoder,
+             "seed": seed}, places, maps,
         )
     ]  # fmt: skip
 
 
+def _prior(decoder: str, learned: Mapping[str, str]) -> Settings:
+    """The file of the prior or dictionary that a decoder needs."""
+    kind = prior_kind(decoder)
+    return {} if kind is None else {DICTIONARY if kind == DICTIONARY else "prior": learned[kind]}
+
+
 def _measurements(cell: Settings, places: Sequence[Settings], maps: Mapping[str, str]) -> list[Settings]:
-    """One in every place; the dictionary's on crops alone."""
+    """One in every place; those of dictionaries on crops alone."""
+    slow = cell["decoder"] not in NETWORKS and prior_kind(cell["decoder"]) == DICTIONARY
     keep = (cell["code"], cell["decoder"]) in SHOWN and cell["noise"] == SHOWN_NOISE
     label = f"{cell['code']} · {cell['noise']} · {DECODER_NAMES[cell['decoder']]} · seed {cell['seed']}"
     return [
         {**cell, **place, "kind": "measurement", "keep": keep and not place["crop"],
          "name": f"{place['scene']}{' crop' if place['crop'] else ''} · {label}",
          "disparity": None if place["crop"] else maps.get(place["path"])}
-        for place in places if place["crop"] or cell["decoder"] != DICTIONARY
+        for place in places if place["crop"] or not slow
     ]  # fmt: skip
 
 

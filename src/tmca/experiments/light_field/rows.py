@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tmca.data.light_field_scenes import RENDERED
+from tmca.experiments.decoder_labels import DecoderLabels
 
 EFFORT = {"descents": 2, "steps": 120, "flips": 2000}
 """Of every search, static or not."""
@@ -60,13 +61,15 @@ LEARNED: dict[str, tuple[str, str]] = {
 TRAINED = (*CODES, *list(DESIGNED)[:2], *LEARNED)
 """Codes that networks are trained behind: one network for all noises."""
 STATIC_CODES = tuple(name for name in (*CODES, *DESIGNED, *LEARNED) if name.startswith("CLFP"))
-DECODER_NAMES = {
+SHOWN_DECODERS = {
     "dictionary": "dictionary (LASSO)",
     "lmmse": "patch LMMSE",
     "mixture": "patch mixture",
     "sub-network": "thesis' sub-network",
     "consistent": "measurement-consistent network",
 }
+"""Decoders of the published table."""
+DECODER_NAMES = DecoderLabels("light-field", SHOWN_DECODERS)
 NETWORKS: dict[str, dict[str, Any]] = {
     "sub-network": {
         "kind": "spatial-angular", "stages": 0, "start": "dagger", "width": 32, "blocks": 4, "gather": 2,

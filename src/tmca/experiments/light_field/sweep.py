@@ -13,6 +13,7 @@ from tmca.design import KINDS, designable
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
+from tmca.experiments.decoder_labels import DecoderLabels, prior_kind
 from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.rows import EFFORT, Sizes
@@ -20,7 +21,8 @@ from tmca.experiments.sweep import Swept, Values, sweep
 from tmca.optics import view_grid
 from tmca.sensor import Sensor
 
-_DECODERS = {"lmmse": "patch LMMSE", "mixture": "patch mixture", "admm-tv": "ADMM-TV", "dagger": "least norm"}
+_DECODERS = DecoderLabels("light-field", {"lmmse": "patch LMMSE", "mixture": "patch mixture"})
+_ATOMS = 1024
 
 
 def measure(cell: Settings) -> Measured:
@@ -30,7 +32,7 @@ def measure(cell: Settings) -> Measured:
     faults = Hardware.of(cell.get("faults", {}))
     snapshot = take_light_field_snapshot(scene, camera, cell["camera"].get("seed", 0), faults)
     prior = cell["prior"].get(cell["decoder"])
-    result = reconstruct_light_field(snapshot, cell["decoder"], prior=prior, truth=scene)
+    result = reconstruct_light_field(snapshot, cell["decoder"], prior=prior, truth=scene, **cell.get("settings", {}))
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
 
 
@@ -116,8 +118,9 @@ def sweep_light_field(
     def prepare(points: Sequence[dict[str, Any]]) -> Settings:
         make_folder(work)
         decoders = {point["decoder"] for point in points}
-        made = {"lmmse": learned.prior, "mixture": learned.mixture}
-        found: Settings = {"prior": {name: make() for name, make in made.items() if name in decoders}}
+        made = {"gaussian": learned.prior, "mixture": learned.mixture, "dictionary": lambda: learned.dictionary(_ATOMS)}
+        kinds = {name: prior_kind(name) for name in sorted(decoders)}
+        found: Settings = {"prior": {name: made[kind]() for name, kind in kinds.items() if kind is not None}}
         if any("design" in point for point in points):
             found |= {"examples": learned.examples(), "designs": str(make_folder(work / "designs"))}
             found |= {"period": 2 * [Sizes().period], "effort": EFFORT, "exposures": 1}

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders import Weights, decode
-from tmca.decoders.decoding import Decoded
+from tmca.decoders import Estimate, Weights, decode
 from tmca.errors import SettingError
 
 _METHODS = {"admm-tv": "admm-tv-joint", "pnp": "pnp-subspace", "network": "network"}
 REAL_DECODERS = tuple(_METHODS)
 
 
-def decode_real(snapshot: Snapshot[SpectralCamera], method: str, weights: Weights | None = None) -> Decoded:
+def decode_real(snapshot: Snapshot[SpectralCamera], method: str, weights: Weights | None = None) -> Estimate:
     """The scene of a real capture.
 
     Args:
@@ -27,7 +27,8 @@ def decode_real(snapshot: Snapshot[SpectralCamera], method: str, weights: Weight
     """
     if method not in _METHODS:
         raise SettingError("decoder", repr(method), f"one of {', '.join(REAL_DECODERS)}")
-    return decode(snapshot, _METHODS[method], weights=weights if method == "network" else None)
+    settings: dict[str, Any] = {"weights": weights} if method == "network" else {}
+    return decode(snapshot, _METHODS[method], **settings)
 
 
 def check_real_decoders(names: Sequence[str], weights: object) -> None:

@@ -38,7 +38,7 @@ def kept_estimate(
     if known is not None:
         return known
     start = time.process_time()
-    estimate = decode_real(snapshot, decoder, weights).estimate.float()
+    estimate = decode_real(snapshot, decoder, weights).values.float()
     seconds = time.process_time() - start
     with atomic_path(file, overwrite=True) as part:
         np.savez(part, estimate=estimate.numpy(), seconds=seconds)

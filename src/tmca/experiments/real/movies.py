@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from tmca.cameras import Snapshot, SpectralCamera
+from tmca.decoders.space_time import frame_operator
 from tmca.experiments.real.merit import foretelling_error, neighbours_error, reprojection_error, withheld
-from tmca.lab.real_captures.movie import Movie, decode_movie, frame_operator
+from tmca.lab.real_captures.movie import Movie, decode_movie
 from tmca.metrics import psnr
 
 _HOW: dict[str, dict[str, Any]] = {

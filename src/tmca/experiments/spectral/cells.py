@@ -11,8 +11,9 @@ import numpy as np
 
 from tmca.cameras import Hardware, SpectralCamera
 from tmca.data.scenes import load_scene
-from tmca.decoders.decoding import OtherCodes
+from tmca.decoders import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
+from tmca.experiments.decoder_labels import prior_kind
 from tmca.experiments.spectral.rows import CODES, NETWORKS, NOISES, POOL, scenes_of
 from tmca.sensor import Sensor
 
@@ -46,7 +47,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     sensor = Sensor(**NOISES[cell["noise"]])
     weights = None if cell.get("weights") is None else Weights.load(cell["weights"])
     if weights is not None and cell["code"] not in CODES:
-        camera = weights.spectral_camera((scene.sizes["y"], scene.sizes["x"]), sensor=sensor)
+        camera = weights.camera_for((scene.sizes["y"], scene.sizes["x"]), sensor=sensor)
     else:
         camera = coded_camera(cell, scene["wavelength"].values.tolist(), (scene.sizes["y"], scene.sizes["x"]))
     network = weights if cell["decoder"] in NETWORKS else None
@@ -89,7 +90,6 @@ def coded_camera(cell: Settings, bands: Any, size: tuple[int, int]) -> SpectralC
 
 def sweep_cell(cell: Settings) -> Measured:
     """One combination of a sweep on one scene; a network is trained, and a prior learned, once for all scenes."""
-    from tmca.decoders.decoding import needs_prior
     from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
 
     size = None if cell["size"] is None else (cell["size"][0], cell["size"][1])
@@ -103,11 +103,13 @@ def sweep_cell(cell: Settings) -> Measured:
     method, prior, weights = cell["decoder"], None, None
     if method in NETWORKS:
         method, weights = "network", _network_of(cell)
-    elif needs_prior(method) and cell["train"]:
+    elif prior_kind(method) and cell["train"]:
         prior = _prior_of(cell, camera)
     with catch_warnings():
         simplefilter("ignore", OtherCodes)  # the page says which decoder it was
-        result = reconstruct_snapshot(snapshot, method, prior=prior, weights=weights, truth=scene)
+        result = reconstruct_snapshot(
+            snapshot, method, prior=prior, weights=weights, truth=scene, **cell.get("settings", {})
+        )
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}
 
 
@@ -137,7 +139,7 @@ def _prior_of(cell: Settings, camera: SpectralCamera) -> Path:
     """The prior of a sweep's training scenes, kept by what makes it."""
     from tmca.priors import learn_prior
 
-    kind = "mixture" if cell["decoder"] == "mixture" else "gaussian"
+    kind = "mixture" if prior_kind(cell["decoder"]) == "mixture" else "gaussian"
     key = cell_key(
         {
             "train": cell["train"],

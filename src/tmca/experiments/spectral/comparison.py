@@ -9,13 +9,14 @@ from typing import Any
 
 from tmca.data.scenes import check_readable
 from tmca.experiments.cells import Grid, Measured, Timed, cell_key
+from tmca.experiments.decoder_labels import prior_kind
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.source import source_digest
 from tmca.experiments.spectral import plan
 from tmca.experiments.spectral.cells import measure
 from tmca.experiments.spectral.figures import comparison_pictures, picture_files
 from tmca.experiments.spectral.plan import Table
-from tmca.experiments.spectral.rows import DECODER_NAMES, MULTIPLEXED
+from tmca.experiments.spectral.rows import DECODER_NAMES, MULTIPLEXED, NETWORKS
 from tmca.experiments.spectral.tables import markdown, results
 
 
@@ -100,15 +101,16 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
     from tmca.data.scenes import load_scene
     from tmca.priors import learn_prior
 
-    kept: dict[str, Path] = {}
-    for kind, users in {"lmmse": {"lmmse", "lmmse-adapted"}, "mixture": {"mixture"}}.items():
-        if not users & set(decoders):
+    files: dict[str, Path] = {}
+    for kind, prior in {"lmmse": "gaussian", "mixture": "mixture"}.items():
+        users = [name for name in decoders if name not in NETWORKS and prior_kind(name) == prior]
+        if not users:
             continue
         identity: dict[str, Any] = {"decoder": kind, "bands": bands, "source": source_digest(__name__)}
         identity["scenes"] = [checksum_of(s) for s in scenes]
         file = work / f"prior-{kind}-{cell_key(identity)}.nc"
         if not file.exists():
             cubes = [load_scene(scene, bands=bands) for scene in scenes]
-            learn_prior(cubes, None, "mixture" if kind == "mixture" else "gaussian", spread=bands - 1).save(file)
-        kept |= dict.fromkeys(users, file)
-    return kept
+            learn_prior(cubes, None, prior, spread=bands - 1).save(file)
+        files |= dict.fromkeys(users, file)
+    return files

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,37 +11,14 @@ import torch
 
 from tmca.cameras import Hardware, Snapshot, SpectralCamera, imperfect, moving_scene
 from tmca.data.scenes import centre_crop, load_scene
-from tmca.decoders.decoding import Decoded, needs_prior
-from tmca.decoders.networks.neural import Weights
-from tmca.decoders.networks.shipped import find_weights
-from tmca.decoders.spectral import decode
 from tmca.errors import DataError, SettingError
-from tmca.experiments.reconstructions import Reconstruction
+from tmca.experiments.reconstructions import Reconstruction, decoded
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.plots.cube import reconstruction_figure
 from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from tmca.priors import GaussianMixturePrior, GaussianPrior
-
-
-@dataclass
-class SpectralReconstruction(Reconstruction):
-    """A reconstructed cube with its coordinates.
-
-    Args:
-        cube: (wavelength, y, x) estimate.
-        deviation: (wavelength, y, x) predicted standard deviation, if known.
-    """
-
-    cube: xr.DataArray
-    deviation: xr.DataArray | None
-
-    def parts(self) -> Mapping[str, xr.DataArray | None]:
-        """``estimate`` and ``deviation``."""
-        return {"estimate": self.cube, "deviation": self.deviation}
 
 
 def take_snapshot(
@@ -89,39 +65,24 @@ def reconstruct_snapshot(
     snapshot: Snapshot[SpectralCamera],
     decoder: str = "lmmse",
     *,
-    prior: str | Path | GaussianPrior | GaussianMixturePrior | None = None,
-    tv_weight: float | None = None,
-    weights: str | Path | Weights | None = None,
-    uncertainty: bool = False,
     truth: xr.DataArray | None = None,
     progress: Callable[..., None] | None = None,
-) -> SpectralReconstruction:
+    **how: Any,
+) -> Reconstruction:
     """Recover the scene of a snapshot.
 
     Args:
         snapshot: with its camera.
-        decoder: one of ``tmca.decoders.METHODS``.
-        prior: a prior, its file, or None for the rendered scenes' one at the camera's bands.
-        tv_weight: of the total variation.
-        weights: of a trained network, their file, the folder of their run, or ``"default"``.
-        uncertainty: also estimate the standard deviation of every entry.
+        decoder: one of ``tmca.decoders.decoders_for("spectral")``.
         truth: (wavelength, y, x) for metrics.
         progress: told the share that is done and, while a prior is learned, what is done next.
+        how: ``prior`` (a prior, its file, or None for the rendered scenes') and settings of the decoder.
     """
-    from tmca.priors import find_prior
+    from tmca.metrics import all_metrics
 
-    chosen: Any = None
-    if weights is not None and decoder != "network":
-        raise SettingError("weights", f"some for {decoder}", "none", "weights and the decoder network go together")
-    if needs_prior(decoder) or prior is not None:
-        kind = "mixture" if decoder == "mixture" else "gaussian"
-        chosen = find_prior(snapshot.camera, prior, kind, progress=progress)
-    trained = find_weights(weights, snapshot.camera.slots) if isinstance(weights, str | Path) else weights
-    found = decode(
-        snapshot, decoder, prior=chosen, tv_weight=tv_weight, weights=trained, uncertainty=uncertainty,
-        progress=progress,
-    )  # fmt: skip
-    return _labelled(found, decoder, snapshot, truth)
+    estimate = decoded(snapshot, decoder, progress=progress, **how)
+    metrics = {} if truth is None else all_metrics(estimate.values[0].numpy(), truth.values)
+    return Reconstruction.of(estimate, metrics)
 
 
 def true_scene(source: str, snapshot: Snapshot[SpectralCamera], **reading: Any) -> xr.DataArray:
@@ -146,7 +107,7 @@ def reconstruction_files(path: Path, figures: bool) -> list[Path]:
 
 
 def reconstruction_pictures(
-    result: SpectralReconstruction, path: Path, *, truth: xr.DataArray | None = None, overwrite: bool = False
+    result: Reconstruction, path: Path, *, truth: xr.DataArray | None = None, overwrite: bool = False
 ) -> list[Path]:
     """Composite, error and uncertainty maps and spectra as PNG beside a reconstruction file."""
     deviations = {} if result.deviation is None else {result.decoder: result.deviation.values}
@@ -224,30 +185,3 @@ def _estimate(path: str | Path, reading: dict[str, Any]) -> xr.DataArray:
         if reading.get("wavelengths") is None:
             raise
         return read(path, wavelengths=reading["wavelengths"], negative=negative)
-
-
-def _labelled(
-    found: Decoded, decoder: str, snapshot: Snapshot[SpectralCamera], truth: xr.DataArray | None
-) -> SpectralReconstruction:
-    import xarray as xr
-
-    from tmca.metrics import all_metrics
-
-    wavelengths = np.array(snapshot.camera.wavelengths)
-    coords = {
-        "wavelength": ("wavelength", wavelengths, {"units": "m"}),
-        "wavelength_nm": ("wavelength", wavelengths * 1e9, {"units": "nm"}),
-    }
-
-    def cube(values: torch.Tensor, meaning: str) -> xr.DataArray:
-        attrs = {"quantity": "relative irradiance", "units": "1", "long_name": meaning}
-        return xr.DataArray(values[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs)
-
-    return SpectralReconstruction(
-        cube=cube(found.estimate, f"scene estimated by {decoder}"),
-        deviation=None if found.deviation is None else cube(found.deviation, "predicted standard deviation"),
-        decoder=decoder,
-        seconds=found.seconds,
-        metrics={} if truth is None else all_metrics(found.estimate[0].numpy(), truth.values),
-        notes={**snapshot.notes, **found.notes},
-    )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from tmca.experiments.decoder_labels import DecoderLabels
+
 CODES: dict[str, dict[str, Any]] = {
     "CASSI random": {"slots": 1, "aperture": "random", "shutter": "open"},
     "TMCA random K = 8": {"slots": 8, "aperture": "random", "shutter": "random"},
@@ -24,17 +26,13 @@ NOISES: dict[str, dict[str, Any]] = {
     "σ = 0.01": {"read_noise": 0.01},
     "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 10_000, "read_noise_electrons": 3},
 }
-DECODER_NAMES = {
-    "lmmse": "LMMSE",
-    "lmmse-adapted": "LMMSE adapted",
-    "mixture": "mixture",
-    "admm-tv": "ADMM-TV",
-    "admm-tv-joint": "ADMM-TV joint",
+NETWORK_NAMES = {
     "unet-thesis": "U-Net from Φᵀy",
     "unet": "U-Net from LMMSE",
     "unrolled": "unrolled",
     "unrolled-mixture": "unrolled from mixture",
 }
+DECODER_NAMES = DecoderLabels("spectral", NETWORK_NAMES)
 NETWORKS: dict[str, dict[str, Any]] = {
     "unet-thesis": {"kind": "unet", "start": "adjoint", "codes": False, "noise_aware": False},
     "unet": {"kind": "unet", "start": "lmmse"},

@@ -14,6 +14,7 @@ from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
 from tmca.data.depth_scenes import load_any_depth_scene, middle_of, with_surroundings
 from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
+from tmca.experiments.decoder_labels import prior_kind
 from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
 from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
@@ -150,10 +151,12 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
     """Snapshots of all test scenes behind one code with one noise, decoded and measured."""
     crop = _crop(cell)
     probe = _camera(cell, crop)
-    given = {"prior": cell["prior"], "window": cell["window"]} if cell["decoder"] == "likelihood" else {}
+    given = {"window": cell["window"]} if cell["decoder"] == "likelihood" else {}
+    if not cell.get("weights") and prior_kind(cell["decoder"]):
+        given["prior"] = cell["prior"]
     given |= {"weights": cell["weights"]} if cell.get("weights") else {}
     metrics, seconds, kept = {}, {}, dict[str, str]()
-    method = "network" if cell.get("weights") else "likelihood"
+    method = "network" if cell.get("weights") else cell["decoder"]
     for name, scene in scenes_of(cell, probe).items():
         camera = _camera(cell, (scene.sizes["y"], scene.sizes["x"]))
         snapshot = take_spectral_depth_snapshot(scene, camera, seed=cell["seed"])
@@ -170,11 +173,12 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
 
 def _camera(cell: Settings, size: tuple[int, int]) -> SpectralDepthCamera:
     """That of the weights, of a file of codes, or of the code's settings."""
-    from tmca.decoders.networks.depth_weights import DepthWeights
+    from tmca.decoders import Weights
 
     weights = cell.get("weights") or cell.get("camera_of")
     if weights:
-        return DepthWeights.load(weights).sized_camera(size, sensor=Sensor(**cell["sensor"]))
+        camera: SpectralDepthCamera = Weights.load(weights).camera_for(size, sensor=Sensor(**cell["sensor"]))
+        return camera
     return coded_camera(cell, size, cell.get("codes"))
 
 

@@ -137,8 +137,8 @@ def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
     """
     found = grid.run(plan.searches(table)) + grid.run([plan.constant(table)])
     codes = {(cell["code"], cell["seed"]): cell["codes"] for cell in found if "codes" in cell}
-    if "likelihood" in table.decoders:
-        rows = plan.untrained(table, codes)
+    for decoder in (name for name in table.decoders if name not in NETWORKS):
+        rows = plan.untrained(table, codes, decoder)
         found += grid.run(rows) + grid.run(plan.foretold(table, rows))
     trained = grid.run(plan.trainings(table, codes))
     trained += grid.run(plan.behind_learned(table, trained))

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.depth_scenes import load_spectral_depth, middle_of
 from tmca.experiments.camera_figures import psf_figure
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.report import Section
 from tmca.experiments.results import DEPTH_METRICS
 from tmca.experiments.spectral_depth.imaging import (
-    SpectralDepthReconstruction,
     reading_range,
     reconstruct_spectral_depth,
     reconstruction_picture,
@@ -69,7 +69,7 @@ def demo_spectral_depth(
     truth = middle_of(scene, size, SCENE)
     told(0.1, "the prior of rendered scenes at these bands")
     prior = find_prior(first, block=block_of(first, window=WINDOW))
-    found: dict[str, SpectralDepthReconstruction] = {}
+    found: dict[str, Reconstruction] = {}
     for place, (code, camera) in enumerate(cameras.items()):
         told(0.4 + 0.25 * place, f"spectrum and depth, {code}")
         found[code] = _through(camera, truth, prior, out, overwrite)
@@ -83,7 +83,7 @@ def demo_spectral_depth(
 
 def _through(
     camera: SpectralDepthCamera, truth: xr.Dataset, prior: GaussianPrior, out: Path, overwrite: bool
-) -> SpectralDepthReconstruction:
+) -> Reconstruction:
     stem = f"spectral_depth_{'static' if camera.slots == 1 else 'onehot4'}"
     snapshot = take_spectral_depth_snapshot(truth, camera)
     snapshot.save(out / f"{stem}_snapshot.nc", overwrite=overwrite)
@@ -93,7 +93,7 @@ def _through(
 
 
 def _figures(
-    found: Mapping[str, SpectralDepthReconstruction],
+    found: Mapping[str, Reconstruction],
     cameras: Mapping[str, SpectralDepthCamera],
     truth: xr.Dataset,
     out: Path,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +15,8 @@ from tmca.cameras import Hardware, Snapshot, SpectralDepthCamera, imperfect
 from tmca.cameras.checks import check_holds
 from tmca.data.depth_scenes import depth_tensor, middle_of
 from tmca.data.scene_names import READING
-from tmca.decoders.decoding import OtherCodes
-from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder, check_fits
-from tmca.decoders.networks.neural import same_bands
-from tmca.decoders.patch_based.depth_likelihood import DepthDecoded, PatchLikelihood, check_window, usual_window
-from tmca.errors import SettingError
 from tmca.experiments.camera_figures import phase_codes_figure, psf_figure, snapshot_figure
-from tmca.experiments.reconstructions import Reconstruction
+from tmca.experiments.reconstructions import Reconstruction, decoded
 from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.optics import DepthPlanes, check_mask
 from tmca.plots.depth import depth_figure
@@ -32,32 +26,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from tmca.priors import GaussianPrior
 
 FITTED = ("inverse_depth_scale", "inverse_depth_shift")
 """Attributes of a scene, a snapshot and a reconstruction whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
-PLANES = "depth_planes"
-"""Attribute of a reconstruction, JSON: nearest and farthest plane in metres, and their number."""
-DEPTH_DECODERS = ("likelihood", "network")
-
-
-@dataclass
-class SpectralDepthReconstruction(Reconstruction):
-    """A reconstructed cube and depth map with their coordinates.
-
-    Args:
-        cube: (wavelength, y, x) estimate.
-        depth: (y, x) metres.
-        confidence: (y, x) probability that the depth is right within one bin.
-    """
-
-    cube: xr.DataArray
-    depth: xr.DataArray
-    confidence: xr.DataArray
-
-    def parts(self) -> Mapping[str, xr.DataArray | None]:
-        """``radiance``, ``depth`` and ``confidence``."""
-        return {"radiance": self.cube, "depth": self.depth, "confidence": self.confidence}
 
 
 def reading_range(camera: SpectralDepthCamera) -> dict[str, Any]:
@@ -126,90 +97,34 @@ def reconstruct_spectral_depth(
     snapshot: Snapshot[SpectralDepthCamera],
     decoder: str = "likelihood",
     *,
-    prior: str | Path | GaussianPrior | None = None,
-    weights: str | Path | DepthWeights | None = None,
-    window: int | None = None,
     truth: xr.Dataset | None = None,
     progress: Callable[..., None] | None = None,
-) -> SpectralDepthReconstruction:
+    **how: Any,
+) -> Reconstruction:
     """Recover spectrum and depth of a snapshot.
 
     Args:
         snapshot: with its camera.
-        decoder: one of ``DEPTH_DECODERS``.
-        prior: a stationary Gaussian prior of the camera's bands, its file, or None for the rendered scenes' one; a
-            network brings its own.
-        weights: of a network: a run or file of `tmca train spectral-depth`.
-        window: of the patch likelihood, pixels; `usual_window` if None. A network brings its own.
+        decoder: one of ``tmca.decoders.decoders_for("spectral-depth")``.
         truth: the scene, for metrics.
         progress: told the share that is done.
-
-    Raises:
-        SettingError: another decoder, or a prior, window or network that does not fit.
-        DataError: a prior of another kind.
-
-    Warns:
-        OtherCodes: a network that was trained for other codes.
+        how: ``prior`` (a stationary Gaussian prior of the camera's bands, its file, or None for the rendered scenes')
+            and settings of the decoder.
     """
-    from time import perf_counter
-
-    from tmca.priors import block_of, find_prior
-
-    if decoder not in DEPTH_DECODERS:
-        raise SettingError("decoder", repr(decoder), f"one of {', '.join(DEPTH_DECODERS)}")
-    if (decoder == "network") != (weights is not None):
-        given = "none" if weights is None else f"given for {decoder}"
-        raise SettingError("weights", given, "those of a network, for the network alone", "pass --weights RUN")
-    start = perf_counter()
-    if weights is not None:
-        _refuse_beside_weights(prior=prior, window=window)
-        found = _network(weights, snapshot.camera)(snapshot.values, progress)
-    else:
-        window = usual_window(snapshot.camera) if window is None else window
-        check_window(window, snapshot.camera)
-        known = find_prior(snapshot.camera, prior, block=block_of(snapshot.camera, window=window))
-        found = PatchLikelihood(known, snapshot.camera, window)(snapshot.values, progress, planes=False)
-    found.seconds = perf_counter() - start
-    return _labelled(found, decoder, snapshot, truth)
-
-
-def _refuse_beside_weights(**given: Any) -> None:
-    for name, value in given.items():
-        if value is not None:
-            raise SettingError(name, str(value), "none beside weights, which bring their own", "leave it out")
-
-
-def _network(weights: str | Path | DepthWeights, camera: SpectralDepthCamera) -> TwoHeadedDecoder:
-    """The decoder of some weights for a camera."""
-    from warnings import warn
-
-    own = weights if isinstance(weights, DepthWeights) else DepthWeights.load(weights)
-    check_fits(own.network, camera)
-    if not same_bands(own.camera.wavelengths, camera.wavelengths):
-        found, wanted = (_bands(one.wavelengths) for one in (own.camera, camera))
-        raise SettingError("weights", f"a network for {found}", f"the snapshot's {wanted}", "train one at these bands")
-    if other := own.differences(camera):
-        known = f"the network was trained for a camera with other {', '.join(other)} than the snapshot's"
-        warn(known.replace("_", " "), OtherCodes, stacklevel=3)
-    return own.decoder(camera)
-
-
-def _bands(wavelengths: Sequence[float]) -> str:
-    return f"{len(wavelengths)} bands of {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm"
+    found = Reconstruction.of(decoded(snapshot, decoder, progress=progress, **how))
+    if truth is not None:
+        planes = snapshot.camera.planes
+        found.metrics = spectral_depth_metrics(found.cube.values, found.depth.values, truth, planes)
+    return found
 
 
 def middle_of_reconstruction(
-    found: SpectralDepthReconstruction, size: tuple[int, int], truth: xr.Dataset, planes: DepthPlanes
-) -> SpectralDepthReconstruction:
+    found: Reconstruction, size: tuple[int, int], truth: xr.Dataset, planes: DepthPlanes
+) -> Reconstruction:
     """(H, W) pixels in the middle of a reconstruction, measured against the same of the truth."""
-    import xarray as xr
-
-    parts = xr.Dataset({"radiance": found.cube, "depth": found.depth, "confidence": found.confidence})
-    inner, real = (middle_of(scene, size, found.decoder) for scene in (parts, truth))
-    return replace(
-        found, cube=inner["radiance"], depth=inner["depth"], confidence=inner["confidence"],
-        metrics=spectral_depth_metrics(inner["radiance"].values, inner["depth"].values, real, planes),
-    )  # fmt: skip
+    inner, real = (middle_of(scene, size, found.decoder) for scene in (found.data, truth))
+    metrics = spectral_depth_metrics(inner["radiance"].values, inner["depth"].values, real, planes)
+    return replace(found, data=inner, metrics=metrics)
 
 
 def spectral_depth_metrics(
@@ -229,9 +144,7 @@ def spectral_depth_metrics(
     return {**all_metrics(cube, truth["radiance"].values), **found, "known_depth": float(known.double().mean())}
 
 
-def reconstruction_picture(
-    result: SpectralDepthReconstruction, planes: DepthPlanes, truth: xr.Dataset | None = None
-) -> Figure:
+def reconstruction_picture(result: Reconstruction, planes: DepthPlanes, truth: xr.Dataset | None = None) -> Figure:
     """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own."""
     wavelengths, limits = result.cube["wavelength"].values.tolist(), (planes.near, planes.far)
     real = None if truth is None else (truth["radiance"].values, truth["depth"].values)
@@ -245,7 +158,7 @@ def spectral_depth_files(path: Path, figures: bool) -> list[Path]:
 
 
 def spectral_depth_pictures(
-    result: SpectralDepthReconstruction,
+    result: Reconstruction,
     path: Path,
     *,
     snapshot: Snapshot[SpectralDepthCamera],
@@ -255,22 +168,3 @@ def spectral_depth_pictures(
     """Colour composites, depth maps, confidence and spectra beside a reconstruction file."""
     figure = reconstruction_picture(result, snapshot.camera.planes, truth)
     return [save_figure(figure, spectral_depth_files(path, figures=True)[1], overwrite=overwrite)]
-
-
-def _labelled(
-    found: DepthDecoded, decoder: str, snapshot: Snapshot[SpectralDepthCamera], truth: xr.Dataset | None
-) -> SpectralDepthReconstruction:
-    import xarray as xr
-
-    waves = ("wavelength", np.array(snapshot.camera.wavelengths), {"units": "m"})
-    cube, depth, confidence = found.estimate[0].numpy(), found.depth[0, 0].numpy(), found.confidence[0, 0].numpy()
-    named, planes = {"long_name": f"estimated by {decoder}"}, snapshot.camera.planes
-    return SpectralDepthReconstruction(
-        cube=xr.DataArray(cube, dims=("wavelength", "y", "x"), coords={"wavelength": waves}, attrs=named),
-        depth=xr.DataArray(depth, dims=("y", "x"), attrs={**named, "units": "m"}),
-        confidence=xr.DataArray(confidence, dims=("y", "x"), attrs={**named, "units": "1"}),
-        decoder=decoder,
-        seconds=found.seconds,
-        metrics={} if truth is None else spectral_depth_metrics(cube, depth, truth, planes),
-        notes={**snapshot.notes, **found.notes, PLANES: json.dumps(asdict(planes))},
-    )

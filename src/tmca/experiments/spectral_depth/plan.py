@@ -84,11 +84,11 @@ def _effort(table: Table, code: str) -> Settings:
     return {**table.effort, "starts": STARTS.get(code, 1) * own.starts}
 
 
-def untrained(table: Table, codes: Codes) -> list[Settings]:
-    """The patch likelihood behind random and optimised codes."""
+def untrained(table: Table, codes: Codes, decoder: str = "likelihood") -> list[Settings]:
+    """A decoder without training behind random and optimised codes."""
     return [
-        {**table.common, "kind": "rows", "name": f"{code} · {noise} · likelihood · seed {seed}", "code": code,
-         "noise": noise, "sensor": sensor, "seed": seed, "decoder": "likelihood", "window": table.sizes.window,
+        {**table.common, "kind": "rows", "name": f"{code} · {noise} · {decoder} · seed {seed}", "code": code,
+         "noise": noise, "sensor": sensor, "seed": seed, "decoder": decoder, "window": table.sizes.window,
          "codes": codes.get((code, seed)), "keep": seed == table.seeds[0] and noise == next(iter(NOISES))}
         for code in CODES for noise, sensor in NOISES.items() for seed in table.seeds
         if ((code, seed) in codes or code not in DESIGNED) and code not in LEARNED

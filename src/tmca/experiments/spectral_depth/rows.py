@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from tmca.experiments.decoder_labels import DecoderLabels
+
 _STATIC: dict[str, Any] = {"slots": 1, "shutter": "open"}
 _CLEAR, _COLOURED = {"filters": "clear"}, {"filters": "gaussian"}
 _MULTIPLEXED: dict[str, Any] = {"slots": 4, "shutter": "one-hot"}
@@ -64,11 +66,11 @@ NOISES: dict[str, dict[str, Any]] = {
     "σ = 0.002": {"read_noise": 0.002},
     "10 000 e⁻ full well, 3 e⁻ read noise": {"full_well": 10_000, "read_noise_electrons": 3},
 }
-DECODER_NAMES = {
+DECODER_NAMES = DecoderLabels("spectral-depth", {
     "likelihood": "patch likelihood",
     "two-headed": "two-headed U-Net",
     "physics": "two-headed U-Net from the likelihood",
-}
+})  # fmt: skip
 NETWORKS: dict[str, dict[str, Any]] = {
     "two-headed": {"kind": "two-headed", "start": "snapshot"},
     "physics": {"kind": "two-headed", "start": "likelihood"},

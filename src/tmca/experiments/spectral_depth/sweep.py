@@ -11,9 +11,10 @@ from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.presets import PROBE
 from tmca.data.depth_scenes import check_depth_scenes, load_any_depth_scene, with_surroundings
 from tmca.data.scene_names import identity_of
-from tmca.decoders.patch_based.depth_likelihood import check_window, usual_window
+from tmca.decoders.likelihood import check_window, usual_window
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
+from tmca.experiments.decoder_labels import DecoderLabels, prior_kind
 from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
     reading_range,
@@ -42,7 +43,9 @@ def measure(cell: Settings) -> Measured:
     camera = _camera(cell["preset"], cell["camera"], cell["sensor"], (scene.sizes["y"], scene.sizes["x"]))
     faults, seed = Hardware.of(cell.get("faults", {})), int(cell["camera"].get("seed", 0))
     snapshot = take_spectral_depth_snapshot(scene, camera, seed, hardware=faults)
-    whole = reconstruct_spectral_depth(snapshot, prior=cell["prior"], window=cell["window"])
+    window = {"window": cell["window"]} if cell["decoder"] == "likelihood" else {}
+    prior = cell["prior"] if prior_kind(cell["decoder"]) else None
+    whole = reconstruct_spectral_depth(snapshot, cell["decoder"], prior=prior, **{**window, **cell.get("settings", {})})
     found = middle_of_reconstruction(whole, size, scene, camera.planes)
     return {"metrics": found.metrics, "seconds": found.seconds, "throughput": camera.throughput()}
 
@@ -99,7 +102,7 @@ def spectral_depth_swept(preset: str) -> Swept:
                 "image_formation", "period", "contrast", "codes"),
         words=("mask", "shutter", "filters", "channels", "exposure", "image_formation", "decoder", "codes"),
         check=check,
-        decoders={"likelihood": "patch likelihood"},
+        decoders=DecoderLabels("spectral-depth", {}),
         networks=(),
         application="spectral-depth",
         measure=measure,

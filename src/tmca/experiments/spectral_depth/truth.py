@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.scene_names import READING, compare_source
+from tmca.decoders.estimate import PLANES
 from tmca.errors import DataError, SettingError
+from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.spectral_depth.imaging import (
-    PLANES,
-    SpectralDepthReconstruction,
     reading_range,
     reconstruction_picture,
     spectral_depth_metrics,
@@ -56,7 +56,7 @@ def evaluate_spectral_depth(
     return found
 
 
-def stored_reconstruction(path: str | Path) -> tuple[SpectralDepthReconstruction, DepthPlanes]:
+def stored_reconstruction(path: str | Path) -> tuple[Reconstruction, DepthPlanes]:
     """A reconstruction as it is stored, and the depth planes of its camera.
 
     Raises:
@@ -70,9 +70,7 @@ def stored_reconstruction(path: str | Path) -> tuple[SpectralDepthReconstruction
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(path, f"no {PLANES} ({error})", "a file of `tmca reconstruct`", "reconstruct anew") from error
     decoder, seconds = str(stored.attrs.get("decoder", "estimate")), float(stored.attrs.get("seconds", 0.0))
-    cube, depth, confidence = (stored[name] for name in _PARTS)
-    known: dict[str, Any] = {"decoder": decoder, "seconds": seconds, "notes": dict(stored.attrs)}
-    return SpectralDepthReconstruction(cube, depth, confidence, **known), planes
+    return Reconstruction(stored, decoder, seconds, notes=dict(stored.attrs)), planes
 
 
 def _reading(notes: dict[str, Any], where: str | Path) -> dict[str, Any]:

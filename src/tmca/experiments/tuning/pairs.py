@@ -11,9 +11,8 @@ import torch
 from numpy.typing import NDArray
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
-from tmca.decoders.decoding import same_codes
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.neural import Weights, same_bands
+from tmca.decoders import Weights
+from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError
 from tmca.experiments.tuning.folder import PairFiles
 from tmca.lab.calibration.apply import RAW, calibrated_snapshot
@@ -30,7 +29,7 @@ _LEVELS = 2.0
 """How many times brighter or darker than its capture a truth may be; faults of benches are far less."""
 
 
-def read_pair(files: PairFiles, weights: Weights | DepthWeights, calibration: Calibration | None) -> tuple[Pair, Any]:
+def read_pair(files: PairFiles, weights: Weights, calibration: Calibration | None) -> tuple[Pair, Any]:
     """A capture with its truth, and the camera that took it as it is known.
 
     Args:
@@ -56,31 +55,29 @@ def read_pair(files: PairFiles, weights: Weights | DepthWeights, calibration: Ca
     return Pair(taken.values, truth, taken.camera.sensor), taken.camera
 
 
-def check_camera(where: Path, camera: Any, weights: Weights | DepthWeights) -> None:
+def check_camera(where: Path, camera: Any, weights: Weights) -> None:
     """Raises DataError unless a capture's camera, before calibration, is the one that a network was trained for."""
-    known = weights.application if isinstance(weights, Weights) else SpectralDepthCamera.kind
     remedy = "take captures with the codes of the run (tmca export, tmca simulate --weights RUN)"
-    if camera.kind != known:
-        raise DataError(where, f"a capture of a {camera.kind} camera", f"one of a {known} camera", remedy)
-    if isinstance(weights, DepthWeights):
-        if not same_bands(weights.camera.wavelengths, camera.wavelengths):
-            raise DataError(where, "bands at other wavelengths than the run's", "the same, to a nanometre")
+    if camera.kind != weights.kind:
+        raise DataError(where, f"a capture of a {camera.kind} camera", f"one of a {weights.kind} camera", remedy)
+    if isinstance(camera, SpectralDepthCamera):
+        _check_bands(where, camera, weights)
         if other := weights.differences(camera):
             raise DataError(where, f"a camera with other {', '.join(other)} than the run's", "the run's", remedy)
         return
+    if camera.channels != weights.network.bands:
+        unit = f"{camera.channel}s"
+        raise DataError(where, f"{camera.channels} {unit}", f"{weights.network.bands}, those of the run's network")
     _check_bands(where, camera, weights)
-    if camera.slots != len(weights.aperture) or not same_codes(weights, camera):
+    if camera.slots != weights.slots or not weights.same_codes(camera):
         raise DataError(where, "other codes than the run's", "those that its decoder was trained for", remedy)
-    trained = weights.coded_camera(camera.size)
+    trained = weights.camera_for(camera.size)
     for name in ("dispersion", "disperser", "shear", "exposure"):
         if getattr(camera, name, None) != getattr(trained, name, None):
             raise DataError(where, f"another {name} than the run's", "the run's own, before it is calibrated", remedy)
 
 
 def _check_bands(where: Path, camera: Any, weights: Weights) -> None:
-    if camera.channels != weights.network.bands:
-        unit = f"{camera.channel}s"
-        raise DataError(where, f"{camera.channels} {unit}", f"{weights.network.bands}, those of the run's network")
     if weights.wavelengths and not same_bands(weights.wavelengths, camera.wavelengths):
         raise DataError(where, "bands at other wavelengths than the run's", "the same, to a nanometre")
 

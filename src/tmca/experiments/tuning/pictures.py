@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera, SpectralDepthCamera
-from tmca.decoders.networks.depth_weights import DepthWeights, TwoHeadedDecoder
-from tmca.decoders.networks.neural import NeuralDecoder, Weights
+from tmca.decoders import Network, Weights
+from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.experiments.training_figures import training_pictures
 from tmca.operators import TapOperator
 from tmca.plots.cube import reconstruction_figure
@@ -39,21 +39,16 @@ def before_after(prepared: Prepared, folder: Path) -> Figure:
     pair = prepared.read(prepared.settings.data.validation[0])
     camera: Any = prepared.tuning.camera.cpu()
     was = prepared.tuning.weights
+    tuned = Weights.load(folder)
+    networks, prior = {"before": was.network, "fine-tuned": tuned.network}, tuned.load_prior()
     if isinstance(camera, SpectralDepthCamera):
-        tuned = DepthWeights.load(folder)
-        networks = {"before": was.network, "fine-tuned": tuned.network}
-        camera.sensor, prior = pair.sensor, tuned.load_prior()
-        found = {name: TwoHeadedDecoder(one, camera, prior)(pair.values) for name, one in networks.items()}  # type: ignore[arg-type]
+        found = {name: TwoHeadedNetwork(one, camera, prior)(pair.values) for name, one in networks.items()}  # type: ignore[arg-type]
+        camera.sensor = pair.sensor
         truth, planes = pair.truth[0], camera.planes
         real = truth[:-1], planes.depth_of(torch.from_numpy(truth[-1])).numpy()
-        pairs = {name: (one.estimate[0].numpy(), one.depth[0, 0].numpy()) for name, one in found.items()}
+        pairs = {name: (one.values[0].numpy(), one.depth[0, 0].numpy()) for name, one in found.items()}
         return depth_before_after(pairs, real, list(camera.wavelengths), (planes.near, planes.far))
-    own = Weights.load(folder)
-    prior_of_cubes = own.load_prior()
-    estimates = {
-        name: decoded(NeuralDecoder(one, prior_of_cubes), pair, camera).numpy()  # type: ignore[arg-type]
-        for name, one in {"before": was.network, "fine-tuned": own.network}.items()
-    }
+    estimates = {name: decoded(one, prior, pair, camera).numpy() for name, one in networks.items()}
     if camera.kind == "spectral":
         cubes = {name: found[0] for name, found in estimates.items()}
         return reconstruction_figure(cubes, list(camera.wavelengths), pair.truth[0])
@@ -61,10 +56,10 @@ def before_after(prepared: Prepared, folder: Path) -> Figure:
     return light_field_figure({name: views[name] for name in estimates}, views["truth"])
 
 
-def decoded(decoder: NeuralDecoder, pair: Pair, camera: CodedCamera) -> Tensor:
+def decoded(network: Network, prior: Any, pair: Pair, camera: CodedCamera) -> Tensor:
     """(B, L, H, W) estimate of a capture, without negative irradiance."""
     noise = pair.sensor.noise(camera.white, camera.exposures)
-    return decoder(pair.values, TapOperator(camera.taps()), noise).clamp_min(0)
+    return CollapsedNetwork(network, TapOperator(camera.taps()), noise, prior)(pair.values).clamp_min(0)
 
 
 def _views(field: np.ndarray, views: tuple[int, int]) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from tmca.cameras import Snapshot
 from tmca.data.bands import at_bands
 from tmca.data.scenes import load_scene
-from tmca.decoders.networks.neural import NeuralDecoder, Weights
+from tmca.decoders import Weights
 from tmca.errors import SettingError
 from tmca.experiments.calibration_proof import calibrate_bench
 from tmca.experiments.spectral.own_camera import training_of
@@ -165,7 +165,7 @@ class TuningProof:
         pair, _ = read_pair(run.pairs[name], before, run.calibration)
         networks = {"": before.network, f"\ntuned on {len(run.settings.data.train)} captures": tuned.network}
         return {
-            f"{operator}{how}": decoded(NeuralDecoder(one, tuned.load_prior()), pair, camera).numpy()[0]
+            f"{operator}{how}": decoded(one, tuned.load_prior(), pair, camera).numpy()[0]
             for how, one in networks.items()
         }
 
@@ -175,11 +175,11 @@ class TuningProof:
 
     def _judge(self, run: Prepared, tuned: Weights, network: Any, held: list[str], judged: list[str]) -> dict[str, Any]:
         """PSNR of captures that chose the step, and of those that nothing learned from."""
-        decoder, found = NeuralDecoder(network, tuned.load_prior()), {}
+        prior, found = tuned.load_prior(), {}
         camera: Any = run.tuning.camera.cpu()
         for name in (*held, *judged):
             pair, _ = read_pair(run.pairs[name], run.tuning.weights, run.calibration)
-            error = np.square(decoded(decoder, pair, camera).numpy() - pair.truth).mean()
+            error = np.square(decoded(network, prior, pair, camera).numpy() - pair.truth).mean()
             found[name] = float(-10 * np.log10(error))
         means = {
             what: float(np.mean([found[n] for n in own])) for what, own in {"held_out": held, "judged": judged}.items()

@@ -7,12 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras import SpectralDepthCamera
 from tmca.data import checksum_of
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.neural import Weights
-from tmca.decoders.networks.shipped import find_weights
-from tmca.decoders.networks.weights_file import read_weights
+from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
 from tmca.experiments.tuning.folder import PairFiles, find_pairs, held_out
 from tmca.experiments.tuning.pairs import read_pair
@@ -69,7 +65,7 @@ def prepared(
         DataError: weights, a calibration or captures that cannot be used, or do not belong together.
         SettingError: impossible settings.
     """
-    known = trained_weights(weights)
+    known = Weights.find(weights)
     found = {pair.name: pair for pair in find_pairs(captures)}
     seed = (changes or {}).get("seed", 0)
     learned, apart = held_out(list(found), validation, seed if isinstance(seed, int) else 0)
@@ -79,20 +75,8 @@ def prepared(
     return Prepared(Tuning(known, camera, used is not None), settings, found, used)
 
 
-def trained_weights(name: str | Path) -> Weights | DepthWeights:
-    """Weights of any camera; the file says which.
-
-    Raises:
-        DataError: none, or none that can be read.
-    """
-    if str(name) == "default":
-        return find_weights(name)
-    depth = read_weights(name)[1].get("application") == SpectralDepthCamera.kind
-    return DepthWeights.load(name) if depth else Weights.load(name)
-
-
 def _described(
-    weights: Weights | DepthWeights,
+    weights: Weights,
     pairs: Mapping[str, PairFiles],
     calibration: Calibration | None,
     learned: Sequence[str],
@@ -115,9 +99,7 @@ def _source(path: Path) -> dict[str, str]:
     return {"path": str(path), "sha256": checksum_of(path)}
 
 
-def _one_camera(
-    weights: Weights | DepthWeights, pairs: Mapping[str, PairFiles], calibration: Calibration | None
-) -> Any:
+def _one_camera(weights: Weights, pairs: Mapping[str, PairFiles], calibration: Calibration | None) -> Any:
     """The camera of all captures.
 
     Raises:

@@ -13,10 +13,8 @@ from torch import Tensor
 from tmca.cameras import Camera, Snapshot, SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.neural import Weights
-from tmca.decoders.networks.shipped import shipped_file
-from tmca.decoders.networks.weights_file import read_weights
+from tmca.decoders import Weights
+from tmca.decoders.nets.weights import shipped_file
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import family_parameters
 
@@ -92,13 +90,12 @@ def read_planes(source: str | Path) -> Planes:
 
 
 def _of_weights(path: Path) -> Planes:
-    about = read_weights(path)[1]
-    if about.get("application") == SpectralDepthCamera.kind:
-        return planes_of(DepthWeights.load(path).camera, str(path))
     weights = Weights.load(path)
-    planes = {"aperture": weights.aperture, "shutter": weights.shutter}
-    tiled = tuple(planes) if weights.camera.get("period") else ()
-    return Planes(str(path), weights.application, planes, tiled, None, dict(weights.camera))
+    if weights.kind == SpectralDepthCamera.kind:
+        return planes_of(weights.camera, str(path))
+    planes = {name: weights.codes[name] for name in ("aperture", "shutter")}
+    tiled = tuple(planes) if weights.settings.get("period") else ()
+    return Planes(str(path), weights.kind, planes, tiled, None, dict(weights.settings))
 
 
 def _of_file(path: Path) -> Planes:

@@ -11,7 +11,7 @@ from torch import Tensor
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.checks import check_holds
 from tmca.cameras.phase_codes import read_phase_codes
-from tmca.decoders.networks.depth_weights import DepthWeights
+from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (
     FreeForm,
@@ -130,7 +130,7 @@ def _alike(name: str, asked: Any, found: dict[str, Any]) -> bool:
 
 def _of_weights(start: Path) -> dict[str, Any]:
     """The same of a trained camera."""
-    before = DepthWeights.load(start).camera
+    before = Weights.load(start).camera
     heights = before.spread.heights
     found = {"mask": heights, "shutter": before.tile()[1].detach(), "bench": before.bench, "bands": before.wavelengths}
     found |= {"stroke": heights.stroke, "depth": (before.planes.near, before.planes.far), "planes": before.planes.count}

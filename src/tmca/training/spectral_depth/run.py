@@ -12,8 +12,9 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import make_folder
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.two_headed import TwoHeadedUNet, build_depth_network
+from tmca.decoders import Weights
+from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.two_headed import TwoHeadedUNet
 from tmca.errors import DataError
 from tmca.optics import check_mask
 from tmca.priors import GaussianPrior, block_of, find_prior, learn_prior
@@ -59,7 +60,7 @@ def train_spectral_depth(settings: SpectralDepthTrainSettings, folder: Path, loa
     """
     found = train(_prepare, settings, folder, load, **how)
     if "mask" in settings.camera.learn:
-        check_mask(DepthWeights.load(found.weights).camera.spread)
+        check_mask(Weights.load(found.weights).camera.spread)
     return found
 
 
@@ -88,7 +89,7 @@ def _prepare(
     def keep(best: dict[str, Any]) -> None:
         named = "" if network.start != "likelihood" else "rendered" if lists.prior == RENDERED else "prior.nc"
         camera.filters.relax(False)
-        found = DepthWeights(network, camera, named, card_of(settings, lists, best, system))
+        found = Weights.of(network, camera, named, card_of(settings, lists, best, system))
         found.save(folder / "weights.safetensors", overwrite=True)
 
     return Prepared(system, patches, keep, _pool(settings, system, patches, len(lists.train), folder))
@@ -98,7 +99,7 @@ def _network(settings: SpectralDepthTrainSettings, camera: SpectralDepthCamera) 
     network = build_depth_network(settings.decoder, camera)
     if settings.codes.decoder is not None:
         try:
-            network.load_state_dict(DepthWeights.load(settings.codes.decoder).network.state_dict())
+            network.load_state_dict(Weights.load(settings.codes.decoder).network.state_dict())
         except RuntimeError:
             raise DataError(
                 settings.codes.decoder, "a decoder of other sizes", "the same kind and settings as in this run"

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.networks.two_headed import DepthEstimate, TwoHeadedUNet, first_likelihood, first_stage
-from tmca.decoders.patch_based.depth_likelihood import PatchLikelihood
+from tmca.decoders import PatchLikelihood
+from tmca.decoders.nets.two_headed import DepthEstimate, TwoHeadedUNet, first_likelihood, first_stage
 from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor

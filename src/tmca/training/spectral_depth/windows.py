@@ -10,8 +10,8 @@ from torch import Tensor
 from torch.nn.functional import avg_pool2d
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.networks.two_headed import DepthEstimate
-from tmca.decoders.patch_based.depth_likelihood import GAINS, REACH, TEMPERATURE
+from tmca.decoders.likelihood import GAINS, REACH, TEMPERATURE
+from tmca.decoders.nets.two_headed import DepthEstimate
 from tmca.priors import GaussianPrior
 from tmca.priors.posterior import NOISE_FLOOR
 from tmca.priors.spectral_depth import CONTAMINATION, WINDOW, snapshot_moments

@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera
-from tmca.decoders.networks.network import Network, seen_by_tile
+from tmca.decoders import Network
+from tmca.decoders.nets.tiles import Tile, window_of
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Sensor
@@ -62,14 +63,12 @@ class TunedImaging(ImagingSystem):
 
     def estimate(self, window: Window) -> Tensor:
         """(B, L, h, w) of a window of a capture."""
-        first, last = seen_by_tile(self.network, window.top, window.bottom, self.camera.size[0])
-        near, far = seen_by_tile(self.network, window.left, window.right, self.camera.size[1])
-        part = TapOperator(self.camera.taps().window(first, near, last - first, far - near))
+        tile = Tile.of(self.network, window.place[1:], self.camera.size)
         light = self.captures.values[window.which].to(self.camera.response.device)
-        light = light[:, :, first:last, near : near + part.snapshot_shape[2]]
-        start = self.captures.start(window.which, self._made)[..., first:last, near:far].to(light)
-        found = self.network(light, part, self._noise(self.captures.sensors[window.which]), start)
-        return found[..., window.top - first : window.bottom - first, window.left - near : window.right - near]
+        light, part = window_of(TapOperator(self.camera.taps()), light, tile)
+        start = self.captures.start(window.which, self._made)[(..., *tile.seen)].to(light)
+        noise = self._noise(self.captures.sensors[window.which])
+        return self.network(light, part, noise, start)[(..., *tile.inner)]
 
     @torch.no_grad()
     def _made(self, values: Tensor, sensor: Sensor) -> Tensor:

@@ -9,18 +9,12 @@ from pathlib import Path
 from shutil import rmtree
 from typing import TYPE_CHECKING, Any, cast
 
-import torch
-
-from tmca.cameras import CodedCamera, LightFieldCamera, SpectralDepthCamera
+from tmca.cameras import CodedCamera, SpectralDepthCamera
 from tmca.data import atomic_path
-from tmca.decoders.networks.depth_weights import DepthWeights
-from tmca.decoders.networks.neural import Weights
-from tmca.training.imaging_run import Application
-from tmca.training.light_field import LightFieldApplication
+from tmca.decoders import Weights
 from tmca.training.patches import Load, Patch
 from tmca.training.run import Prepared, Trained, train
 from tmca.training.scenes import SceneLists
-from tmca.training.spectral import SpectralApplication
 from tmca.training.tuning.captured import KeptCaptures, ReadPair, Windows
 from tmca.training.tuning.imaging import TunedImaging
 from tmca.training.tuning.settings import WHOLE, TuningSettings
@@ -28,11 +22,6 @@ from tmca.training.tuning.spectral_depth import TunedDepth
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
-
-_APPLICATIONS: dict[str, Application] = {
-    "spectral": SpectralApplication(),
-    "light-field": LightFieldApplication(),
-}
 
 
 @dataclass(frozen=True)
@@ -45,15 +34,15 @@ class Tuning:
         calibrated: whether ``camera`` is another one than the run's.
     """
 
-    weights: Weights | DepthWeights
+    weights: Weights
     camera: CodedCamera | SpectralDepthCamera
     calibrated: bool = False
 
-    def tuned(self, folder: Path) -> Weights | DepthWeights:
+    def tuned(self, folder: Path) -> Weights:
         """A copy of the network with the camera of the captures, as weights in this folder."""
         path = folder / "weights.safetensors"
-        kept: Weights | DepthWeights = replace(self.weights, network=deepcopy(self.weights.network), path=path)  # type: ignore[arg-type]
-        return _behind(kept, self.camera) if self.calibrated else kept
+        copied = replace(self.weights, network=deepcopy(self.weights.network), path=path)
+        return copied.behind(self.camera) if self.calibrated else copied
 
 
 def tune(tuning: Tuning, settings: TuningSettings, folder: Path, read: ReadPair, **how: Any) -> Trained:
@@ -110,7 +99,7 @@ def _prepare(
     return Prepared(system, patch, keep)
 
 
-def _bring_prior(weights: Weights | DepthWeights, folder: Path) -> None:
+def _bring_prior(weights: Weights, folder: Path) -> None:
     """A copy of the prior that a network starts from, beside its weights."""
     if weights.prior in ("", "rendered") or weights.path is None or (folder / weights.prior).exists():
         return
@@ -119,18 +108,16 @@ def _bring_prior(weights: Weights | DepthWeights, folder: Path) -> None:
 
 
 def _system(
-    tuned: Weights | DepthWeights,
+    tuned: Weights,
     camera: CodedCamera | SpectralDepthCamera,
     captures: KeptCaptures,
     windows: Windows,
     settings: TuningSettings,
 ) -> TunedImaging | TunedDepth:
     chosen = settings.optimiser
-    if isinstance(tuned, DepthWeights):
-        assert isinstance(camera, SpectralDepthCamera)
+    if isinstance(camera, SpectralDepthCamera):
         how: dict[str, Any] = {"loss": chosen.loss, "depth_weight": chosen.depth_weight}
-        return TunedDepth(camera, tuned.network, tuned.load_prior(), captures, windows, **how)
-    assert isinstance(camera, CodedCamera)
+        return TunedDepth(camera, tuned.network, cast(Any, tuned.load_prior()), captures, windows, **how)
     return TunedImaging(camera, tuned.network, tuned.load_prior(), captures, windows, loss=chosen.loss)
 
 
@@ -140,17 +127,3 @@ def mixes_columns(camera: CodedCamera | SpectralDepthCamera) -> bool:
         return False
     taps = camera.taps()
     return any(taps.offsets) or taps.snapshot_width != taps.scene_shape[2]
-
-
-def _behind(weights: Weights | DepthWeights, camera: CodedCamera | SpectralDepthCamera) -> Weights | DepthWeights:
-    """Weights with another camera than they were trained for, whose codes do not repeat."""
-    if isinstance(weights, DepthWeights):
-        return replace(weights, camera=camera)  # type: ignore[arg-type]
-    assert isinstance(camera, CodedCamera)
-    with torch.no_grad():
-        aperture, shutter = (plane.detach().cpu().clone() for plane in camera.codes())
-    wavelengths, optics = _APPLICATIONS[camera.kind].stored(camera)
-    if isinstance(camera, LightFieldCamera):
-        optics |= {"vignetting": camera.vignetting.detach().cpu().tolist()}
-    kept = {"size": camera.size, "period": None, "exposure": camera.exposure, **optics}
-    return replace(weights, wavelengths=wavelengths, aperture=aperture, shutter=shutter, camera=kept)

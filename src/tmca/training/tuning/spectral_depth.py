@@ -9,8 +9,9 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.networks.network import TILE, seen_by_tile
-from tmca.decoders.networks.two_headed import DepthEstimate, TwoHeadedUNet
+from tmca.decoders.nets.network import TILE
+from tmca.decoders.nets.tiles import Tile
+from tmca.decoders.nets.two_headed import DepthEstimate, TwoHeadedUNet
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 from tmca.training.losses import psnr_of
@@ -67,10 +68,8 @@ class TunedDepth(DepthSystem):
 
     def estimate(self, window: Window) -> DepthEstimate:
         """Cube and planes of a window of a capture."""
-        period, (height, width) = self.camera.tile_size, self.camera.size
-        first, last = seen_by_tile(self.network, window.top, window.bottom, height, period)
-        near, far = seen_by_tile(self.network, window.left, window.right, width, period)
-        seen = (..., slice(first, last), slice(near, far))
+        tile = Tile.of(self.network, window.place[1:], self.camera.size, self.camera.tile_size)
+        seen, inner = (..., *tile.seen), (..., *tile.inner)
         light = self.captures.values[window.which].to(self.camera.response.device)
         start = None
         if self.network.start == "likelihood":
@@ -78,7 +77,6 @@ class TunedDepth(DepthSystem):
         sensor = self.captures.sensors[window.which]
         noise = sensor.noise(self.camera.white, self.camera.exposures)
         found: DepthEstimate = self.network(light[seen], self.camera, noise, start)
-        inner = (..., slice(window.top - first, window.bottom - first), slice(window.left - near, window.right - near))
         return DepthEstimate(found.cube[inner], found.logits[inner])
 
     @torch.no_grad()

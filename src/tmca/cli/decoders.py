@@ -1,0 +1,51 @@
+"""``tmca decoders``: a table of what there is."""
+
+from __future__ import annotations
+
+import json as jsons
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+
+def table() -> list[dict[str, Any]]:
+    """A row for every decoder: name, label, cameras, prior, uncertainty, settings."""
+    from tmca.decoders.decoder import decoders, settings_of
+
+    return [
+        {
+            "name": name, "label": cls.label, "cameras": sorted(cls.cameras), "prior": cls.prior_kind,
+            "uncertainty": cls.deviation, "moving": cls.moving,
+            "settings": [
+                {"name": one.name, "type": one.type, "default": one.default, "help": one.help}
+                for one in settings_of(cls)
+            ],
+        }
+        for name, cls in sorted(decoders().items())
+    ]  # fmt: skip
+
+
+def markdown() -> str:
+    """The table as a page: every decoder, then what its settings mean."""
+    rows = table()
+    lines = ["| decoder | as tables show it | cameras | prior | uncertainty | settings |", "|---|---|---|---|---|---|"]
+    for row in rows:
+        names = ", ".join(f"`{setting['name']}`" for setting in row["settings"])
+        cells = [f"`{row['name']}`", row["label"], ", ".join(row["cameras"]), row["prior"] or "–"]
+        lines.append(f"| {' | '.join([*cells, 'yes' if row['uncertainty'] else 'no', names or '–'])} |")
+    for row in rows:
+        if row["settings"]:
+            lines += ["", f"**`{row['name']}`**", ""]
+            lines += [f"- `{one['name']}` ({one['type']}, {one['default']}): {one['help']}" for one in row["settings"]]
+    return "\n".join(lines) + "\n"
+
+
+def decoders(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+    """List every decoder: its name, the cameras it decodes, the prior it needs, and its settings.
+
+    `tmca reconstruct`, `compare` and `sweep` take these names; settings go to `reconstruct --set NAME=VALUE`.
+
+    Args:
+        json: print the table as JSON.
+    """
+    print(jsons.dumps(table(), indent=1, default=str) if json else markdown(), end="\n" if json else "")

@@ -1,0 +1,242 @@
+"""Patch LMMSE whose prior is learned from the snapshot at hand: empirical Bayes by expectation–maximisation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tmca.decoders.blocks import (
+    Blend,
+    Blended,
+    Layout,
+    Places,
+    blend_weights,
+    block_solver,
+    check_snapshot,
+    equal_windows,
+    spread_out,
+    usual_stride,
+)
+from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.errors import SettingError
+from tmca.operators.taps import Taps
+from tmca.priors.adaptation import error_moments, refitted
+from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.posterior import BlockPosterior, sufficient_precision
+from tmca.sensor import Noise
+
+ITERATIONS, TILE = 4, 128
+_MARGIN = 16  # pixels around a tile that its prior learns from too
+_SAMPLES = 4  # blocks of a tile whose posterior is looked into
+_LEAST_READ_NOISE = 5e-4  # snapshot units: while the prior is still unknown, single precision is enough above it
+Tile = tuple[int, int]
+
+
+class AdaptedEstimator:
+    """The patch LMMSE under the Gaussian priors that fit the scene behind each snapshot, one for every tile of it.
+
+    A given prior makes the first estimate. Then the mean and stationary covariance of every tile are refitted to the
+    estimate there and to what is still unknown of it, and the scene is estimated anew: the scene's own statistics take
+    the place of those of other scenes. The estimate is no longer linear in the snapshot.
+
+    Args:
+        prior: stationary, to start from.
+        taps: of the camera.
+        noise: of its sensor.
+        iterations: how often the priors are refitted; 0 is the patch LMMSE.
+        tile: side of the tiles, pixels; None fits one prior to the whole image.
+
+    Raises:
+        SettingError: a negative number, or a prior that is not stationary.
+        ShapeError: a prior of other bands, or of a larger block than the image.
+    """
+
+    def __init__(
+        self, prior: GaussianPrior, taps: Taps, noise: Noise, iterations: int = ITERATIONS, tile: int | None = TILE
+    ) -> None:
+        if iterations < 0 or (tile is not None and tile < 1):
+            raise SettingError("adapted", f"{iterations} iterations, tiles of {tile}", "≥ 0 iterations, tiles of ≥ 1")
+        self.prior, self.taps, self.iterations = prior.to(taps.code.device), taps, iterations
+        self.tiling = Tiling.of((taps.code.shape[1], taps.code.shape[2]), tile)
+        model = BlockModel.of(taps, prior.block)
+        learning = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
+        coarse = Layout.of(model, taps, (prior.block[1], model.judged[1] - model.judged[0]))
+        self.coarse = Frame(coarse, self.tiling, learning, torch.float32)
+        fine = Layout.of(model, taps, usual_stride(model, taps.code))
+        precision = sufficient_precision(self.prior, model, noise)
+        self.fine = Frame(fine, self.tiling, noise, precision)
+
+    def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), each under priors of its own.
+
+        Args:
+            snapshot: in snapshot units.
+            uncertainty: also return the standard deviation of every entry under the fitted priors.
+            progress: told the share that is done.
+        """
+        check_snapshot(snapshot, self.taps)
+        parts = [
+            self._adapted(one, uncertainty, _share(progress, place, len(snapshot)))
+            for place, one in enumerate(snapshot.split(1))
+        ]
+        deviations = [part.deviation for part in parts if part.deviation is not None]
+        return Blended(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
+
+    def _adapted(self, snapshot: Tensor, uncertainty: bool, progress: Callable[[float], None]) -> Blended:
+        priors = dict.fromkeys(self.tiling.tiles, self.prior)
+        for step in range(self.iterations):
+            priors = self.coarse.refitted(snapshot, priors, _share(progress, step, self.iterations + 1))
+        told = _share(progress, self.iterations, self.iterations + 1)
+        return self.fine.estimate(snapshot, priors, uncertainty, told)
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """A frame (H, W) in equal parts, ``counts`` of them along each axis."""
+
+    size: tuple[int, int]
+    counts: tuple[int, int]
+
+    @classmethod
+    def of(cls, size: tuple[int, int], side: int | None) -> Tiling:
+        """Tiles as near to this side as the frame allows."""
+        height, width = (max(1, round(length / side)) if side else 1 for length in size)
+        return cls(size, (height, width))
+
+    @property
+    def tiles(self) -> list[Tile]:
+        """All of them."""
+        return [(i, j) for i in range(self.counts[0]) for j in range(self.counts[1])]
+
+    def places(self, grid: BlockGrid) -> dict[Tile, Places]:
+        """Positions of blocks by the tile in which their middle lies."""
+        parts: dict[Tile, Places] = {tile: [] for tile in self.tiles}
+        for top, left in grid.positions:
+            middle = (top + grid.model.block[1] / 2, left + sum(grid.model.judged) / 2)
+            row, column = (
+                min(max(int(m * n / length), 0), n - 1)
+                for m, n, length in zip(middle, self.counts, self.size, strict=True)
+            )
+            parts[row, column].append((top, left))
+        return {tile: places for tile, places in parts.items() if places}
+
+    def area(self, tile: Tile, margin: int, least: tuple[int, int]) -> tuple[slice, slice]:
+        """Rows and columns of a tile with a margin, no fewer than ``least``."""
+        parts = []
+        for place, count, length, few in zip(tile, self.counts, self.size, least, strict=True):
+            first, last = place * length // count - margin, (place + 1) * length // count + margin
+            first = max(0, min(first, length - few))
+            parts.append(slice(first, min(length, max(last, first + few))))
+        return parts[0], parts[1]
+
+
+@dataclass
+class Frame:
+    """How snapshots are estimated under a prior for every tile."""
+
+    layout: Layout
+    tiling: Tiling
+    noise: Noise
+    dtype: torch.dtype
+
+    def estimate(
+        self,
+        snapshot: Tensor,
+        priors: dict[Tile, GaussianPrior],
+        uncertainty: bool,
+        progress: Callable[[float], None],
+    ) -> Blended:
+        """The whole scene, every block under the prior of its tile."""
+        blend = self._blend(snapshot, priors, uncertainty=uncertainty)
+        parts = self.tiling.places(self.layout.grid)
+        for done, (tile, places) in enumerate(parts.items(), start=1):
+            blend.lay(self._solver(priors[tile]), self._groups(places))
+            progress(done / len(parts))
+        return blend.result()
+
+    def refitted(
+        self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], progress: Callable[[float], None]
+    ) -> dict[Tile, GaussianPrior]:
+        """The priors of the next iteration."""
+        blend, unknown = self._blend(snapshot, priors, scatter=True), dict[Tile, _Unknown]()
+        parts = self.tiling.places(self.layout.grid)
+        for done, (tile, places) in enumerate(parts.items(), start=1):
+            solver = self._solver(priors[tile])
+            blend.lay(solver, self._groups(places))
+            windows = self.layout.grid.code_windows(self.layout.code, spread_out(places, _SAMPLES))
+            unknown[tile] = _Unknown.of(priors[tile], solver.posterior(windows))
+            progress(done / len(parts))
+        scene = blend.result()
+        return priors | {tile: self._fitted(tile, priors[tile], scene, unknown[tile]) for tile in parts}
+
+    def _fitted(self, tile: Tile, prior: GaussianPrior, scene: Blended, unknown: _Unknown) -> GaussianPrior:
+        assert scene.scatter is not None
+        around = (slice(None), *self.tiling.area(tile, _MARGIN, self.layout.grid.model.block[1:]))
+        inside = (slice(None), *self.tiling.area(tile, 0, (1, 1)))
+        moments = unknown.blended(float(scene.scatter[0][inside].mean()))
+        return refitted(prior, scene.estimate[0][around].clamp_min(0), moments)
+
+    def _blend(self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], **asked: bool) -> Blend:
+        middle = self._solver(priors[self.tiling.tiles[len(self.tiling.tiles) // 2]])
+        return Blend(self.layout, self.layout.window(middle), snapshot, self.dtype, **asked)
+
+    def _groups(self, places: Places) -> list[Places]:
+        return equal_windows(self.layout.grid, self.layout.code, places)
+
+    def _solver(self, prior: GaussianPrior) -> Any:
+        return block_solver(prior, self.layout.grid.model, self.noise, self.dtype)
+
+
+@dataclass(frozen=True)
+class _Unknown:
+    """What the measurements of single blocks leave unknown: its moments by distance, and its weighted mean variance."""
+
+    moments: Tensor
+    variance: Tensor
+
+    @classmethod
+    def of(cls, prior: GaussianPrior, posterior: BlockPosterior) -> _Unknown:
+        single = posterior.error_variance().mean(0)
+        return cls(error_moments(prior, posterior), (blend_weights(single) * single).mean())
+
+    def blended(self, scatter: float) -> Tensor:
+        """Moments of the blended estimate's error.
+
+        The blend errs less than single blocks, by just the variance of what they say of the same pixel.
+        """
+        single = self.moments[:, :, 0, 0].diagonal().mean()
+        return self.moments * ((self.variance - scatter) / single).clamp_min(0)
+
+
+def _share(progress: Progress | None, place: int, count: int) -> Callable[[float], None]:
+    """Turn the share of one of several parts into the share of all."""
+    return lambda share: progress((place + share) / count) if progress else None
+
+
+@dataclass
+class AdaptedLMMSE(Decoder):
+    """The patch LMMSE under priors that are refitted to the scene behind the snapshot itself.
+
+    Args:
+        uncertainty: also predict the standard deviation of every entry.
+        iterations: how often the priors are refitted.
+        tile: side of the tiles that have a prior each, pixels.
+    """
+
+    name, label, cameras = "lmmse-adapted", "LMMSE adapted", frozenset({"spectral"})
+    prior_kind, deviation = "gaussian", True
+    uncertainty: bool = False
+    iterations: int = ITERATIONS
+    tile: int | None = TILE
+
+    def setup(self, camera: Any, prior: Any) -> AdaptedEstimator:
+        return AdaptedEstimator(prior, camera.taps(), camera.noise, self.iterations, self.tile)
+
+    def reconstruct(self, prepared: AdaptedEstimator, values: Tensor, progress: Progress | None) -> Raw:
+        blended = prepared(values, uncertainty=self.uncertainty, progress=progress)
+        return Raw(blended.estimate, blended.deviation)

@@ -1,0 +1,287 @@
+"""Patch LMMSE and its mixture: the best estimates of overlapping blocks under a prior of them, blended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from hashlib import blake2b
+from math import prod
+from typing import Any, NamedTuple, Protocol
+
+import torch
+from torch import Tensor
+
+from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.decoders.overlap import Canvas
+from tmca.errors import SettingError, ShapeError
+from tmca.operators.taps import Taps
+from tmca.priors import GaussianMixturePrior, GaussianPrior
+from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.priors.mixture_posterior import MixtureSolver
+from tmca.priors.posterior import GaussianSolver
+from tmca.sensor import Noise
+
+MEMORY = 2**27
+"""Bytes of the covariances of measurements with pixels that are held at once."""
+Places = list[tuple[int, int]]
+"""(top, left) of blocks."""
+
+
+class Blended(NamedTuple):
+    """Scenes (B, L, H, W) and, where asked for, more of the same shape.
+
+    Args:
+        estimate: the scenes.
+        deviation: standard deviation of every entry.
+        scatter: variance of what the blocks over a pixel say: the mean square error of single blocks less that of
+            their blend, whatever the errors are.
+    """
+
+    estimate: Tensor
+    deviation: Tensor | None = None
+    scatter: Tensor | None = None
+
+
+class Posterior(Protocol):
+    """The posterior of a batch of blocks."""
+
+    def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]: ...
+
+
+class Solver(Protocol):
+    """The posteriors of blocks under a prior, a camera and its noise."""
+
+    dtype: torch.dtype
+
+    def posterior(self, windows: Tensor) -> Posterior: ...
+
+    def typical_variance(self, windows: Tensor) -> Tensor: ...
+
+
+def block_solver(
+    prior: GaussianPrior | GaussianMixturePrior, model: BlockModel, noise: Noise, dtype: torch.dtype | None = None
+) -> Any:
+    """The posteriors of blocks under a prior of either kind."""
+    kind = MixtureSolver if isinstance(prior, GaussianMixturePrior) else GaussianSolver
+    return kind(prior, model, noise, dtype)  # type: ignore[arg-type]
+
+
+class PatchEstimator:
+    """Scenes of a collapsed camera under a prior of blocks: ``estimator(snapshot) -> Blended``.
+
+    Blocks under equal code windows share their matrices. Estimates are weighted by the inverse square of the variance
+    that is typical of their place in the block. The variance reported is the same mean of the variances in the blocks'
+    judged columns, which the error of the blended estimate hardly exceeds.
+
+    Args:
+        prior: of blocks (L, h, w).
+        taps: of the camera.
+        noise: of its sensor.
+        stride: rows and columns from block to block; None takes two thirds of its rows, and its judged columns but no
+            more than two thirds of all, so that blocks overlap; for tiled codes the next smaller divisors of the
+            period, so that blocks under the same part of the tile share their matrices.
+        dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
+        differentiable: let gradients reach code and snapshot, the weights of the blend apart.
+
+    Raises:
+        ShapeError: a prior of other bands than the taps', or too large a block.
+        SettingError: negative noise, or a stride below 1.
+    """
+
+    def __init__(
+        self,
+        prior: GaussianPrior | GaussianMixturePrior,
+        taps: Taps,
+        noise: Noise = Noise(),  # noqa: B008
+        *,
+        stride: tuple[int, int] | None = None,
+        dtype: torch.dtype | None = None,
+        differentiable: bool = False,
+    ) -> None:
+        prior = prior.to(taps.code.device)
+        self.taps, self.differentiable, model = taps, differentiable, BlockModel.of(taps, prior.block)
+        self.solver: Solver = block_solver(prior, model, noise, dtype)
+        self.layout = Layout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
+        self.window = self.layout.window(self.solver)
+
+    def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with every entry's standard deviation if asked for.
+
+        Raises:
+            ShapeError: a snapshot that does not fit the taps.
+        """
+        check_snapshot(snapshot, self.taps)
+        blend = Blend(self.layout, self.window, snapshot, self.solver.dtype, uncertainty=uncertainty)
+        with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
+            blend.lay(self.solver, progress=progress)
+        return blend.result()
+
+
+def usual_stride(model: BlockModel, code: Tensor) -> tuple[int, int]:
+    """Rows and columns from block to block, see `PatchEstimator`."""
+    first, last = model.judged
+    rows, columns = _two_thirds(model.block[1]), min(last - first, _two_thirds(model.block[2]))
+    return _dividing(rows, _period(code.detach(), 1)), _dividing(columns, _period(code.detach(), 2))
+
+
+def _two_thirds(length: int) -> int:
+    return max(1, 2 * length // 3)
+
+
+def _dividing(most: int, period: int | None) -> int:
+    """The largest step, from half of ``most`` to it, that divides a period or is a multiple of it."""
+    steps = range(-(-most // 2), most + 1)
+    return max((step for step in steps if period and 0 in (period % step, step % period)), default=most)
+
+
+def _period(code: Tensor, axis: int) -> int | None:
+    """Smallest step along an axis under which the code repeats itself at least twice."""
+    length = code.shape[axis]
+    for step in range(1, length // 2 + 1):
+        early, late = code.narrow(axis, 0, length - step), code.narrow(axis, step, length - step)
+        if torch.equal(early[:, :1], late[:, :1]) and torch.equal(early, late):
+            return step
+    return None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where blocks lie over the code of a camera, the same for all its snapshots.
+
+    Args:
+        grid: of the blocks.
+        code: (taps, H, W) padded.
+        groups: positions of blocks under equal windows of the code.
+    """
+
+    grid: BlockGrid
+    code: Tensor
+    groups: list[Places]
+
+    @classmethod
+    def of(cls, model: BlockModel, taps: Taps, stride: tuple[int, int], differentiable: bool = False) -> Layout:
+        if min(stride) < 1:
+            raise SettingError("stride", f"{stride}", "rows and columns ≥ 1")
+        stride = (min(stride[0], model.block[1]), stride[1])
+        grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
+        code = grid.pad_code(taps.code if differentiable else taps.code.detach())
+        return cls(grid, code, equal_windows(grid, code))
+
+    def window(self, solver: Solver) -> Tensor:
+        """(L, h, w) weights of the places in a block."""
+        windows = self.grid.code_windows(self.code.detach(), spread_out(self.grid.positions))
+        return blend_weights(solver.typical_variance(windows)).unflatten(0, self.grid.model.block)
+
+
+class Blend:
+    """Snapshots, and the canvases of their estimate, its variance and its square on which blocks are laid."""
+
+    def __init__(
+        self,
+        layout: Layout,
+        window: Tensor,
+        snapshot: Tensor,
+        dtype: torch.dtype,
+        *,
+        uncertainty: bool = False,
+        scatter: bool = False,
+    ) -> None:
+        self.layout, grid = layout, layout.grid
+        first, last = grid.model.judged
+        parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
+        self.canvases = [None if part is None else Canvas.blank(grid, len(snapshot), part) for part in parts]
+        self.snapshot = grid.pad_snapshot(snapshot[:, 0].to(dtype))
+
+    def lay(
+        self, solver: Solver, groups: list[Places] | None = None, progress: Callable[[float], None] | None = None
+    ) -> None:
+        """Solve the blocks of some groups, all of them by default, and lay them on the canvases."""
+        groups = self.layout.groups if groups is None else groups
+        for done in self._solved(solver, groups):
+            if progress:
+                progress(done / len(groups))
+
+    def _solved(self, solver: Solver, groups: list[Places]) -> Iterator[int]:
+        """Solve the groups batch by batch; yields the groups done."""
+        grid, model = self.layout.grid, self.layout.grid.model
+        batch = max(1, MEMORY // (model.measurements * prod(model.block) * solver.dtype.itemsize))
+        for start in range(0, len(groups), batch):
+            part = groups[start : start + batch]
+            posterior = solver.posterior(grid.code_windows(self.layout.code, [places[0] for places in part]))
+            for block, places in enumerate(part):
+                self._lay(posterior, block, places)
+            yield start + len(part)
+
+    def _lay(self, posterior: Posterior, block: int, places: Places) -> None:
+        grid = self.layout.grid
+        measured = grid.snapshot_windows(self.snapshot, places)
+        estimate, variance = posterior.moments(block, measured.flatten(0, 1), self.canvases[1] is not None)
+        parts, shifts = (estimate, variance, estimate.square()), (0, grid.model.judged[0], 0)
+        for canvas, values, shift in zip(self.canvases, parts, shifts, strict=True):
+            if canvas is not None and values is not None:
+                for (y, x), one in zip(places, values.unflatten(0, measured.shape[:2]), strict=True):
+                    canvas.add(y, x + grid.padding[0] + shift, one)
+
+    def result(self) -> Blended:
+        """What the canvases say."""
+        mean, variance, square = (None if one is None else one.mean(self.layout.grid) for one in self.canvases)
+        assert mean is not None
+        between = None if square is None else (square - mean.square()).clamp_min(0)
+        return Blended(mean, None if variance is None else variance.sqrt(), between)
+
+
+def blend_weights(variance: Tensor) -> Tensor:
+    """Weights, one on average, of the places in a block whose typical variances are given."""
+    weights = (variance + 1e-3 * variance.mean()).pow(-2)
+    return weights / weights.mean()
+
+
+def equal_windows(grid: BlockGrid, code: Tensor, places: Places | None = None) -> list[Places]:
+    """The grid's positions, or some of them, grouped by equal windows of the padded code."""
+    groups: dict[bytes, Places] = {}
+    for place in grid.positions if places is None else places:
+        window = grid.code_windows(code.detach(), [place]).contiguous().cpu().numpy()
+        groups.setdefault(blake2b(window.data, digest_size=16).digest(), []).append(place)
+    return list(groups.values())
+
+
+def check_snapshot(snapshot: Tensor, taps: Taps) -> None:
+    """Raise ShapeError unless the snapshot (B, 1, H, W') is one that the taps make."""
+    if snapshot.ndim != 4 or tuple(snapshot.shape[1:]) != taps.snapshot_shape:
+        raise ShapeError("snapshot", f"{tuple(snapshot.shape)}", f"(B, {', '.join(map(str, taps.snapshot_shape))})")
+
+
+def spread_out(places: Places, count: int = 8) -> Places:
+    """A few of the positions, evenly through the list."""
+    return [places[i] for i in torch.linspace(0, len(places) - 1, min(count, len(places))).long().tolist()]
+
+
+@dataclass
+class LMMSE(Decoder):
+    """The best linear estimate under a Gaussian prior of blocks, ``x̂ = μ + S Aᵀ (A S Aᵀ + R)⁻¹ (y - A μ)``, blended.
+
+    Args:
+        uncertainty: also predict the standard deviation of every entry.
+    """
+
+    name, label, cameras = "lmmse", "LMMSE", frozenset({"spectral", "light-field"})
+    prior_kind, deviation = "gaussian", True
+    uncertainty: bool = False
+
+    def setup(self, camera: Any, prior: Any) -> PatchEstimator:
+        return PatchEstimator(prior, camera.taps(), camera.noise)
+
+    def reconstruct(self, prepared: PatchEstimator, values: Tensor, progress: Progress | None) -> Raw:
+        blended = prepared(values, uncertainty=self.uncertainty, progress=progress)
+        return Raw(blended.estimate, blended.deviation)
+
+
+@dataclass
+class MixtureLMMSE(LMMSE):
+    """The minimum-mean-square-error estimate under a mixture of Gaussian priors of blocks, blended.
+
+    Args:
+        uncertainty: also predict the standard deviation of every entry.
+    """
+
+    name, label, prior_kind = "mixture", "mixture", "mixture"

@@ -1,0 +1,334 @@
+"""One face for every decoder: a class with a name, whose fields are its settings, found by `decode` and every command.
+
+The smallest decoder is a name, a label, the cameras it decodes, its settings, and ``reconstruct``::
+
+    @dataclass
+    class Backprojection(Decoder):
+        \"\"\"The adjoint, as bright as asked for.
+
+        Args:
+            gain: factor.
+        \"\"\"
+
+        name, label, cameras = "backprojection", "backprojection", frozenset({"spectral", "light-field"})
+        gain: float = 1.0
+
+        def reconstruct(self, prepared, values, progress):
+            return self.gain * prepared.operator().A_adjoint(values)
+
+Packages of others name theirs in the entry-point group ``tmca.decoders``.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, ClassVar, get_type_hints
+from warnings import warn
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import Camera, Snapshot
+from tmca.decoders.estimate import Estimate
+from tmca.errors import DataError, SettingError, ShapeError
+from tmca.priors import Prior, find_prior
+
+DECODERS: dict[str, type[Decoder]] = {}
+"""Every decoder by its name; `decoders` also has those of plug-ins."""
+GROUP = "tmca.decoders"
+"""Of the entry points in which packages name their decoders."""
+Progress = Callable[..., None]
+"""Takes the share that is done and, while a prior is learned, what is done next."""
+_USUAL = {"spectral-depth": "likelihood"}
+
+
+class BrokenPlugin(UserWarning):
+    """A decoder of another package that cannot be loaded."""
+
+
+@dataclass
+class Raw:
+    """What `Decoder.reconstruct` returns where there is more than the values; shapes as in `Estimate`, or flat."""
+
+    values: Tensor
+    deviation: Tensor | None = None
+    depth: Tensor | None = None
+    confidence: Tensor | None = None
+    planes: Tensor | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Decoder(ABC):
+    """From a snapshot to the scene; a subclass's fields are its settings, its docstring's ``Args`` their help.
+
+    ``name`` is what commands call it, ``label`` what tables show, ``cameras`` the kinds that it decodes, ``prior_kind``
+    the prior that it needs (``"gaussian"``, ``"mixture"`` or ``"dictionary"``), ``deviation`` whether it can predict
+    its deviation (then it has a setting ``uncertainty``), ``clips`` whether negative values are set to zero, and
+    ``moving`` whether it estimates a scene for every slot.
+    """
+
+    name: ClassVar[str]
+    label: ClassVar[str]
+    cameras: ClassVar[frozenset[str]]
+    prior_kind: ClassVar[str | None] = None
+    deviation: ClassVar[bool] = False
+    clips: ClassVar[bool] = True
+    moving: ClassVar[bool] = False
+
+    def __init_subclass__(cls, **how: Any) -> None:
+        super().__init_subclass__(**how)
+        if "name" in vars(cls):
+            DECODERS[cls.name] = cls
+
+    @abstractmethod
+    def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor | Raw:
+        """The scenes behind snapshots (B, *snapshot_shape), whose shape and values are checked; no gradient flows.
+
+        Args:
+            prepared: what ``setup`` returned, the camera unless it is overridden.
+            values: of the snapshots.
+            progress: told the share that is done.
+
+        Returns:
+            (B, *scene_shape), or the same entries in another shape.
+        """
+
+    def setup(self, camera: Any, prior: Any) -> Any:
+        """What depends on camera, noise and prior alone, computed once for all snapshots; the camera itself."""
+        return camera
+
+    def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:
+        """The prior of ``setup``: given, a file's, or the rendered scenes'.
+
+        Raises:
+            SettingError, DataError: one that is of no use, cannot be read, or does not fit the camera.
+        """
+        if self.prior_kind is not None:
+            return find_prior(camera, given, self.prior_kind, progress)
+        if given is not None:
+            raise SettingError("prior", f"one for {self.name}", "none: it uses no prior", "leave it out")
+        return None
+
+    def scene_shape(self, camera: Any) -> tuple[int, ...]:
+        """Of an estimate, without the batch."""
+        return tuple(camera.scene_shape)
+
+    def prepare(
+        self, camera: Any, prior: str | Path | Prior | None = None, progress: Progress | None = None
+    ) -> Prepared:
+        """The decoder made ready for the snapshots of a camera.
+
+        Args:
+            camera: with its codes and sensor.
+            prior: a prior, its file, or None for that of the rendered scenes.
+            progress: told what is done where a prior has to be learned.
+
+        Raises:
+            SettingError, ShapeError, DataError: a camera that it does not decode, or a prior that does not fit.
+        """
+        if camera.kind not in self.cameras:
+            wanted = f"one of {', '.join(decoders_for(camera.kind))}"
+            raise SettingError("decoder", f"'{self.name}' for a {camera.kind} camera", wanted)
+        chosen = self.find_prior(camera, prior, progress)
+        start = time.perf_counter()
+        with torch.no_grad():
+            state = self.setup(camera, chosen)
+        return Prepared(self, camera, state, time.perf_counter() - start)
+
+    def __call__(
+        self, snapshot: Snapshot[Any], prior: str | Path | Prior | None = None, progress: Progress | None = None
+    ) -> Estimate:
+        """Decode a snapshot; arguments as in `prepare`. ``seconds`` of the estimate are those of both steps."""
+        prepared = self.prepare(snapshot.camera, prior, progress)
+        estimate = prepared(snapshot, progress)
+        estimate.seconds += prepared.seconds
+        return estimate
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A decoder with all that it needs of a camera: ``prepared(snapshot) -> Estimate``, frame after frame.
+
+    Args:
+        decoder: and its settings.
+        camera: of the snapshots.
+        state: what the decoder computed.
+        seconds: that took.
+    """
+
+    decoder: Decoder
+    camera: Any
+    state: Any
+    seconds: float = 0.0
+
+    def __call__(self, snapshot: Snapshot[Any] | Tensor, progress: Progress | None = None) -> Estimate:
+        """Decode a snapshot of the camera, or values (B, *snapshot_shape).
+
+        Raises:
+            ShapeError: values of another shape.
+            DataError: values that are not finite.
+        """
+        values, notes = (snapshot, {}) if isinstance(snapshot, Tensor) else (snapshot.values, snapshot.notes)
+        _check_values(values, tuple(self.camera.snapshot_shape))
+        start = time.perf_counter()
+        with torch.no_grad():
+            raw = self.decoder.reconstruct(self.state, values, progress)
+        raw = raw if isinstance(raw, Raw) else Raw(raw)
+        shape = (len(values), *self.decoder.scene_shape(self.camera))
+        scenes = raw.values.reshape(shape).to(values.dtype)
+        deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
+        return Estimate(
+            scenes.clamp_min(0) if self.decoder.clips else scenes, self.camera, self.decoder.name, deviation,
+            raw.depth, raw.confidence, raw.planes, time.perf_counter() - start, {**notes, **raw.notes},
+        )  # fmt: skip
+
+
+def _check_values(values: Tensor, shape: tuple[int, ...]) -> None:
+    if values.ndim != len(shape) + 1 or tuple(values.shape[1:]) != shape:
+        raise ShapeError("snapshot", f"shape {tuple(values.shape)}", f"(B, {', '.join(map(str, shape))})")
+    if not bool(torch.isfinite(values).all()):
+        raise DataError("snapshot", "NaN or infinite values", "finite values", "mask or replace the bad pixels first")
+
+
+def decode(
+    snapshot: Snapshot[Any],
+    decoder: str | type[Decoder] | Decoder | None = None,
+    *,
+    prior: str | Path | Prior | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> Estimate:
+    """Recover the scene of a snapshot of any camera.
+
+    Args:
+        snapshot: values and camera.
+        decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one.
+        prior: a prior, its file, or None for that of the rendered scenes, learned on first use.
+        progress: told the share that is done.
+        settings: of the decoder.
+
+    Raises:
+        SettingError: an unknown decoder or setting, or a camera or prior that does not fit.
+
+    >>> import torch, tmca.cameras
+    >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
+    >>> decode(Snapshot(camera(torch.rand(1, 3, 8, 8)), camera), "dagger").values.shape
+    torch.Size([1, 3, 8, 8])
+    """
+    if decoder is None and "method" in settings:
+        decoder = settings.pop("method")  # its name in version 0.1
+    return make_decoder(decoder or usual_decoder(snapshot.camera.kind), snapshot.camera.kind, settings)(
+        snapshot, prior, progress
+    )
+
+
+def make_decoder(
+    decoder: str | type[Decoder] | Decoder, kind: str, settings: Mapping[str, Any] | None = None
+) -> Decoder:
+    """A decoder of snapshots of a kind of camera, with some settings.
+
+    Raises:
+        SettingError: unknown decoder or setting, named.
+    """
+    asked = dict(settings or {})
+    if isinstance(decoder, str):
+        known = decoders_for(kind, moving=None)
+        if decoder not in known:
+            raise SettingError("decoder", repr(decoder), f"one of {', '.join(known)}")
+        decoder = known[decoder]
+    own = [setting.name for setting in fields(decoder)]
+    for name in asked:
+        if name not in own:
+            found = f"a setting of {decoder.name}" if asked[name] is None else f"{asked[name]} for {decoder.name}"
+            raise SettingError(name, found, f"one of {', '.join(own)}" if own else "no settings", "leave it out")
+    return decoder(**asked) if isinstance(decoder, type) else replace(decoder, **asked)
+
+
+def usual_decoder(kind: str) -> str:
+    """Name of the decoder that a kind of camera has where none is asked for."""
+    known = decoders_for(kind)
+    usual = _USUAL.get(kind, "lmmse")
+    return usual if usual in known else next(iter(known), usual)
+
+
+def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decoder]]:
+    """Decoders of a kind of camera by name.
+
+    Args:
+        kind: of the camera.
+        moving: those of scenes that change from slot to slot, the others, or both with None.
+    """
+    return {name: cls for name, cls in decoders().items() if kind in cls.cameras and moving in (None, cls.moving)}
+
+
+def decoders() -> Mapping[str, type[Decoder]]:
+    """All decoders by name, those of plug-ins included."""
+    load_plugins()
+    return DECODERS
+
+
+@cache
+def load_plugins() -> None:
+    """Import what other packages name in the entry-point group ``tmca.decoders``; what fails is warned of."""
+    for point in entry_points(group=GROUP):
+        try:
+            point.load()
+        except Exception as error:
+            warn(f"decoder {point.name} ({point.value}) cannot be loaded: {error}", BrokenPlugin, stacklevel=2)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting of a decoder, as commands and documents show it."""
+
+    name: str
+    type: str
+    default: Any
+    help: str
+
+
+def settings_of(decoder: type[Decoder]) -> list[Setting]:
+    """The fields of a decoder, with what its docstring's ``Args`` say of them."""
+    said = _arguments(inspect.getdoc(decoder) or "")
+    return [
+        Setting(f.name, getattr(f.type, "__name__", str(f.type)), _default(f), said.get(f.name, ""))
+        for f in fields(decoder)
+    ]
+
+
+def _default(setting: Field[Any]) -> Any:
+    return setting.default_factory() if setting.default_factory is not MISSING else setting.default
+
+
+def _arguments(text: str) -> dict[str, str]:
+    """Name → help of the section ``Args:`` of a docstring."""
+    section = re.search(r"^Args:\n((?:    .*\n?|\n)+)", text, re.MULTILINE)
+    entries = re.findall(r"^    (\w+): ((?:.*\n?)(?:^        .*\n?)*)", section[1] if section else "", re.MULTILINE)
+    return {name: " ".join(words.split()) for name, words in entries}
+
+
+def settings_from_text(decoder: type[Decoder], texts: Mapping[str, str]) -> dict[str, Any]:
+    """Settings of a decoder from words, such as ``{"tv_weight": "0.01"}``; names are checked by `make_decoder`.
+
+    Raises:
+        SettingError: words that are no value of the setting's type.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    types, found = get_type_hints(decoder), dict[str, Any]()
+    for name, text in texts.items():
+        try:
+            found[name] = TypeAdapter(types[name]).validate_strings(text) if name in types else text
+        except ValidationError:
+            wanted = next(setting.type for setting in settings_of(decoder) if setting.name == name)
+            raise SettingError(name, repr(text), wanted) from None
+    return found

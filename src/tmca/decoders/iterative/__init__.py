@@ -1,1 +1,0 @@
-"""Decoders that iterate on the operator of the whole frame."""

@@ -1,0 +1,340 @@
+"""Depth by the likelihood of patches, and the spectrum by linear MMSE at the depths that are likely: no training run.
+
+Under a Gaussian prior of scenes a window of the snapshot is Gaussian at every depth. How well each plane explains the
+windows around a pixel is how likely it is there; how bright and how rich in contrast the scene is tells nothing about
+depth and is fitted window by window. A share of every window is expected to be of other depths, whichever: without it
+masks that are sharp at their best plane fail at edges of depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from math import log
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.decoders.overlap import RowBlend, RowMean, WindowRows
+from tmca.errors import SettingError, ShapeError
+from tmca.optics import DepthPlanes
+from tmca.priors import GaussianPrior, find_prior
+from tmca.priors.posterior import NOISE_FLOOR
+from tmca.priors.spectral_depth import CONTAMINATION, WINDOW, snapshot_moments
+
+GAINS = tuple(4.0**power for power in range(-4, 4))
+"""Variances of a window over the prior's that are tried."""
+TEMPERATURE = 12.0
+"""What the likelihood of a window is divided by. Real windows are not Gaussian, have edges of depth, and overlap: taken
+at its word the likelihood is far too sure."""
+REACH = 24
+"""Pixels beyond its rim at which a window still has a say in the depth.
+
+This and the temperature have the least error of depth on training scenes (``benchmarks/depth_likelihood.py``)."""
+_LEAST_SHARE = 0.05
+"""Of the likeliest plane in the middle of a window: less likely ones are left out of its spectrum."""
+_LIKELY = 2
+"""Planes of a window, about, that are not left out."""
+_NOISE_STEP = 2**0.25
+"""Ratio of neighbouring levels of the noise's variance: the same for every snapshot and every part of one."""
+
+
+@dataclass(frozen=True)
+class DepthPosterior:
+    """What is likely of depth, pixel by pixel.
+
+    Args:
+        metres: (B, 1, H, W) median of depth, the estimate of least expected absolute error.
+        plane: (B, 1, H, W) index of the plane that is in its bin.
+        confidence: (B, 1, H, W) probability of that plane and its neighbours.
+        shares: (B, D, H, W) probability of every plane.
+    """
+
+    metres: Tensor
+    plane: Tensor
+    confidence: Tensor
+    shares: Tensor
+
+    @classmethod
+    def of(cls, log_probability: Tensor, planes: DepthPlanes) -> DepthPosterior:
+        """From the log-probability (B, D, H, W) of every plane, up to a constant.
+
+        Within the bin of a plane all inverse depths are taken as equally likely; nothing is nearer than the nearest
+        plane or farther than the farthest.
+        """
+        inverse, shares = planes.inverse.to(log_probability), log_probability.softmax(1)
+        total = shares.cumsum(1)
+        plane = (total >= 0.5 * total[:, -1:]).to(torch.uint8).argmax(1, keepdim=True)
+        here = shares.gather(1, plane)
+        into = 1 - (total.gather(1, plane) - 0.5) / here  # share of the bin that is farther than the median
+        place = (inverse[plane] + (into.clamp(0, 1) - 0.5) * planes.step).clamp(float(inverse[0]), float(inverse[-1]))
+        around = (torch.arange(planes.count, device=plane.device)[:, None, None] - plane).abs() <= 1
+        return cls(1 / place, plane, (shares * around).sum(1, keepdim=True), shares)
+
+
+@dataclass
+class DepthRaw(Raw):
+    """What a decoder of spectrum and depth returns: depth and its confidence are always there."""
+
+    depth: Tensor = field(default_factory=lambda: torch.empty(0))
+    confidence: Tensor = field(default_factory=lambda: torch.empty(0))
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """Windows of one phase of the tile, at every plane: eigenvectors, eigenvalues, and the scene's share in them."""
+
+    vectors: Tensor
+    values: Tensor
+    scene: Tensor
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """What is filled in row by row; ``shares`` (B, rows of windows, P, D) are the planes' probabilities in their
+    middles."""
+
+    estimate: Tensor
+    depth: Tensor
+    confidence: Tensor
+    planes: Tensor
+    shares: Tensor
+
+    @classmethod
+    def empty(cls, snapshot: Tensor, bands: int, planes: int, every: bool, windows: WindowRows) -> _Frame:
+        batch, _, height, width = snapshot.shape
+        estimate, depth, confidence, logs = (
+            snapshot.new_empty(batch, count, height, width) for count in (bands, 1, 1, planes if every else 0)
+        )
+        shares = snapshot.new_empty(batch, len(windows.tops), len(windows.lefts), planes)
+        return cls(estimate, depth, confidence, logs, shares)
+
+
+def usual_window(camera: SpectralDepthCamera) -> int:
+    """Side of windows in pixels where none is given: ``WINDOW``, or the tile of the codes where that is larger.
+
+    Raises:
+        SettingError: shutter patterns that do not repeat.
+    """
+    return max(WINDOW, camera.tile_size)
+
+
+def check_window(
+    window: int,
+    camera: SpectralDepthCamera,
+    where: str = "window",
+    remedy: str = "leave it out, or give one in between",
+) -> None:
+    """Raises SettingError unless windows of this side hold a tile of the codes and lie on the sensor."""
+    least, most = camera.tile_size, min(camera.size)
+    if not isinstance(window, int) or not least <= window <= most:
+        wanted = f"{least} (the tile of the codes) to {most} (the sensor)"
+        raise SettingError(where, f"{window} pixels", wanted, remedy)
+
+
+class PatchLikelihood:
+    """Depth and spectrum from windows of a snapshot.
+
+    Windows are worked on row by row, so that beside snapshot and results nothing of the size of the frame is held.
+
+    Args:
+        prior: stationary Gaussian prior of the camera's bands, its blocks at least ``needed_block``.
+        camera: with periodic shutter and filters.
+        window: m, pixels; `usual_window` if None.
+        gains: variances over the prior's that are tried for every window.
+        temperature: what a window's log-likelihood is divided by before it counts as a probability.
+        reach: pixels beyond its rim at which a window still has a say in the depth.
+        contamination: see ``snapshot_moments``.
+
+    Raises:
+        SettingError: a camera without a period, a window larger than the sensor, a prior of other bands, a temperature
+            of 0 or less, a negative reach, or a contamination that is no share.
+        ShapeError: a prior that does not fit.
+    """
+
+    def __init__(
+        self,
+        prior: GaussianPrior,
+        camera: SpectralDepthCamera,
+        window: int | None = None,
+        gains: Sequence[float] = GAINS,
+        *,
+        temperature: float = TEMPERATURE,
+        reach: int = REACH,
+        contamination: float = CONTAMINATION,
+    ) -> None:
+        window = usual_window(camera) if window is None else window
+        check_window(window, camera)
+        if not temperature > 0 or reach < 0 or not 0 <= contamination <= 1:
+            given = f"{temperature:g}, {reach} pixels, {contamination:g}"
+            raise SettingError("temperature, reach, contamination", given, "above 0, 0 pixels or more, and 0 to 1")
+        prior.check(camera)
+        self.device = camera.response.device
+        self.prior, self.camera, self.window = prior.to(self.device), camera, window
+        self.temperature, self.reach, self.contamination = temperature, reach, contamination
+        self.gains = torch.tensor(list(gains), dtype=torch.float64, device=self.device)
+        self._psf, self._bases = camera.psf().detach().double(), dict[tuple[int, int], _Basis]()
+        self._colour, self._shutter = (part.detach().double() for part in camera.tile())
+        self._rows = WindowRows(camera.size, window, camera.tile_size)
+
+    @torch.no_grad()
+    def __call__(
+        self, snapshot: Tensor, progress: Progress | None = None, *, planes: bool = True, spectrum: bool = True
+    ) -> DepthRaw:
+        """Decode snapshots (B, C, H, W).
+
+        Args:
+            snapshot: of the camera.
+            progress: told the share that is done.
+            planes: whether the log-probabilities of all planes are returned.
+            spectrum: whether the cube is estimated, which is empty otherwise.
+
+        Raises:
+            ShapeError: snapshots of another size or number of channels.
+        """
+        if tuple(snapshot.shape[1:]) != self.camera.snapshot_shape:
+            wanted = f"(batch, {', '.join(map(str, self.camera.snapshot_shape))})"
+            raise ShapeError("snapshot", str(tuple(snapshot.shape)), wanted)
+        report, count = progress or (lambda share: None), self.camera.planes.count
+        pixels, values = self._psf.shape[2] * self.window**2, len(self._colour) * self.window**2
+        first = count * values / (count * values + _LIKELY * (values + pixels)) if spectrum else 1.0  # of the work
+        frame = _Frame.empty(snapshot, self.camera.bands if spectrum else 0, count, planes, self._rows)
+        gains = list(self._search(snapshot, frame, lambda share: report(first * share)))
+        if spectrum:
+            self._fill(snapshot, frame, gains, lambda share: report(first + (1 - first) * share))
+        return DepthRaw(frame.estimate, None, frame.depth, frame.confidence, frame.planes if planes else None)
+
+    def _search(self, snapshot: Tensor, frame: _Frame, progress: Progress) -> Iterator[Tensor]:
+        """Depth, confidence and planes of the frame; yields the gains, as indices (B, P, D), row by row."""
+        mean = RowMean(self._rows, snapshot[..., :1, :1].double(), self.camera.planes.count, self.reach)
+        for phases, tops in self._batches():
+            parts = [self._log_likelihood(phase, self._cut(snapshot, tops, which)) for phase, which in phases]
+            levels, gains = (torch.cat(part, 2) for part in zip(*parts, strict=True))
+            for level in levels.unbind(1):
+                self._store(frame, *mean.add(level / self.temperature))
+            yield from gains.unbind(1)
+            progress((tops[-1] + 1) / (self._rows.tops[-1] + 1))
+
+    def _store(self, frame: _Frame, rows: slice, planes: Tensor) -> None:
+        """What the log-probabilities of planes in some rows say."""
+        here, half = DepthPosterior.of(planes, self.camera.planes), self.window // 2
+        frame.depth[..., rows, :] = here.metres.to(frame.depth)
+        frame.confidence[..., rows, :] = here.confidence.to(frame.confidence)
+        if frame.planes.numel():
+            frame.planes[..., rows, :] = planes.to(frame.planes)
+        columns = torch.tensor(self._rows.lefts, device=planes.device) + half
+        for index, top in enumerate(self._rows.tops):
+            if rows.start <= top + half < rows.stop:
+                middles = here.shares[:, :, top + half - rows.start, columns]
+                frame.shares[:, index] = middles.transpose(1, 2).to(frame.shares)
+
+    def _fill(self, snapshot: Tensor, frame: _Frame, gains: list[Tensor], progress: Progress) -> None:
+        """The spectrum at the planes that are likely."""
+        scene, done = RowBlend(self._rows, snapshot[..., :1, :1], self.camera.bands), 0
+        for phases, tops in self._batches():
+            gain, shares = torch.stack(gains[done : done + len(tops)], 1), frame.shares[:, done : done + len(tops)]
+            parts = [
+                self._scene(phase, self._cut(snapshot, tops, which), shares[:, :, which], gain[:, :, which])
+                for phase, which in phases
+            ]
+            for values in torch.cat(parts, 2).unbind(1):
+                rows, estimate = scene.add(values)
+                frame.estimate[..., rows, :] = estimate.clamp_min(0)
+            done += len(tops)
+            progress((tops[-1] + 1) / (self._rows.tops[-1] + 1))
+
+    def _batches(self) -> Iterator[tuple[list[tuple[tuple[int, int], slice]], list[int]]]:
+        """Rows of windows, with the phases of the tile at which they begin and which of their windows do."""
+        for tops in self._rows.batches():
+            row = tops[0] % self._rows.step
+            yield [((row, phase), which) for phase, which in self._rows.columns()], tops
+
+    def _cut(self, snapshot: Tensor, tops: list[int], which: slice) -> Tensor:
+        """(B, R, P, n)."""
+        return torch.stack([self._rows.cut(snapshot, top, which) for top in tops], 1)
+
+    def _basis(self, phase: tuple[int, int]) -> _Basis:
+        if phase not in self._bases:
+            begun = [part.roll((-phase[0], -phase[1]), (-2, -1)) for part in (self._colour, self._shutter)]
+            moments = snapshot_moments(
+                self.prior, self._psf, begun[0], begun[1], self.window, exposure=self.camera.exposure,
+                contamination=self.contamination, cross=True,
+            )  # fmt: skip
+            assert moments.cross is not None
+            values, vectors = torch.linalg.eigh(moments.covariance)
+            self._bases[phase] = _Basis(vectors, values.clamp_min(0), moments.cross @ vectors)
+        return self._bases[phase]
+
+    def _log_likelihood(self, phase: tuple[int, int], windows: Tensor) -> tuple[Tensor, Tensor]:
+        """(..., D) log-likelihood of windows (..., n) at every plane with the gain that fits best, and its index."""
+        basis, (levels, level) = self._basis(phase), self._noise(windows)
+        likelihoods, chosen = [], []
+        for vectors, values in zip(basis.vectors, basis.values, strict=True):
+            energy = (windows @ vectors).square()
+            each = energy.new_empty(*energy.shape[:-1], len(self.gains))
+            for index, variance in enumerate(self.gains[:, None] * values + levels[:, None, None]):
+                here = level == index if len(levels) > 1 else slice(None)
+                each[here] = -0.5 * (energy[here] @ variance.reciprocal().T + variance.log().sum(-1))
+            best = each.max(-1)
+            likelihoods.append(best.values)
+            chosen.append(best.indices.to(torch.uint8))
+        return torch.stack(likelihoods, -1), torch.stack(chosen, -1)
+
+    def _noise(self, windows: Tensor) -> tuple[Tensor, Tensor]:
+        """Levels of the noise's variance, and which one windows (..., n) have: shot noise by a window's mean."""
+        noise = self.camera.noise
+        least = noise.read**2 + NOISE_FLOOR
+        if not noise.shot:
+            return windows.new_tensor([least]), torch.zeros(windows.shape[:-1], dtype=torch.long, device=windows.device)
+        relative = 1 + noise.shot / least * windows.mean(-1).clamp_min(0)
+        steps, level = (relative.log() / log(_NOISE_STEP)).round().unique(return_inverse=True)
+        return least * _NOISE_STEP**steps, level
+
+    def _scene(self, phase: tuple[int, int], windows: Tensor, shares: Tensor, gains: Tensor) -> Tensor:
+        """(B, R, P, L, m, m) mean of the linear MMSE estimates of windows (B, R, P, n) at planes of these probabilities
+        (B, R, P, D)."""
+        basis, (levels, level) = self._basis(phase), self._noise(windows)
+        shares = shares * (shares >= _LEAST_SHARE * shares.amax(-1, keepdim=True))
+        shares = shares / shares.sum(-1, keepdim=True)
+        estimate = shares.new_zeros(*windows.shape[:-1], basis.scene.shape[1])
+        for index in shares.flatten(0, -2).any(0).nonzero().flatten().tolist():
+            here = shares[..., index] > 0
+            gain = self.gains[gains[..., index][here].long()][:, None]
+            here_estimate = (
+                gain * (windows[here] @ basis.vectors[index]) / (gain * basis.values[index] + levels[level[here], None])
+            )
+            estimate[here] += (shares[..., index][here][:, None] * here_estimate).to(shares) @ basis.scene[index].T.to(
+                shares
+            )
+        return estimate.unflatten(-1, (self.camera.bands, self.window, self.window))
+
+
+@dataclass
+class LikelihoodDecoder(Decoder):
+    """Depth by the likelihood of every plane under a patch prior, and the spectrum at the depths that are likely.
+
+    Args:
+        window: side of the windows, pixels; 12 if None, or the tile of the codes where that is larger.
+        planes: also return the log-probability of every plane.
+    """
+
+    name, label, cameras = "likelihood", "patch likelihood", frozenset({"spectral-depth"})
+    prior_kind = "gaussian"
+    window: int | None = None
+    planes: bool = False
+
+    def find_prior(self, camera: Any, given: Any, progress: Progress | None = None) -> Any:
+        if self.window is not None:
+            check_window(self.window, camera)
+            if given is None:
+                return find_prior(camera, progress=progress, block=block_of(camera, window=self.window))
+        return find_prior(camera, given, "gaussian", progress)
+
+    def setup(self, camera: Any, prior: Any) -> PatchLikelihood:
+        return PatchLikelihood(prior, camera, self.window)
+
+    def reconstruct(self, prepared: PatchLikelihood, values: Tensor, progress: Progress | None) -> Raw:
+        return prepared(values, progress, planes=self.planes)

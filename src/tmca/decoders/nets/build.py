@@ -1,0 +1,69 @@
+"""Networks by their name and settings."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from typing import Any
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.likelihood import check_window, usual_window
+from tmca.decoders.nets.network import Network
+from tmca.decoders.nets.spatial_angular import SpatialAngular
+from tmca.decoders.nets.two_headed import TwoHeadedUNet, camera_sizes
+from tmca.decoders.nets.unet import UNet, Unrolled
+from tmca.errors import SettingError
+
+NETWORKS: dict[str, type[Network]] = {network.kind: network for network in (UNet, Unrolled, SpatialAngular)}
+
+
+def build_network(kind: str, **settings: Any) -> Network:
+    """A network by name: ``"unet"``, ``"unrolled"`` or ``"spatial-angular"``.
+
+    Args:
+        kind: which one.
+        settings: its keyword arguments.
+
+    Raises:
+        SettingError: unknown kind or argument.
+    """
+    if not isinstance(kind, str) or kind not in NETWORKS:
+        raise SettingError("decoder", repr(kind), f"one of {', '.join(NETWORKS)}")
+    network: Network = _built(NETWORKS[kind], settings, {})
+    return network
+
+
+def restore_network(kind: str, settings: Mapping[str, Any]) -> Any:
+    """The network of any camera that a file describes."""
+    return TwoHeadedUNet(**settings) if kind == TwoHeadedUNet.kind else build_network(kind, **settings)
+
+
+def _built(network: Any, given: Mapping[str, Any], sizes: Mapping[str, int]) -> Any:
+    """A network of some settings; ``sizes`` are those that nobody may give."""
+    where = f"decoder {network.kind}"
+    allowed = [name for name in inspect.signature(network).parameters if name not in sizes]
+    if unknown := [name for name in given if name not in allowed]:
+        raise SettingError(where, ", ".join(unknown), f"some of {', '.join(allowed)}")
+    try:
+        return network(**sizes, **given)
+    except SettingError:
+        raise
+    except (TypeError, ValueError, RuntimeError, ZeroDivisionError) as error:
+        raise SettingError(where, str(dict(given)), "numbers that make a network", str(error)) from None
+
+
+def build_depth_network(settings: dict[str, Any], camera: SpectralDepthCamera) -> TwoHeadedUNet:
+    """A network for a camera; ``settings`` are those of `TwoHeadedUNet` that the camera does not say.
+
+    Windows of a first stage are the camera's usual ones where the settings do not say.
+
+    Raises:
+        SettingError: unknown kind or setting, impossible sizes, or windows that do not fit the camera.
+    """
+    given = {"window": usual_window(camera), **{name: value for name, value in settings.items() if name != "kind"}}
+    if settings.get("kind", TwoHeadedUNet.kind) != TwoHeadedUNet.kind:
+        raise SettingError("decoder", repr(settings["kind"]), TwoHeadedUNet.kind)
+    network: TwoHeadedUNet = _built(TwoHeadedUNet, given, camera_sizes(camera))
+    if network.start == "likelihood":
+        check_window(network.window, camera, "decoder.window")
+    return network

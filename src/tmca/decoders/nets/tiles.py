@@ -1,0 +1,243 @@
+"""A trained network over whole frames: what it starts from, and tiles that bound its memory and leave no seam."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from math import lcm
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders.blocks import PatchEstimator
+from tmca.decoders.decoder import Progress
+from tmca.decoders.least_squares import tikhonov
+from tmca.decoders.likelihood import DepthRaw
+from tmca.decoders.nets.network import NEED_PRIOR, STARTS, TILE, Network
+from tmca.decoders.nets.two_headed import DepthEstimate, TwoHeadedUNet, check_sizes, first_likelihood, first_stage
+from tmca.errors import SettingError
+from tmca.operators import TapOperator
+from tmca.priors import GaussianMixturePrior, GaussianPrior
+from tmca.sensor import Noise
+
+_STARTED = {"collapsed": 0.9, "likelihood": 0.8}
+"""Share of the time that a first estimate takes, as a rule."""
+_LEAST_READ_NOISE = 5e-4
+"""Snapshot units: float32 is enough above it, and networks have no use for more."""
+Part = tuple[slice, slice]
+"""Rows and columns."""
+
+
+def seen_by_tile(network: Any, begin: int, end: int, length: int, period: int = 1) -> tuple[int, int]:
+    """First and last (exclusive) row or column that a tile from ``begin`` to ``end`` needs of ``length`` ones.
+
+    ``network`` says its ``reach`` and ``multiple``; the first is also a multiple of ``period``, that of the codes.
+    """
+    margin, step = -(-network.reach // network.multiple) * network.multiple, lcm(network.multiple, period)
+    return max(0, (begin - margin) // step * step), min(length, end + margin)
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A part of a frame, what a network looks at to make it, and where the tile lies in that."""
+
+    place: Part
+    seen: Part
+    inner: Part
+
+    @classmethod
+    def of(cls, network: Any, place: Part, size: tuple[int, int], period: int = 1) -> Tile:
+        """What a tile of a frame (H, W) needs."""
+        seen, inner = [], []
+        for part, length in zip(place, size, strict=True):
+            first, last = seen_by_tile(network, part.start, part.stop, length, period)
+            seen.append(slice(first, last))
+            inner.append(slice(part.start - first, part.stop - first))
+        return cls(place, (seen[0], seen[1]), (inner[0], inner[1]))
+
+
+def tiles(network: Any, size: tuple[int, int], sides: tuple[int, int], period: int = 1) -> list[Tile]:
+    """Tiles of at most so many rows and columns that make up a frame (H, W), row by row."""
+    corners = product(*(range(0, length, side) for length, side in zip(size, sides, strict=True)))
+    return [
+        Tile.of(network, (slice(y, min(y + sides[0], size[0])), slice(x, min(x + sides[1], size[1]))), size, period)
+        for y, x in corners
+    ]
+
+
+def prepared_start(
+    kind: str,
+    operator: TapOperator,
+    noise: Noise,
+    prior: GaussianPrior | GaussianMixturePrior | None = None,
+    *,
+    differentiable: bool = False,
+) -> Callable[[Tensor, Progress | None], Tensor]:
+    """What makes first estimates (B, L, H, W) of snapshots (B, 1, H, W') of one camera.
+
+    Arguments and errors as in `first_estimate`.
+    """
+    if kind == "adjoint":
+        return lambda snapshot, progress: operator.A_adjoint(snapshot)
+    if kind == "dagger":
+        return lambda snapshot, progress: operator.A_dagger(snapshot)
+    if kind == "tikhonov":
+        return lambda snapshot, progress: _smooth(operator, snapshot, differentiable, progress)
+    if kind not in NEED_PRIOR:
+        raise SettingError("start", repr(kind), f"one of {', '.join(STARTS)}")
+    if not isinstance(prior, GaussianPrior if kind == "lmmse" else GaussianMixturePrior):
+        found = "none" if prior is None else f"a {type(prior).__name__}"
+        raise SettingError("prior", found, f"one for a network that starts from {kind}")
+    quiet = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
+    estimator = PatchEstimator(prior, operator.taps, quiet, dtype=torch.float32, differentiable=differentiable)
+    return lambda snapshot, progress: estimator(snapshot, progress=progress).estimate.to(snapshot.dtype)
+
+
+def _smooth(operator: TapOperator, snapshot: Tensor, differentiable: bool, progress: Progress | None) -> Tensor:
+    with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
+        return tikhonov(operator, snapshot, progress=progress)
+
+
+def first_estimate(
+    kind: str,
+    snapshot: Tensor,
+    operator: TapOperator,
+    noise: Noise,
+    prior: GaussianPrior | GaussianMixturePrior | None = None,
+    *,
+    differentiable: bool = False,
+    progress: Progress | None = None,
+) -> Tensor:
+    """(B, 1, H, W') → (B, L, H, W).
+
+    Args:
+        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene), ``"tikhonov"`` (least squares
+            with a smooth scene), ``"lmmse"`` or ``"mixture"``.
+        snapshot: in snapshot units.
+        operator: that took it.
+        noise: of the sensor.
+        prior: for the LMMSE, or of the mixture.
+        differentiable: let gradients reach code and snapshot through Tikhonov's or the LMMSE too.
+        progress: told the share of the LMMSE that is done.
+
+    Raises:
+        SettingError: unknown kind, no prior, or one of the other kind.
+    """
+    return prepared_start(kind, operator, noise, prior, differentiable=differentiable)(snapshot, progress)
+
+
+class CollapsedNetwork:
+    """A network behind a collapsed camera: ``run(snapshot) -> (B, L, H, W)``, any height and width.
+
+    Args:
+        network: trained.
+        operator: of the camera.
+        noise: of its sensor.
+        prior: of the first estimate; None where it needs none.
+        tile: rows of the scene that pass the network at once, no more than its own ``tile``, and as many columns where
+            the optics mix no columns; None for all. The estimate is the same to rounding.
+
+    Raises:
+        SettingError: tiles of less than one row, or no prior for a network that needs one.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        operator: TapOperator,
+        noise: Noise,
+        prior: GaussianPrior | GaussianMixturePrior | None = None,
+        tile: int | None = TILE,
+    ) -> None:
+        if tile is not None and tile < 1:
+            raise SettingError("tile", str(tile), "at least 1 row, or None for all")
+        self.network, self.operator, self.noise = network, operator, noise
+        self.start = prepared_start(network.start, operator, noise, prior)
+        height, width = operator.scene_shape[1:]
+        side = max(height, width) if tile is None else min(tile, network.tile)
+        across = side if keeps_columns(operator) else width
+        self.tiles = tiles(network, (height, width), (side, across))
+
+    @torch.no_grad()
+    def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
+        """(B, 1, H, W') → (B, L, H, W)."""
+        start, begun = self.start(snapshot, _part(progress, 0, _STARTED["collapsed"])), _STARTED["collapsed"]
+        report = _part(progress, begun, 1)
+        estimate = torch.empty_like(start)
+        for done, tile in enumerate(self.tiles, start=1):
+            alone = zip(snapshot.split(1), start.split(1), strict=True)  # a batch would take as many times the memory
+            estimate[(..., *tile.place)] = torch.cat([self._tile(one, first, tile) for one, first in alone])
+            report(done / len(self.tiles))
+        return estimate
+
+    def _tile(self, snapshot: Tensor, start: Tensor, tile: Tile) -> Tensor:
+        light, part = window_of(self.operator, snapshot, tile)
+        return self.network(light, part, self.noise, start[(..., *tile.seen)])[(..., *tile.inner)]
+
+
+def window_of(operator: TapOperator, snapshot: Tensor, tile: Tile) -> tuple[Tensor, TapOperator]:
+    """The part of a snapshot that a tile's network looks at, and the operator that took it."""
+    (rows, columns), taps = tile.seen, operator.taps
+    part = TapOperator(taps.window(rows.start, columns.start, rows.stop - rows.start, columns.stop - columns.start))
+    return snapshot[:, :, rows, columns.start : columns.start + part.snapshot_shape[2]], part
+
+
+def keeps_columns(operator: TapOperator) -> bool:
+    """Whether the light of every scene column falls on the sensor column of its own."""
+    taps = operator.taps
+    return not any(taps.offsets) and taps.snapshot_width == taps.scene_shape[2]
+
+
+class TwoHeadedNetwork:
+    """A two-headed network with its first stage: ``run(snapshot) -> DepthRaw``, any height and width.
+
+    Args:
+        network: trained.
+        camera: that took the snapshots; it says their size, codes and noise.
+        prior: of the first stage; None where the network needs none.
+        tile: side in pixels of what passes the network at once; the estimate is the same to rounding.
+
+    Raises:
+        SettingError: a network of other sizes than the camera's, no prior for a network that needs one, or tiles of
+            less than a pixel.
+    """
+
+    def __init__(
+        self, network: TwoHeadedUNet, camera: SpectralDepthCamera, prior: GaussianPrior | None = None, tile: int = TILE
+    ) -> None:
+        if tile < 1:
+            raise SettingError("tile", str(tile), "at least 1 pixel")
+        if network.start == "likelihood" and prior is None:
+            raise SettingError("prior", "none", "one for a network that starts from the likelihood")
+        check_sizes(network, camera)
+        self.network, self.camera, self.tile = network.eval(), camera, tile
+        wanted = prior if network.start == "likelihood" else None
+        self.likelihood = None if wanted is None else first_likelihood(network, wanted, camera)
+
+    @torch.no_grad()
+    def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> DepthRaw:
+        """Decode snapshots (B, C, H, W); ``progress`` is told the share that is done."""
+        start, begun = None, 0.0
+        if self.likelihood is not None:
+            begun = _STARTED["likelihood"]
+            start = first_stage(self.likelihood, snapshot, _part(progress, 0, begun))
+        size, report = (int(snapshot.shape[-2]), int(snapshot.shape[-1])), _part(progress, begun, 1)
+        cube = snapshot.new_empty(len(snapshot), self.network.bands, *size)
+        logits = snapshot.new_empty(len(snapshot), self.network.planes, *size)
+        # the network lays the tile of codes from the window's first pixel on
+        parts = tiles(self.network, size, (self.tile, self.tile), self.camera.tile_size)
+        for done, tile in enumerate(parts, start=1):
+            seen, inner, place = ((..., *part) for part in (tile.seen, tile.inner, tile.place))
+            first = None if start is None else start[seen]
+            estimate = self.network(snapshot[seen], self.camera, self.camera.noise, first)
+            cube[place], logits[place] = estimate.cube[inner], estimate.logits[inner]
+            report(done / len(parts))
+        return DepthEstimate(cube, logits).decoded(self.camera.planes)
+
+
+def _part(progress: Progress | None, first: float, last: float) -> Callable[[float], None]:
+    """Turn the share of a part into the share of all."""
+    return lambda share: progress(first + (last - first) * share) if progress else None

@@ -1,0 +1,72 @@
+"""Trained networks as decoders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
+from tmca.decoders.nets.two_headed import TwoHeadedUNet
+from tmca.decoders.nets.weights import Weights
+from tmca.errors import SettingError
+from tmca.operators import TapOperator
+from tmca.priors import find_prior
+
+
+@dataclass(frozen=True)
+class _Run:
+    network: CollapsedNetwork | TwoHeadedNetwork
+    path: str
+
+
+@dataclass
+class NetworkDecoder(Decoder):
+    """A network trained for the camera; it brings its prior, in whose place another may be given.
+
+    Args:
+        weights: a run or file of `tmca train`, or default, which comes with tmca (spectral, 12 bands).
+    """
+
+    name, label, cameras = "network", "network", frozenset({"spectral", "light-field", "spectral-depth"})
+    weights: str | Path | Weights | None = None
+
+    def trained(self, camera: Any) -> Weights:
+        """The weights.
+
+        Raises:
+            SettingError: none.
+            DataError: no such file, or one that cannot be read.
+        """
+        if self.weights is None:
+            raise SettingError("weights", "none", "those of the network", "weights and the decoder network go together")
+        if str(self.weights) == "default" and camera.kind != "spectral":
+            found = f"'default', of which none come with tmca for a {camera.kind} camera"
+            raise SettingError("weights", found, f"a file or run of `tmca train {camera.kind}`")
+        return self.weights if isinstance(self.weights, Weights) else Weights.find(self.weights, camera.slots)
+
+    def find_prior(self, camera: Any, given: Any, progress: Progress | None = None) -> Any:
+        if given is None:
+            return None
+        if camera.kind == "spectral-depth":
+            raise SettingError("prior", str(given), "none beside weights, which bring their own", "leave it out")
+        kind = "mixture" if self.trained(camera).network.start == "mixture" else "gaussian"
+        return find_prior(camera, given, kind, progress)
+
+    def setup(self, camera: Any, prior: Any) -> _Run:
+        weights = self.trained(camera)
+        weights.check(camera)
+        prior = weights.load_prior() if prior is None else prior
+        if isinstance(weights.network, TwoHeadedUNet):
+            return _Run(TwoHeadedNetwork(weights.network, camera, prior), str(weights.path or ""))
+        operator = TapOperator(camera.taps())
+        return _Run(CollapsedNetwork(weights.network, operator, camera.noise, prior), str(weights.path or ""))
+
+    def reconstruct(self, prepared: _Run, values: Tensor, progress: Progress | None) -> Raw:
+        output = prepared.network(values, progress)
+        raw = output if isinstance(output, Raw) else Raw(output)
+        raw.notes["weights"] = prepared.path
+        return raw

@@ -1,1 +1,0 @@
-"""Decoders by priors of small blocks of the scene."""

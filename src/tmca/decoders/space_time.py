@@ -1,0 +1,254 @@
+"""Scenes that change from slot to slot, sparse in the cosine transform of blocks of space and time.
+
+Iterated denoising (Guleryuz, IEEE Transactions on Image Processing 15, 2006): coefficients of overlapping blocks below
+a threshold are set to zero, blocks averaged, the snapshot put back by the data step of `tmca.decoders.pnp_admm`, while
+the threshold falls. What was never measured is filled by what keeps few coefficients; large structures settle first.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn.functional import fold, pad, unfold
+
+from tmca.cameras import SpectralCamera
+from tmca.decoders.data_step import DataStep, Operator, noise_level
+from tmca.decoders.decoder import Decoder, Progress
+from tmca.decoders.tv import cosines
+from tmca.errors import SettingError
+from tmca.operators import SlotwiseDisperser
+
+_FRAMES, _SIDE, _STRIDE = 16, 16, 4
+_TOGETHER = 64  # blocks that the processor's cache holds
+_NEAR = (1.0, 1.5, 1.5)  # standard deviations of the first estimate's kernel: frames, rows, columns
+_FAINT = 1e-6  # share of the most light below which nothing is said of a place
+_SENSOR = (1, 2, 3)
+_PENALTY = 1e-3  # of the data step, in units of the operator's energy: the snapshot is kept nearly as it is
+
+
+class BlockThreshold:
+    """Hard thresholding of a movie's blocks in their cosine transform, overlapping blocks averaged.
+
+    Every block counts by the inverse number of coefficients that it keeps; its mean is always kept.
+
+    Args:
+        frames: K of the movie.
+        size: (H, W).
+        block: frames, rows and columns of a block at most.
+        stride: rows and columns from one block to the next; blocks of frames overlap by half.
+    """
+
+    def __init__(
+        self,
+        frames: int,
+        size: tuple[int, int],
+        block: tuple[int, int, int] = (_FRAMES, _SIDE, _SIDE),
+        stride: int = _STRIDE,
+    ) -> None:
+        self.size, self.stride = size, stride
+        self.sides = (min(block[1], size[0]), min(block[2], size[1]))
+        depth = min(block[0], frames)
+        step = max(1, depth // 2)
+        self.starts = sorted({*range(0, frames - depth, step), frames - depth})
+        self.depth = depth
+        self.padding = [(-(length - side)) % stride for length, side in zip(size, self.sides, strict=True)]
+
+    def __call__(self, movie: Tensor, threshold: float) -> Tensor:
+        """(N, K, H, W) movies → the same, thresholded, in the unit of the movie (the transform is orthonormal)."""
+        total, weight = torch.zeros_like(movie), torch.zeros_like(movie)
+        for number, start in ((n, s) for n in range(len(movie)) for s in self.starts):
+            frames = slice(start, start + self.depth)
+            part, counted = self._segment(movie[number, frames], threshold)
+            total[number, frames] += part
+            weight[number, frames] += counted
+        return total / weight
+
+    def _segment(self, part: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
+        """Sum of the weighted blocks (K, H, W) of as many frames as a block has, and of their weights (H, W)."""
+        rows, columns = self.size
+        down, right = self.padding
+        laid = pad(part[None], (0, right, 0, down), mode="replicate")
+        blocks = unfold(laid, self.sides, stride=self.stride)[0].T.reshape(-1, self.depth, *self.sides)
+        parts = [self._thresholded(few, threshold) for few in blocks.split(_TOGETHER)]
+        blocks, weights = (torch.cat(both) for both in zip(*parts, strict=True))
+        flat = blocks.reshape(len(blocks), -1).T[None]
+        area = weights.expand(-1, math.prod(self.sides)).T[None]
+        size = laid.shape[-2:]
+        both = (fold(one, size, self.sides, stride=self.stride)[0, :, :rows, :columns] for one in (flat, area))
+        total, weight = both
+        return total, weight
+
+    def _thresholded(self, blocks: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
+        """Blocks (n, K, h, w) times their weights, and the weights (n, 1)."""
+        time, down, right = (cosines(length, blocks) for length in (self.depth, *self.sides))
+        spectrum = torch.einsum("at,nthw->nahw", time, down @ blocks @ right.mT)
+        keep = spectrum.abs() >= threshold
+        keep[:, 0, 0, 0] = True
+        weights = 1 / keep.sum((1, 2, 3))[:, None].to(blocks)
+        spectrum = spectrum * keep * weights[..., None, None]
+        return down.mT @ torch.einsum("at,nahw->nthw", time, spectrum) @ right, weights
+
+
+@torch.no_grad()
+def space_time_dct(
+    operator: Operator,
+    snapshot: Tensor,
+    *,
+    last: float,
+    first: float | None = None,
+    iterations: int = 40,
+    progress: Progress | None = None,
+) -> Tensor:
+    """A scene per frame from one snapshot.
+
+    Args:
+        operator: of scenes (B, K, L, H, W), such as `tmca.operators.SlotwiseDisperser` with ``moving=True``.
+        snapshot: (B, 1, H, W').
+        last: threshold at the end, > 0, scene units: about the noise of a sample.
+        first: threshold at the beginning, above the last; without it half the largest value of the first estimate.
+        iterations: over which it falls geometrically, at least 2.
+        progress: told the share that is done.
+
+    Returns:
+        (B, K, L, H, W).
+
+    Raises:
+        ShapeError: a snapshot that does not fit the operator.
+        DataError: NaN or infinite values in it.
+        SettingError: thresholds or iterations out of range.
+    """
+    data = DataStep(operator, snapshot)
+    movie = local_means(operator, snapshot)
+    first = max(0.5 * float(movie.max()), 2 * last) if first is None else first
+    if not (0 < last < first and math.isfinite(first)):
+        raise SettingError("threshold", f"from {first:g} to {last:g}", "falling, finite and above 0")
+    if iterations < 2:
+        raise SettingError("iterations", str(iterations), "at least 2")
+    energy = _energy(operator, snapshot)
+    denoise = BlockThreshold(movie.shape[1], (movie.shape[3], movie.shape[4]))
+    for iteration in range(iterations):
+        threshold = first * (last / first) ** (iteration / (iterations - 1))
+        movie = _by_band(denoise, data(movie, _PENALTY * energy), threshold)
+        if progress is not None:
+            progress((iteration + 1) / iterations)
+    return movie
+
+
+def local_means(operator: Operator, snapshot: Tensor) -> Tensor:
+    """(B, K, L, H, W): the light that came from around every place and frame, over that of an even scene.
+
+    Both are backprojected and smoothed by a Gaussian; where no light came from, the mean of all is taken.
+    """
+    even = torch.ones(len(snapshot), *operator.scene_shape, dtype=snapshot.dtype, device=snapshot.device)
+    seen, tiny = operator.A(even), torch.finfo(snapshot.dtype).tiny
+    back, light = (_smoothed(operator.A_adjoint(one)) for one in (snapshot, seen))
+    level = (snapshot * seen).sum(_SENSOR) / seen.square().sum(_SENSOR).clamp_min(tiny)
+    dark = light <= _FAINT * light.max()
+    return torch.where(dark, level.reshape(-1, 1, 1, 1, 1), back / light.clamp_min(tiny))
+
+
+def _smoothed(movie: Tensor) -> Tensor:
+    from scipy.ndimage import gaussian_filter
+
+    sigma = (0.0, _NEAR[0], 0.0, *_NEAR[1:])
+    return torch.from_numpy(gaussian_filter(movie.cpu().numpy(), sigma, mode="nearest")).to(movie)
+
+
+def _energy(operator: Operator, snapshot: Tensor) -> float:
+    """What ``A Aᵀ`` does to the snapshot of an even scene, on average."""
+    seen = operator.A(torch.ones(1, *operator.scene_shape, dtype=snapshot.dtype, device=snapshot.device))
+    back = operator.A(operator.A_adjoint(seen))
+    return float((back * seen).sum() / seen.square().sum().clamp_min(torch.finfo(seen.dtype).tiny))
+
+
+def _by_band(denoise: BlockThreshold, movie: Tensor, threshold: float) -> Tensor:
+    batch, frames, bands, *size = movie.shape
+    flat = movie.transpose(1, 2).reshape(batch * bands, frames, *size)
+    return denoise(flat, threshold).reshape(batch, bands, frames, *size).transpose(1, 2)
+
+
+class FrameOperator(SlotwiseDisperser):
+    """The slot-wise operator of frames, whose ``A Aᵀ`` is diagonal for displacements by whole pixels."""
+
+    def gram_solve(self, snapshot: Tensor, shift: float | Tensor, **iteration: object) -> Tensor:
+        """``(A Aᵀ + shift·I)⁻¹ snapshot``; with shift 0, pixels without light give zero."""
+        diagonal = self.energy() + shift
+        return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(snapshot.dtype).tiny), 0)
+
+    def energy(self) -> Tensor:
+        """(1, 1, H, W') squared weights that meet in every sensor pixel."""
+        offsets = self._layout[1]
+        total = self.shutter.new_zeros(1, 1, *self.shutter.shape[1:])
+        for offset, scale in zip(offsets, self.scale, strict=True):
+            light = (self.aperture * scale).square()
+            seen = self.shutter[:, :, offset : offset + light.shape[2]].square()
+            total[0, 0, :, offset : offset + light.shape[2]] += (light * seen).sum(0)
+        return total
+
+
+def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
+    """The slot-wise operator of a scene that changes ``frames`` times, neighbouring slots sharing a frame.
+
+    Slots of one frame see the same scene, so that the sum of their shutters is the frame's, exactly so where the
+    aperture does not change.
+
+    Raises:
+        SettingError: frames that do not divide the slots, an aperture that changes, displacements by
+            parts of pixels.
+    """
+    aperture, shutter = camera.codes()
+    slots = len(aperture)
+    if frames < 1 or slots % frames:
+        raise SettingError("--frames", str(frames), f"a divisor of the {slots} slots")
+    if bool((aperture != aperture[:1]).any()):
+        raise SettingError("snapshot", "an aperture that changes from slot to slot", "the same in all slots")
+    if any(float(d) != round(d) for d in camera.dispersion.displacement):
+        raise SettingError("dispersion", "parts of pixels", "displacements by whole pixels")
+    merged = shutter.unflatten(0, (frames, slots // frames)).sum(1)
+    weight = 1.0 if camera.exposure == "per-slot" else 1 / slots
+    still = aperture[:1].expand(frames, -1, -1)
+    return FrameOperator(still, merged * weight, camera.dispersion, camera.response, "per-slot", moving=True)
+
+
+@dataclass
+class SpaceTimeDecoder(Decoder):
+    """Frames of a scene that changes during the exposure, sparse in the cosine transform of blocks of space and time.
+
+    It takes any shutter before an aperture that stays as it is.
+
+    Args:
+        frames: how many, a divisor of the slots; all slots if None.
+        threshold: of coefficients at the end, relative irradiance; half the noise of a sample if None, and 0.5 % of the
+            brightest at least.
+        iterations: over which the threshold falls to it.
+    """
+
+    name, label, cameras, moving = "space-time-dct", "space-time DCT", frozenset({"spectral"}), True
+    frames: int | None = None
+    threshold: float | None = None
+    iterations: int = 40
+
+    def scene_shape(self, camera: Any) -> tuple[int, ...]:
+        return (self.frames or camera.slots, *camera.scene_shape)
+
+    def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
+        return frame_operator(camera, self.frames or camera.slots), camera
+
+    def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Tensor:
+        return torch.cat([self._frames(*prepared, one, progress) for one in values.split(1)])
+
+    def _frames(
+        self, operator: FrameOperator, camera: SpectralCamera, values: Tensor, progress: Progress | None
+    ) -> Tensor:
+        last = _last_threshold(operator, camera, values) if self.threshold is None else self.threshold
+        return space_time_dct(operator, values, last=last, iterations=self.iterations, progress=progress)
+
+
+def _last_threshold(operator: FrameOperator, camera: SpectralCamera, values: Tensor) -> float:
+    """Half the noise of a sample in scene units, and no less than 0.5 % of the brightest."""
+    gain = float(operator.energy().max().sqrt())
+    return max(0.5 * noise_level(camera, values), 0.005 * float(values.max()), 1e-9) / max(gain, 1e-12)

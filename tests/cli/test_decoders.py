@@ -1,0 +1,24 @@
+"""``tmca decoders``, and its page in the documents."""
+
+import json
+from pathlib import Path
+
+from tmca.cli import main
+from tmca.cli.decoders import markdown
+from tmca.decoders import DECODERS
+
+PAGE = Path(__file__).parents[2] / "docs" / "decoders.md"
+
+
+def test_every_decoder_is_listed(capsys):
+    main(["decoders", "--json"])
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert set(rows) == set(DECODERS)
+    assert rows["mixture"]["prior"] == "mixture"
+    assert rows["lmmse"]["uncertainty"] is True
+    main(["decoders"])
+    assert capsys.readouterr().out == markdown()
+
+
+def test_the_page_is_current():
+    assert PAGE.read_text().endswith("\n\n" + markdown()), "python -c 'from tmca.cli.decoders import markdown; …'"

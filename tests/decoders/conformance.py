@@ -1,0 +1,173 @@
+"""What every decoder holds to on every camera that it names, at tiny and odd sizes; plug-ins are held to it too."""
+
+from dataclasses import fields
+from functools import cache
+
+import pytest
+import torch
+
+from tests.priors.test_spectral_depth import camera as depth_camera
+from tests.priors.test_spectral_depth import prior_of
+from tests.small_scenes import smooth_scene
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
+from tmca.decoders import Weights, build_network, decode, make_decoder
+from tmca.decoders.nets.build import build_depth_network
+from tmca.errors import SettingError
+from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary
+from tmca.sensor import Sensor
+
+SIZE = (13, 17)
+SENSOR = Sensor(read_noise=0.02)
+KINDS = ("spectral", "light-field", "spectral-depth")
+
+
+def camera_for(cls, kind):
+    if cls.moving:
+        return SpectralCamera(
+            1, SIZE, slots=4, aperture=torch.ones(4, *SIZE), shutter="one-hot", dispersion=0.0, sensor=SENSOR
+        )
+    if kind == "spectral":
+        return SpectralCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR)
+    if kind == "light-field":
+        return LightFieldCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR)
+    return depth_camera(2, size=(23, 25))
+
+
+def values_for(camera, seed=0):
+    """(2, *snapshot_shape) snapshots of two scenes of unequal brightness."""
+    height, width = camera.size
+    bands = getattr(camera, "bands", None) or camera.channels
+    scenes = torch.stack([smooth_scene(height, width, bands, seed=seed), 0.4 * smooth_scene(height, width, bands, 5)])
+    scenes = scenes.float().clamp(0, 1)
+    with torch.no_grad():
+        if camera.kind == "spectral-depth":
+            depth = torch.full((2, 1, height, width), 0.5 * (camera.planes.near + camera.planes.far))
+            return camera(scenes, depth, 0)
+        return camera(scenes.reshape(2, *camera.scene_shape), 0)
+
+
+@cache
+def prior_for(prior_kind, kind):
+    if prior_kind is None:
+        return None
+    if kind == "spectral-depth":
+        return prior_of((24, 24))
+    channels = 3 if kind == "spectral" else 9
+    block, grid = ((4, 10), None) if kind == "spectral" else ((5, 5), (3, 3))
+    scene = smooth_scene(30, 40, channels, seed=3)
+    if prior_kind == "mixture":
+        return GaussianMixturePrior.learn([scene], block, views=grid, kinds=2, rank=8, gains=2, samples=300)
+    if prior_kind == "gaussian":
+        return GaussianPrior.learn([scene], block, views=grid)
+    draw = torch.randn(30, 9, 5, 5, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    draw -= draw.mean((1, 2, 3), keepdim=True)
+    atoms = torch.nn.functional.normalize(draw.flatten(1), dim=1).reshape(draw.shape)
+    return PatchDictionary(atoms, torch.full((30,), 0.3, dtype=torch.float64), (3, 3), 1e-4)
+
+
+@cache
+def weights_for(kind):
+    torch.manual_seed(0)
+    camera = camera_for(make_decoder("network", kind).__class__, kind)
+    if kind == "spectral-depth":
+        return Weights.of(build_depth_network({"start": "snapshot", "widths": [4, 6], "blocks": 1}, camera), camera)
+    settings = {"kind": "unet", "widths": [4, 6], "blocks": 1}
+    if kind == "light-field":
+        settings = {"kind": "spatial-angular", "width": 4, "blocks": 1, "views": [3, 3]}
+    return Weights.of(build_network(bands=camera.channels, start="dagger", **settings).eval(), camera)
+
+
+def settings_for(cls, kind):
+    """Few iterations, and weights where there is a network."""
+    names = {setting.name for setting in fields(cls)}
+    few = {"iterations": 3} if "iterations" in names else {}
+    return few | ({"weights": weights_for(kind)} if cls.name == "network" else {})
+
+
+def case(cls, kind):
+    camera = camera_for(cls, kind)
+    return camera, values_for(camera), prior_for(cls.prior_kind, kind), settings_for(cls, kind)
+
+
+def tensors(estimate):
+    parts = ("values", "deviation", "depth", "confidence", "planes")
+    return {name: getattr(estimate, name) for name in parts if getattr(estimate, name) is not None}
+
+
+def check_shape_and_determinism(cls, kind):
+    camera, values, prior, settings = case(cls, kind)
+    settings |= {"uncertainty": True} if cls.deviation else {}
+    first, again = (decode(Snapshot(values, camera), cls.name, prior=prior, **settings) for _ in range(2))
+    shape = (2, *make_decoder(cls, kind, settings).scene_shape(camera))
+    assert first.values.shape == shape
+    assert first.values.isfinite().all()
+    assert first.decoder == cls.name
+    if cls.clips:
+        assert first.values.min() >= 0
+    if cls.deviation:
+        assert first.deviation.shape == shape
+    if kind == "spectral-depth":
+        assert first.depth.shape == first.confidence.shape == (2, 1, *camera.size)
+    for name, part in tensors(first).items():
+        assert torch.equal(part, tensors(again)[name]), name
+    assert cls.name in repr(first)
+    assert len(repr(first)) < 200
+
+
+def check_a_batch_is_its_snapshots_one_by_one(cls, kind):
+    camera, values, prior, settings = case(cls, kind)
+    prepared = make_decoder(cls, kind, settings).prepare(camera, prior)
+    together = prepared(values).values
+    alone = torch.cat([prepared(one).values for one in values.split(1)])
+    # those that stop, balance their penalty, or take the level of the noise, over the whole batch
+    shared = cls.name.startswith(("admm", "pnp")) or cls.name == "dictionary"
+    atol = 5e-2 if shared else 1e-4
+    torch.testing.assert_close(together, alone, atol=atol, rtol=1e-3)
+
+
+def check_prepared_is_decode(cls, kind):
+    camera, values, prior, settings = case(cls, kind)
+    prepared = make_decoder(cls, kind, settings).prepare(camera, prior)
+    prepared(values.flip(0))  # an earlier frame leaves nothing behind
+    whole = decode(Snapshot(values, camera), cls, prior=prior, **settings)
+    torch.testing.assert_close(prepared(values).values, whole.values, atol=0, rtol=0)
+
+
+def check_darkness_gives_numbers(cls, kind):
+    camera, values, prior, settings = case(cls, kind)
+    dark = decode(Snapshot(torch.zeros_like(values[:1]), camera), cls.name, prior=prior, **settings)
+    assert all(part.isfinite().all() for part in tensors(dark).values())
+
+
+def check_refusals(cls, kind):
+    camera, values, prior, settings = case(cls, kind)
+    with pytest.raises(SettingError) as refusal:
+        decode(Snapshot(values, camera), cls.name, prior=prior, no_such_setting=1)
+    assert refusal.value.where == "no_such_setting"
+    for other in set(KINDS) - cls.cameras:
+        taken = Snapshot(values, camera_for(cls, other) if not cls.moving else LightFieldCamera(3, SIZE, slots=2))
+        for decoder in (cls.name, cls, cls(**settings)):
+            with pytest.raises(SettingError) as refusal:
+                decode(taken, decoder)
+            assert refusal.value.where == "decoder"
+
+
+def check_double_precision(cls, kind):
+    camera, values, prior, settings = case(cls, kind)
+    if cls.name == "network":
+        pytest.skip("networks are in single precision")
+    single = decode(Snapshot(values, camera), cls.name, prior=prior, **settings).values
+    double = decode(Snapshot(values.double(), camera.double()), cls.name, prior=prior, **settings).values
+    assert double.dtype == torch.float64
+    if not cls.moving:
+        torch.testing.assert_close(double.float(), single, atol=2e-2, rtol=1e-2)
+
+
+CHECKS = (
+    check_shape_and_determinism,
+    check_a_batch_is_its_snapshots_one_by_one,
+    check_prepared_is_decode,
+    check_darkness_gives_numbers,
+    check_refusals,
+    check_double_precision,
+)

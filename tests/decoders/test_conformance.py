@@ -1,0 +1,93 @@
+"""Every decoder of the registry on every camera that it names."""
+
+import pytest
+from conformance import CHECKS, camera_for, case, values_for
+
+from tmca.cameras import Snapshot
+from tmca.data import read_dataset
+from tmca.decoders import DECODERS, Weights, decode, decoders_for, settings_of, usual_decoder
+from tmca.errors import DataError, SettingError, ShapeError
+
+CASES = [(name, kind) for name, cls in sorted(DECODERS.items()) for kind in sorted(cls.cameras)]
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_every_decoder_conforms(check, name, kind):
+    check(DECODERS[name], kind)
+
+
+@pytest.mark.parametrize("name", sorted(DECODERS))
+def test_every_setting_is_explained(name):
+    assert DECODERS[name].label
+    assert all(setting.help for setting in settings_of(DECODERS[name]))
+
+
+@pytest.mark.parametrize(("kind", "variables"), [
+    ("spectral", {"estimate", "deviation"}), ("light-field", {"estimate", "deviation"}),
+    ("spectral-depth", {"radiance", "depth", "confidence"}),
+])  # fmt: skip
+def test_an_estimate_is_labelled_saved_and_drawn(kind, variables, tmp_path):
+    cls = DECODERS[usual_decoder(kind)]
+    camera, values, prior, settings = case(cls, kind)
+    settings |= {"uncertainty": True} if cls.deviation else {}
+    estimate = decode(Snapshot(values[:1], camera, {"scene": "smooth"}), cls, prior=prior, **settings)
+    stored = read_dataset(estimate.save(tmp_path / "e.nc"))
+    assert set(stored.data_vars) == variables
+    assert (stored.attrs["decoder"], stored.attrs["scene"]) == (cls.name, "smooth")
+    assert stored[next(iter(stored.data_vars))].shape == tuple(camera.scene_shape)
+    assert estimate.plot(truth=estimate.to_xarray()).axes
+    assert "<img" in estimate._repr_html_()
+
+
+def test_values_of_another_shape_or_not_finite_are_refused():
+    camera = camera_for(DECODERS["dagger"], "spectral")
+    values = values_for(camera)
+    for error, wrong in ((ShapeError, values[..., 1:]), (ShapeError, values[0]), (DataError, values / 0)):
+        with pytest.raises(error) as refusal:
+            decode(Snapshot(wrong, camera), "dagger")
+        assert refusal.value.where == "snapshot"
+
+
+def test_priors_and_names_that_are_of_no_use_are_refused():
+    camera, values, prior, _ = case(DECODERS["lmmse"], "spectral")
+    taken = Snapshot(values, camera)
+    mixture = case(DECODERS["mixture"], "spectral")[2]
+    for decoder, given, where in (
+        ("admm-tv", prior, "prior"), ("lmmse", mixture, "prior"), ("mixture", prior, "prior"),
+        ("magic", None, "decoder"), ("network", None, "weights"),
+    ):  # fmt: skip
+        with pytest.raises(SettingError) as refusal:
+            decode(taken, decoder, prior=given)
+        assert refusal.value.where == where
+
+
+def test_moving_decoders_stand_apart():
+    assert {"kriging", "space-time-dct"} == set(decoders_for("spectral", moving=True))
+    assert not {"kriging", "space-time-dct"} & set(decoders_for("spectral"))
+
+
+def test_the_names_of_version_0_1_still_decode():
+    from tmca.decoders import decode_light_field
+
+    camera = camera_for(DECODERS["dagger"], "light-field")
+    taken = Snapshot(values_for(camera), camera)
+    old, new = decode_light_field(taken, "admm-tv", tv_weight=0.1), decode(taken, "admm-tv", tv_weight=0.1)
+    assert (old.estimate == new.values).all()
+    assert decode(taken, method="dagger").decoder == "dagger"
+    dictionary = case(DECODERS["dictionary"], "light-field")[2]
+    assert decode_light_field(taken, "dictionary", dictionary=dictionary).values.shape == (2, 3, 3, 13, 17)
+
+
+@pytest.mark.parametrize("kind", ["light-field", "spectral-depth"])
+def test_weights_of_version_0_1_open(kind):
+    from pathlib import Path
+
+    weights = Weights.load(Path(__file__).parent / "files" / f"weights-0.1-{kind}.safetensors")
+    camera = weights.camera_for()
+    assert (weights.kind, camera.kind) == (kind, kind)
+    weights.check(camera)
+    values = values_for(camera)
+    estimate = decode(Snapshot(values, camera), "network", weights=weights)
+    assert estimate.values.shape == (2, *camera.scene_shape)
+    assert estimate.notes["weights"].endswith(".safetensors")

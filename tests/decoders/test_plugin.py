@@ -1,0 +1,116 @@
+"""A decoder of ten lines in a package of its own: every command knows it, with no other line written anywhere."""
+
+import importlib
+import json
+import sys
+
+import numpy as np
+import pytest
+import scipy.io
+from conformance import CHECKS
+
+from tmca.cli import main
+from tmca.data import write_split
+from tmca.decoders import DECODERS, decoders_for
+from tmca.decoders.decoder import BrokenPlugin, load_plugins
+
+PACKAGE = '''
+from dataclasses import dataclass
+from tmca.decoders import Decoder
+
+@dataclass
+class Backprojection(Decoder):
+    """The adjoint, as bright as asked for.
+
+    Args:
+        gain: factor.
+    """
+
+    name, label, cameras = "backprojection", "backprojected", frozenset({"spectral", "light-field"})
+    gain: float = 1.0
+
+    def reconstruct(self, prepared, values, progress):
+        return self.gain * prepared.operator().A_adjoint(values)
+'''
+
+
+def install(folder, monkeypatch, module, source):
+    (folder / f"{module}.py").write_text(source)
+    about = folder / f"{module}-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(f"[tmca.decoders]\n{module} = {module}\n")
+    monkeypatch.syspath_prepend(str(folder))
+    importlib.invalidate_caches()
+    load_plugins.cache_clear()
+
+
+@pytest.fixture
+def plugin(tmp_path, monkeypatch):
+    (tmp_path / "site").mkdir()
+    install(tmp_path / "site", monkeypatch, "ten_lines", PACKAGE)
+    monkeypatch.chdir(tmp_path)
+    yield decoders_for("spectral")["backprojection"]
+    DECODERS.pop("backprojection")
+    sys.modules.pop("ten_lines")
+    monkeypatch.undo()
+    load_plugins.cache_clear()
+
+
+@pytest.mark.parametrize("kind", ["spectral", "light-field"])
+def test_it_conforms(plugin, kind):
+    for check in CHECKS:
+        check(plugin, kind)
+
+
+def test_it_is_listed_with_its_settings(plugin, capsys):
+    main(["decoders", "--json"])
+    row = next(row for row in json.loads(capsys.readouterr().out) if row["name"] == "backprojection")
+    assert row["cameras"] == ["light-field", "spectral"]
+    assert row["settings"] == [{"name": "gain", "type": "float", "default": 1.0, "help": "factor."}]
+
+
+@pytest.mark.parametrize("scene", [["spectral", "coffee"], ["light-field", "coffee:1", "--views", "3"]])
+def test_it_reconstructs(plugin, scene, capsys):
+    main(["simulate", *scene, "--slots", "2", "--crop", "32x32", "--no-figures", "--out", "s.nc"])
+    main(["reconstruct", "s.nc", "-d", "backprojection", "--set", "gain=0.5", "--no-figures", "--out", "e.nc"])
+    assert "e.nc: backprojection" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["reconstruct", "s.nc", "-d", "backprojection", "--set", "gain=much", "--out", "f.nc"])
+    assert "gain: found 'much', expected float" in capsys.readouterr().err
+
+
+def test_it_is_compared(plugin, tmp_path):
+    from tmca.experiments.spectral.comparison import compare_spectral
+
+    rng = np.random.default_rng(0)
+    for name in ("a", "b"):
+        scipy.io.savemat(tmp_path / f"{name}.mat", {"cube": rng.random((32, 34, 31))})
+        write_split([tmp_path / f"{name}.mat"], tmp_path / f"{name}.txt")
+    places = (tmp_path / name for name in ("a.txt", "b.txt", "out", "work"))
+    found = compare_spectral(*places, bands=3, decoders=["backprojection"], patches=8)
+    assert {row["decoder"] for row in found["rows"]} == {"backprojected"}
+
+
+@pytest.mark.parametrize("kind", ["spectral", "light-field"])
+def test_it_is_swept(plugin, tmp_path, kind):
+    from tmca.experiments.light_field.sweep import sweep_light_field
+    from tmca.experiments.spectral.sweep import sweep_spectral
+
+    sweep, more = (sweep_spectral, {"bands": 3}) if kind == "spectral" else (sweep_light_field, {"views": 3})
+    names = ["backprojection", "dagger"]
+    found = sweep({"decoder": names}, ["coffee"], tmp_path / "out", tmp_path / "work", size=(24, 26), **more)
+    assert [row["decoder"] for row in found["rows"]] == names
+    fixed = {"decoder": "backprojection"}
+    gains = {"decoder.gain": [0.5, 1.0]}
+    found = sweep(gains, ["coffee"], tmp_path / "gains", tmp_path / "work", fixed=fixed, size=(24, 26), **more)
+    assert [row["decoder.gain"] for row in found["rows"]] == ["0.5", "1.0"]
+    assert found["rows"][0]["psnr"] != found["rows"][1]["psnr"]
+
+
+def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(tmp_path, monkeypatch):
+    install(tmp_path, monkeypatch, "broken_lines", "raise RuntimeError('no luck')\n")
+    with pytest.warns(BrokenPlugin, match="no luck"):
+        assert "lmmse" in decoders_for("spectral")
+    monkeypatch.undo()
+    load_plugins.cache_clear()
