@@ -103,9 +103,9 @@ def rendered_depth_prior(
 ) -> GaussianPrior:
     """That of the rendered scenes at a camera's bands, for windows of so many pixels."""
     block = needed_block(max(WINDOW, window), camera.bench.window)  # smaller windows share that of usual ones
-    found = rendered_prior(camera.wavelengths, 0, block=block, progress=progress)
-    assert isinstance(found, GaussianPrior)
-    return found
+    prior = rendered_prior(camera.wavelengths, 0, block=block, progress=progress)
+    assert isinstance(prior, GaussianPrior)
+    return prior
 
 
 def _remedy(camera: Any, kind: str) -> str:
