@@ -39,7 +39,7 @@ def arguments(*more, train="learned.nc", validation="checked.nc", start=()):
     return ["train", "spectral-depth", "--preset", "quick", "--out", "run", "--steps", "2", *lists, *settings, *more]
 
 
-@pytest.mark.filterwarnings("default::tmca.decoders.decoding.OtherCodes")
+@pytest.mark.filterwarnings("default::tmca.decoders.nets.weights.OtherCodes")
 @pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks that learn this fast are rough
 @pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")
 def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):

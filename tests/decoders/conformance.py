@@ -97,7 +97,11 @@ def tensors(estimate):
 def check_shape_and_determinism(cls, kind):
     camera, values, prior, settings = case(cls, kind)
     settings |= {"uncertainty": True} if cls.deviation else {}
-    first, again = (decode(Snapshot(values, camera), cls.name, prior=prior, **settings) for _ in range(2))
+    shares = []
+    first = decode(Snapshot(values, camera), cls.name, prior=prior, progress=shares.append, **settings)
+    again = decode(Snapshot(values, camera), cls.name, prior=prior, **settings)
+    assert shares == sorted(shares)
+    assert not shares or 0 < shares[-1] <= 1 + 1e-9
     shape = (2, *make_decoder(cls, kind, settings).scene_shape(camera))
     assert first.values.shape == shape
     assert first.values.isfinite().all()

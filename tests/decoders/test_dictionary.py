@@ -146,15 +146,6 @@ def test_one_wild_patch_moves_the_mean_but_not_the_median():
     assert merged(covers, "mean").item() == 2.625
 
 
-def test_progress_ends_at_one():
-    shares = []
-    taps = light_field_taps(9, 9)
-    decoder = sparse(random_dictionary(), "omp", sparsity=2)
-    decoder(torch.ones(1, 1, 9, 9, dtype=torch.float64), taps, progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-
-
 def test_what_cannot_be_decoded_is_refused():
     dictionary, taps, y = random_dictionary(), light_field_taps(9, 9), torch.ones(1, 1, 9, 9, dtype=torch.float64)
     dispersed = Taps(taps.code, tuple(range(9)), (0,) * 8 + (1,), 9, 10)

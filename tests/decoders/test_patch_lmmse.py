@@ -151,14 +151,6 @@ def test_its_derivative_by_code_and_snapshot_is_exact_on_one_block(name, shot):
     assert torch.autograd.gradcheck(estimate, (code, y), fast_mode=True, rtol=1e-4, atol=1e-6)
 
 
-def test_progress_ends_at_one():
-    told = []
-    taps = camera("single disperser", 8, 40)
-    patches(narrower(4, 12))(snapshot(taps, smooth_scene(8, 40)[None]), taps, 0.1, progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1
-
-
 def test_impossible_input_is_refused():
     taps = camera("single disperser", 8, 40)
     y, decoder = torch.zeros(1, 1, 8, 42), patches(narrower(4, 12))

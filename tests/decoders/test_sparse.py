@@ -57,7 +57,7 @@ def test_an_exactly_sparse_signal_is_recovered_exactly(dtype, within):
 
 def test_kept_columns_come_first_and_are_fitted_with_the_rest():
     matrices, _, measured = problem(noise=0.2)
-    found = batch_omp(matrices, measured, 4, kept=2)
+    found = batch_omp(matrices, measured, 4, forced=2)
     assert ((found != 0).sum(-1) == 4).all()
     assert (found[..., :2] != 0).all()
     for g, p in np.ndindex(3, 2):

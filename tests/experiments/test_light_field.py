@@ -161,7 +161,7 @@ def test_a_spectral_decoder_is_refused_a_light_field(prior, tmp_path, capsys, mo
     monkeypatch.chdir(tmp_path)
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
     capsys.readouterr()
-    assert "one of lmmse, mixture, dictionary" in refused(capsys, "reconstruct", "s.nc", "-d", "lmmse-adapted")
+    assert "--decoder: found 'lmmse-adapted'" in refused(capsys, "reconstruct", "s.nc", "-d", "lmmse-adapted")
     assert "learn-views … --mixture" in refused(capsys, "reconstruct", "s.nc", "-d", "mixture")
     assert "learn-views … --dictionary --out …" in refused(capsys, "reconstruct", "s.nc", "-d", "dictionary")
     assert "--wavelengths" in refused(capsys, "reconstruct", "s.nc", "--truth", "coffee", "--wavelengths", "400:700:3")

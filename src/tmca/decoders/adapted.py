@@ -21,7 +21,7 @@ from tmca.decoders.blocks import (
     spread_out,
     usual_stride,
 )
-from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.decoders.decoder import Decoder, Progress, Raw, part_of
 from tmca.errors import SettingError
 from tmca.operators.taps import Taps
 from tmca.priors.adaptation import error_moments, refitted
@@ -81,18 +81,17 @@ class AdaptedEstimator:
         """
         check_snapshot(snapshot, self.taps)
         parts = [
-            self._adapted(one, uncertainty, _share(progress, place, len(snapshot)))
+            self._adapted(one, uncertainty, part_of(progress, place / len(snapshot), (place + 1) / len(snapshot)))
             for place, one in enumerate(snapshot.split(1))
         ]
         deviations = [part.deviation for part in parts if part.deviation is not None]
         return Blended(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
 
     def _adapted(self, snapshot: Tensor, uncertainty: bool, progress: Callable[[float], None]) -> Blended:
-        priors = dict.fromkeys(self.tiling.tiles, self.prior)
+        priors, share = dict.fromkeys(self.tiling.tiles, self.prior), 1 / (self.iterations + 1)
         for step in range(self.iterations):
-            priors = self.coarse.refitted(snapshot, priors, _share(progress, step, self.iterations + 1))
-        told = _share(progress, self.iterations, self.iterations + 1)
-        return self.fine.estimate(snapshot, priors, uncertainty, told)
+            priors = self.coarse.refitted(snapshot, priors, part_of(progress, step * share, (step + 1) * share))
+        return self.fine.estimate(snapshot, priors, uncertainty, part_of(progress, 1 - share, 1))
 
 
 @dataclass(frozen=True)
@@ -211,11 +210,6 @@ class _Unknown:
         """
         single = self.moments[:, :, 0, 0].diagonal().mean()
         return self.moments * ((self.variance - scatter) / single).clamp_min(0)
-
-
-def _share(progress: Progress | None, place: int, count: int) -> Callable[[float], None]:
-    """Turn the share of one of several parts into the share of all."""
-    return lambda share: progress((place + share) / count) if progress else None
 
 
 @dataclass

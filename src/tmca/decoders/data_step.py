@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.operators import LinearOperator, TapOperator
+from tmca.operators import TapOperator
 from tmca.operators.linear import LinearOperator, conjugate_gradients
 
 Checked = Callable[[int, float, float], None]

@@ -50,6 +50,11 @@ Progress = Callable[..., None]
 _USUAL = {"spectral-depth": "likelihood"}
 
 
+def part_of(progress: Progress | None, first: float, last: float) -> Callable[[float], None]:
+    """Turn the share of a part that is done into the share of all, from ``first`` to ``last``."""
+    return lambda share: progress(first + (last - first) * share) if progress else None
+
+
 class BrokenPlugin(UserWarning):
     """A decoder of another package that cannot be loaded."""
 
@@ -241,23 +246,23 @@ def make_decoder(
     """
     asked = dict(settings or {})
     if isinstance(decoder, str):
-        known = decoders_for(kind, moving=None)
-        if decoder not in known:
-            raise SettingError("decoder", repr(decoder), f"one of {', '.join(known)}")
-        decoder = known[decoder]
-    own = [setting.name for setting in fields(decoder)]
+        choices = decoders_for(kind, moving=None)
+        if decoder not in choices:
+            raise SettingError("decoder", repr(decoder), f"one of {', '.join(choices)}")
+        decoder = choices[decoder]
+    names = [setting.name for setting in fields(decoder)]
     for name in asked:
-        if name not in own:
+        if name not in names:
             found = f"a setting of {decoder.name}" if asked[name] is None else f"{asked[name]} for {decoder.name}"
-            raise SettingError(name, found, f"one of {', '.join(own)}" if own else "no settings", "leave it out")
+            raise SettingError(name, found, f"one of {', '.join(names)}" if names else "no settings", "leave it out")
     return decoder(**asked) if isinstance(decoder, type) else replace(decoder, **asked)
 
 
 def usual_decoder(kind: str) -> str:
     """Name of the decoder that a kind of camera has where none is asked for."""
-    known = decoders_for(kind)
+    choices = decoders_for(kind)
     usual = _USUAL.get(kind, "lmmse")
-    return usual if usual in known else next(iter(known), usual)
+    return usual if usual in choices else next(iter(choices), usual)
 
 
 def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decoder]]:
@@ -324,11 +329,11 @@ def settings_from_text(decoder: type[Decoder], texts: Mapping[str, str]) -> dict
     """
     from pydantic import TypeAdapter, ValidationError
 
-    types, found = get_type_hints(decoder), dict[str, Any]()
+    types, settings = get_type_hints(decoder), dict[str, Any]()
     for name, text in texts.items():
         try:
-            found[name] = TypeAdapter(types[name]).validate_strings(text) if name in types else text
+            settings[name] = TypeAdapter(types[name]).validate_strings(text) if name in types else text
         except ValidationError:
             wanted = next(setting.type for setting in settings_of(decoder) if setting.name == name)
             raise SettingError(name, repr(text), wanted) from None
-    return found
+    return settings

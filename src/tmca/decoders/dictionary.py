@@ -17,7 +17,6 @@ from tmca.errors import SettingError
 from tmca.operators.taps import Taps
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
-from tmca.priors.posterior import
 from tmca.sensor import Noise
 
 METHODS = ("omp", "lasso")
@@ -70,9 +69,9 @@ class DictionaryEstimator:
         max_iterations: int = 200,
         dtype: torch.dtype = torch.float32,
     ) -> None:
-        for name, word, known in (("method", method, METHODS), ("merge", merge, MERGES)):
-            if word not in known:
-                raise SettingError(name, repr(word), f"one of {', '.join(known)}")
+        for name, word, choices in (("method", method, METHODS), ("merge", merge, MERGES)):
+            if word not in choices:
+                raise SettingError(name, repr(word), f"one of {', '.join(choices)}")
         for name, value, least in (("stride", min(stride), 1), ("sparsity", sparsity or 1, 1), ("slack", slack, 0)):
             if not value >= least:
                 raise SettingError(name, f"{value}", f"at least {least}")
@@ -120,7 +119,7 @@ class DictionaryEstimator:
         """(G, P, 1 + K) codes of measurements (G, P, m) in units of their deviation."""
         m = measured.shape[-1]
         if self.method == "omp":
-            return batch_omp(atoms, measured, min(self.sparsity or m // 4, m), self.slack * m, kept=1)
+            return batch_omp(atoms, measured, min(self.sparsity or m // 4, m), self.slack * m, forced=1)
         most, tolerance = self.max_iterations, self.tolerance
         return lasso_admm(atoms, measured, self.weight, 1, max_iterations=most, tolerance=tolerance).codes
 

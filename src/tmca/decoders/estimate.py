@@ -104,8 +104,8 @@ class Estimate:
 
 def _array(values: Tensor) -> np.ndarray:
     """As NumPy, without the axis of a batch of one."""
-    found = values.detach().cpu().numpy()
-    return found[0] if len(found) == 1 else found
+    array = values.detach().cpu().numpy()
+    return array[0] if len(array) == 1 else array
 
 
 def _cube(estimate: Estimate) -> dict[str, xr.DataArray | None]:

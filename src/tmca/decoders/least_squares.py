@@ -103,5 +103,5 @@ class LeastNorm(Decoder):
     clips = False
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor:
-        found: Tensor = prepared.operator().A_dagger(values)
-        return found
+        scene: Tensor = prepared.operator().A_dagger(values)
+        return scene

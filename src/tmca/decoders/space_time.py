@@ -17,7 +17,7 @@ from torch.nn.functional import fold, pad, unfold
 
 from tmca.cameras import SpectralCamera
 from tmca.decoders.data_step import DataStep, Operator, noise_level
-from tmca.decoders.decoder import Decoder, Progress
+from tmca.decoders.decoder import Decoder, Progress, part_of
 from tmca.decoders.tv import cosines
 from tmca.errors import SettingError
 from tmca.operators import SlotwiseDisperser
@@ -239,7 +239,10 @@ class SpaceTimeDecoder(Decoder):
         return frame_operator(camera, self.frames or camera.slots), camera
 
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Tensor:
-        return torch.cat([self._frames(*prepared, one, progress) for one in values.split(1)])
+        count = len(values)
+        parts = [part_of(progress, place / count, (place + 1) / count) for place in range(count)]
+        scenes = [self._frames(*prepared, one, part) for one, part in zip(values.split(1), parts, strict=True)]
+        return torch.cat(scenes)
 
     def _frames(
         self, operator: FrameOperator, camera: SpectralCamera, values: Tensor, progress: Progress | None

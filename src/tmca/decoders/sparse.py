@@ -20,7 +20,7 @@ _TINY = {torch.float32: 1e-5, torch.float64: 1e-11}
 
 
 def batch_omp(
-    matrices: Tensor, measured: Tensor, sparsity: int, tolerance: float | Tensor = 0.0, kept: int = 0
+    matrices: Tensor, measured: Tensor, sparsity: int, tolerance: float | Tensor = 0.0, forced: int = 0
 ) -> Tensor:
     """Codes (G, P, K) of at most ``sparsity`` entries by orthogonal matching pursuit (Pati et al. 1993).
 
@@ -30,25 +30,25 @@ def batch_omp(
     Args:
         matrices: (G, m, K).
         measured: (G, P, m).
-        sparsity: largest number of entries, ``kept`` ones included.
+        sparsity: largest number of entries, ``forced`` ones included.
         tolerance: squared norm of the residual at which a signal is done; one, or (G, P).
-        kept: the first so many columns are taken before any other.
+        forced: the first so many columns are taken before any other.
 
     Raises:
         ShapeError: matrices and signals that do not fit each other.
         SettingError: a sparsity beyond m or K, or a negative tolerance.
     """
     _check_shapes(matrices, measured)
-    _check_sparsity(matrices, sparsity, tolerance, kept)
+    _check_sparsity(matrices, sparsity, tolerance, forced)
     pursuit = _Pursuit(matrices, measured, sparsity)
     limit = torch.as_tensor(tolerance, dtype=measured.dtype, device=measured.device).expand(measured.shape[:2])
     floor = (_TINY[measured.dtype] ** 2) * measured.square().sum(-1)
     for step in range(sparsity):
         energy = pursuit.residual.square().sum(-1)
-        going = (energy > floor) if step < kept else (energy > limit.maximum(floor))
+        going = (energy > floor) if step < forced else (energy > limit.maximum(floor))
         if not going.any():
             break
-        pursuit.take(pursuit.kept(step) if step < kept else pursuit.best(), going)
+        pursuit.take(pursuit.column(step) if step < forced else pursuit.best(), going)
     return pursuit.codes()
 
 
@@ -69,7 +69,7 @@ class _Pursuit:
         self.free = torch.ones(groups, signals, matrices.shape[-1], dtype=torch.bool, device=measured.device)
         self.count = 0
 
-    def kept(self, column: int) -> Tensor:
+    def column(self, column: int) -> Tensor:
         return torch.full_like(self.chosen[..., 0], column)
 
     def best(self) -> Tensor:
@@ -100,8 +100,8 @@ class _Pursuit:
     def codes(self) -> Tensor:
         """(G, P, K) coefficients of the columns taken."""
         n = self.count
-        found = torch.linalg.solve_triangular(self.triangle[..., :n, :n], self.shares[..., :n, None], upper=True)
-        scaled = found[..., 0] * self.inverse[:, None].expand(self.free.shape).gather(-1, self.chosen[..., :n])
+        solved = torch.linalg.solve_triangular(self.triangle[..., :n, :n], self.shares[..., :n, None], upper=True)
+        scaled = solved[..., 0] * self.inverse[:, None].expand(self.free.shape).gather(-1, self.chosen[..., :n])
         return torch.zeros_like(self.free, dtype=scaled.dtype).scatter_add_(-1, self.chosen[..., :n], scaled)
 
 
@@ -157,9 +157,9 @@ def lasso_admm(
     basis, triangle = torch.linalg.qr(matrices[..., :free])
     others, across = matrices[..., free:], basis.mT @ matrices[..., free:]
     inside = measured @ basis
-    found = _iterate(_Split(others - basis @ across, measured - inside @ basis.mT, weights), max_iterations, tolerance)
-    first = torch.linalg.solve_triangular(triangle, (inside - found.codes @ across.mT).mT, upper=True).mT
-    return found._replace(codes=torch.cat([first, found.codes], -1))
+    result = _iterate(_Split(others - basis @ across, measured - inside @ basis.mT, weights), max_iterations, tolerance)
+    first = torch.linalg.solve_triangular(triangle, (inside - result.codes @ across.mT).mT, upper=True).mT
+    return result._replace(codes=torch.cat([first, result.codes], -1))
 
 
 def _iterate(split: _Split, max_iterations: int, tolerance: float) -> LassoResult:
@@ -236,10 +236,10 @@ def _check_shapes(matrices: Tensor, measured: Tensor) -> None:
         raise ShapeError("sparse recovery", found, "(G, m, K) and (G, P, m)")
 
 
-def _check_sparsity(matrices: Tensor, sparsity: int, tolerance: float | Tensor, kept: int) -> None:
+def _check_sparsity(matrices: Tensor, sparsity: int, tolerance: float | Tensor, forced: int) -> None:
     most = min(matrices.shape[1:])
-    if not 1 <= sparsity <= most or not 0 <= kept <= sparsity:
-        raise SettingError("sparsity", f"{sparsity} with {kept} kept", f"1 to {most}, and no fewer than are kept")
+    if not 1 <= sparsity <= most or not 0 <= forced <= sparsity:
+        raise SettingError("sparsity", f"{sparsity} with {forced} forced", f"1 to {most}, and no fewer than are forced")
     if not bool((torch.as_tensor(tolerance) >= 0).all()):
         raise SettingError("tolerance", f"{tolerance}", "≥ 0")
 

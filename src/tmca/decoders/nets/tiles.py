@@ -13,7 +13,7 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.blocks import PatchEstimator
-from tmca.decoders.decoder import Progress
+from tmca.decoders.decoder import Progress, part_of
 from tmca.decoders.least_squares import tikhonov
 from tmca.decoders.likelihood import DepthRaw
 from tmca.decoders.nets.network import NEED_PRIOR, STARTS, TILE, Network
@@ -164,8 +164,8 @@ class CollapsedNetwork:
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
         """(B, 1, H, W') → (B, L, H, W)."""
-        start, begun = self.start(snapshot, _part(progress, 0, _STARTED["collapsed"])), _STARTED["collapsed"]
-        report = _part(progress, begun, 1)
+        start, begun = self.start(snapshot, part_of(progress, 0, _STARTED["collapsed"])), _STARTED["collapsed"]
+        report = part_of(progress, begun, 1)
         estimate = torch.empty_like(start)
         for done, tile in enumerate(self.tiles, start=1):
             alone = zip(snapshot.split(1), start.split(1), strict=True)  # a batch would take as many times the memory
@@ -223,8 +223,8 @@ class TwoHeadedNetwork:
         start, begun = None, 0.0
         if self.likelihood is not None:
             begun = _STARTED["likelihood"]
-            start = first_stage(self.likelihood, snapshot, _part(progress, 0, begun))
-        size, report = (int(snapshot.shape[-2]), int(snapshot.shape[-1])), _part(progress, begun, 1)
+            start = first_stage(self.likelihood, snapshot, part_of(progress, 0, begun))
+        size, report = (int(snapshot.shape[-2]), int(snapshot.shape[-1])), part_of(progress, begun, 1)
         cube = snapshot.new_empty(len(snapshot), self.network.bands, *size)
         logits = snapshot.new_empty(len(snapshot), self.network.planes, *size)
         # the network lays the tile of codes from the window's first pixel on
@@ -236,8 +236,3 @@ class TwoHeadedNetwork:
             cube[place], logits[place] = estimate.cube[inner], estimate.logits[inner]
             report(done / len(parts))
         return DepthEstimate(cube, logits).decoded(self.camera.planes)
-
-
-def _part(progress: Progress | None, first: float, last: float) -> Callable[[float], None]:
-    """Turn the share of a part into the share of all."""
-    return lambda share: progress(first + (last - first) * share) if progress else None

@@ -10,7 +10,6 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders import PatchLikelihood
 from tmca.decoders.decoder import Progress
 from tmca.decoders.likelihood import (
     REACH,

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from warnings import warn
 
 import torch
@@ -20,7 +20,7 @@ from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import PhaseMaskBench, Stroke, changed_bench, family_parameters, restored_maps
-from tmca.priors import GaussianMixturePrior, GaussianPrior, find_prior, load_prior
+from tmca.priors import GaussianMixturePrior, GaussianPrior, block_of, find_prior, load_prior
 
 FORMAT = "tmca weights 1"
 SHIPPED = ("static", "multiplexed")
