@@ -77,18 +77,16 @@ class Estimate:
         return write_dataset(self.to_xarray(), path, overwrite=overwrite)
 
     def plot(self, truth: xr.DataArray | xr.Dataset | None = None) -> Figure:
-        """The first estimate as pictures: means over the bands or the centre view, depth if any, the truth."""
-        from matplotlib.figure import Figure
+        """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.
 
-        shown: dict[str, Any] = {self.decoder: self.to_xarray()}
-        if truth is not None:
-            shown["truth"] = truth.to_dataset(name="estimate") if hasattr(truth, "to_dataset") else truth
-        panels = [(f"{name}: {part}", image) for name, data in shown.items() for part, image in _images(data).items()]
-        figure = Figure(figsize=(3.2 * len(panels), 3), layout="constrained")
-        for axis, (title, image) in zip(np.atleast_1d(figure.subplots(1, len(panels))), panels, strict=True):
-            axis.imshow(image, cmap="gray" if title.endswith("scene") else "viridis")
-            axis.set(title=title, xticks=[], yticks=[])
-        return figure
+        Args:
+            truth: the scene, brought to the camera's bands and size, beside it.
+
+        Raises:
+            DataError: a truth of another kind, or a smaller one.
+        """
+        draw = _draw_depth if self.depth is not None else _DRAWINGS.get(self.camera.kind, _draw_plain)
+        return draw(self, truth)
 
     def __repr__(self) -> str:
         sides = "×".join(str(side) for side in self.values.shape)
@@ -98,7 +96,7 @@ class Estimate:
 
     def _repr_html_(self) -> str:
         picture = BytesIO()
-        self.plot().savefig(picture, format="png", dpi=60)
+        self.plot().savefig(picture, format="png", dpi=50)
         return f'{escape(repr(self))}<br><img src="data:image/png;base64,{b64encode(picture.getvalue()).decode()}"/>'
 
 
@@ -170,12 +168,47 @@ def _with_depth(estimate: Estimate) -> dict[str, xr.DataArray | None]:
     }
 
 
-def _images(data: xr.Dataset) -> dict[str, np.ndarray]:
-    """(H, W) pictures of a labelled scene by what they show."""
-    scene = data[next(iter(data.data_vars))]
-    scene = scene.isel({dim: size // 2 for dim, size in scene.sizes.items() if str(dim).startswith("view")})
-    first = scene.mean([dim for dim in scene.dims if dim not in ("y", "x")]) if "y" in scene.dims else scene
-    return {"scene": first.values} | ({"depth": data["depth"].values} if "depth" in data else {})
+def _draw_cube(estimate: Estimate, truth: Any) -> Figure:
+    from tmca.data.fitting import fit_cube
+    from tmca.plots.cube import reconstruction_figure
+
+    camera, name, deviation = estimate.camera, estimate.decoder, estimate.deviation
+    scene = None if truth is None else fit_cube(truth, camera.wavelengths, camera.size, "truth").values
+    deviations = {} if deviation is None else {name: deviation[0].numpy(force=True)}
+    cube = estimate.values[0].numpy(force=True)
+    shown = cube if cube.ndim == 3 else cube.mean(0)
+    return reconstruction_figure({name: shown}, list(camera.wavelengths), scene, deviations)
 
 
+def _draw_views(estimate: Estimate, truth: Any) -> Figure:
+    from tmca.data.fitting import fit_views
+    from tmca.plots.light_field import light_field_figure
+
+    camera = estimate.camera
+    scene = None if truth is None else fit_views(truth, camera.views, camera.size, "truth").values
+    return light_field_figure({estimate.decoder: _array(estimate.values)}, scene)
+
+
+def _draw_depth(estimate: Estimate, truth: Any) -> Figure:
+    from tmca.data.fitting import fit_depth_scene
+    from tmca.plots.depth import depth_figure
+
+    assert estimate.depth is not None
+    assert estimate.confidence is not None
+    camera, near, far = estimate.camera, estimate.camera.planes.near, estimate.camera.planes.far
+    pair = estimate.values[0].numpy(force=True), estimate.depth[0, 0].numpy(force=True)
+    scene = None if truth is None else fit_depth_scene(truth, camera.wavelengths, camera.size, near, far, "truth")
+    real = None if scene is None else (scene["radiance"].values, scene["depth"].values)
+    confidence = estimate.confidence[0, 0].numpy(force=True)
+    return depth_figure(estimate.decoder, pair, confidence, list(camera.wavelengths), (near, far), real)
+
+
+def _draw_plain(estimate: Estimate, truth: Any) -> Figure:
+    from tmca.plots.style import image_figure
+
+    values = estimate.values[0].numpy(force=True)
+    return image_figure(values.reshape(-1, *values.shape[-2:]).mean(0), estimate.decoder)
+
+
+_DRAWINGS = {"spectral": _draw_cube, "light-field": _draw_views}
 _LABELS = {"spectral": _cube, "light-field": _light_field}
