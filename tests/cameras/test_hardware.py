@@ -232,9 +232,11 @@ def test_an_aberration_of_defocus_is_a_mask_of_its_path():
     """A wavefront error is a thickness: path over (n - 1) of the mask at each wavelength."""
     camera = spectral_depth()
     found = imperfect(camera, Hardware(wavefront_error=30e-9), seed=2)
-    extra = torch.angle(found.spread.waves / camera.spread.waves.where(camera.spread.waves.abs() > 0, torch.ones(())))
+    extra = torch.angle(
+        found.point_spread.waves / camera.point_spread.waves.where(camera.point_spread.waves.abs() > 0, torch.ones(()))
+    )
     path = extra[0] * torch.tensor(camera.wavelengths)[:, None, None] / (2 * np.pi)
-    inside = camera.spread.waves[0, 0].abs() > 0
+    inside = camera.point_spread.waves[0, 0].abs() > 0
     torch.testing.assert_close(path[0][inside], path[-1][inside], atol=1e-10, rtol=0)
     assert float(path[0][inside].square().mean().sqrt()) == pytest.approx(30e-9, rel=0.1)
 

@@ -30,7 +30,7 @@ def test_masks_keep_their_family(tmp_path, family, kept):
     maps = read_phase_codes(file)["mask"]
     assert isinstance(maps, kept)
     torch.testing.assert_close(maps(), made.codes()[0])
-    torch.testing.assert_close(maps.profile(), made.spread.heights.profile())
+    torch.testing.assert_close(maps.profile(), made.point_spread.heights.profile())
     stored = xr.load_dataset(file)
     stored["heights"] = stored["heights"] / 2
     stored.to_netcdf(tmp_path / "edited.nc")

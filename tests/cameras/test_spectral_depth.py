@@ -196,7 +196,7 @@ def test_the_transfer_functions_are_kept_until_the_mask_changes():
     made = camera()
     first = made.transfer()
     assert made.transfer() is first
-    made.spread.heights.coefficients.mul_(2)
+    made.point_spread.heights.coefficients.mul_(2)
     assert not torch.equal(made.transfer(), first)
 
 

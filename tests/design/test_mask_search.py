@@ -35,7 +35,9 @@ def test_slots_are_never_worse_than_the_static_mask_in_all_of_them(advice):
     repeated = TASK.camera_of(2, 0)
     heights = advice.static.camera.codes()[0].detach()
     with torch.no_grad():
-        repeated.spread.heights.coefficients.copy_(advice.static.camera.spread.heights.coefficients.expand(2, -1))
+        repeated.point_spread.heights.coefficients.copy_(
+            advice.static.camera.point_spread.heights.coefficients.expand(2, -1)
+        )
     torch.testing.assert_close(repeated.codes()[0], heights.expand(2, -1, -1))
     alike = float(confusion(TASK.covariance(repeated, PRIOR)))
     assert advice.candidates[1].confusion <= alike * (1 + 1e-6)

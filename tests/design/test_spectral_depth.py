@@ -146,7 +146,7 @@ def test_what_is_expected_of_other_planes_does_not_move():
 @pytest.mark.parametrize("figure", ["confusion", "information"])
 def test_gradients_reach_the_heights_of_the_mask(figure):
     own = made(planes=3, learnable="mask")
-    heights = own.spread.heights
+    heights = own.point_spread.heights
     values = next(p for p in heights.parameters() if p.requires_grad)
 
     def value():

@@ -142,8 +142,8 @@ def test_random_masks_have_the_rms_that_is_asked_for(family, pixels):
 
 def test_a_camera_has_as_many_modes_as_are_asked_for():
     made = SpectralDepthCamera(2, (40, 40), slots=2, modes=33, learnable="mask")
-    assert made.spread.heights.metres().shape == (2, 33)
-    assert made.spread.heights.modes[-1] == noll(36)
+    assert made.point_spread.heights.metres().shape == (2, 33)
+    assert made.point_spread.heights.modes[-1] == noll(36)
 
 
 def test_repeated_maps_are_those_of_their_family():

@@ -63,7 +63,7 @@ def test_its_slope_is_that_of_finite_differences():
     prior = prior_of(needed_block(4, BENCH.window))
     scene = torch.rand(1, own.bands, 8, 8, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     place = torch.full((1, 1, 8, 8), 0.3, dtype=torch.float64)
-    (values,) = own.spread.parameters()
+    (values,) = own.point_spread.parameters()
 
     def loss():
         found, middle = DepthWindows(prior, 4)(own, own.exact(scene, own.planes.depth_of(place)), place)

@@ -89,7 +89,7 @@ def test_the_target_is_held_through_a_run(tmp_path):
 
 def test_equal_slots_can_part_ways():
     pattern = torch.ones(2, 4, 4)
-    plane = CodePlane(pattern, 2, (4, 4), learnable=True, spread=0.9)
+    plane = CodePlane(pattern, 2, (4, 4), learnable=True, jitter=0.9)
     assert torch.equal(plane(), pattern)
     assert not torch.equal(plane.latent[0], plane.latent[1])
 

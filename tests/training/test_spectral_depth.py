@@ -91,7 +91,7 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
     found = train(tmp_path, **changes, **{"codes.frozen": 0.0, "codes.slope": [1.0, 2.0]})
     before, after = training_camera(settings(**changes)), Weights.load(found.weights).camera
     moved = {
-        "mask": not torch.allclose(before.spread.heights(), after.spread.heights()),
+        "mask": not torch.allclose(before.point_spread.heights(), after.point_spread.heights()),
         "shutter": not torch.equal(before.tile()[1], after.tile()[1]),
         "filters": not torch.equal(before.filters.cells(), after.filters.cells()),
     }
@@ -229,8 +229,8 @@ def test_codes_bring_the_camera_they_were_made_for(tmp_path):
     free = {name: value for name, value in (TINY | own).items() if name not in CHOSEN_BY_CODES}
     camera = training_camera(spectral_depth_settings(None, None, free))
     assert (camera.planes, camera.bench) == (made.planes, made.bench)
-    assert camera.spread.heights.stroke == Stroke(-2e-7, 3e-7, 9)
-    assert (camera.spread.energy, len(camera.filters.filters)) == ("aperture", len(made.filters.filters))
+    assert camera.point_spread.heights.stroke == Stroke(-2e-7, 3e-7, 9)
+    assert (camera.point_spread.energy, len(camera.filters.filters)) == ("aperture", len(made.filters.filters))
     torch.testing.assert_close(camera.codes()[0], made.codes()[0])
     torch.testing.assert_close(camera.tile()[1], made.tile()[1])
     with pytest.raises(SettingError, match=r"camera\.planes: found 3, expected 4, as in .*codes\.nc"):
@@ -248,22 +248,22 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
     first = {"camera.mask": family, "camera.shutter": "one-hot", "optimiser.steps": 2, "validate_every": 2}
     static = first | {"camera.slots": 1, "camera.shutter": "open", "camera.stroke": (-3e-7, 3e-7)}
     before = train(tmp_path / "static", **static).weights
-    maps = Weights.load(before).camera.spread.heights
+    maps = Weights.load(before).camera.point_spread.heights
     assert isinstance(maps, kept)
     first |= {"optimiser.mask_rate": 0.01}
     asked = ("camera.bench", *CHOSEN_BY_CODES[:3])
     own = {name: value for name, value in (TINY | first).items() if name not in asked}
     going = own | {"codes.start": str(before), "camera.learn": ["mask"], "codes.frozen": 0.0}
-    found = training_camera(spectral_depth_settings(None, None, going)).spread.heights
+    found = training_camera(spectral_depth_settings(None, None, going)).point_spread.heights
     assert isinstance(found, kept)
     assert found.stroke == Stroke(-3e-7, 3e-7)
     torch.testing.assert_close(found().detach(), maps().expand(2, -1, -1))
     run = train_spectral_depth(spectral_depth_settings(None, None, going), tmp_path / "learned", load)
-    learned = Weights.load(run.weights).camera.spread.heights
+    learned = Weights.load(run.weights).camera.point_spread.heights
     assert isinstance(learned, kept)
     assert float((learned() - found()).abs().max()) > 1e-9
     going |= {"camera.mask": "free-form"}
-    free = training_camera(spectral_depth_settings(None, None, going)).spread.heights
+    free = training_camera(spectral_depth_settings(None, None, going)).point_spread.heights
     torch.testing.assert_close(free().detach(), found().detach())
     assert free.heights.requires_grad
     with pytest.raises(SettingError, match=r"camera\.filters: found rgbw"):
@@ -302,7 +302,7 @@ def test_codes_learn_depth_from_the_likelihood_alone_if_the_network_sees_none(tm
     for weight in (0.0, 1.0, 10.0):
         folder = tmp_path / str(weight)
         weights = train(folder, **changes, **{"optimiser.likelihood_weight": weight, "validate_every": 2}).weights
-        heights[weight] = Weights.load(weights).camera.spread.heights().detach()
+        heights[weight] = Weights.load(weights).camera.point_spread.heights().detach()
         assert Weights.load(weights).prior == ""
         assert (folder / "prior.nc").exists() == (weight > 0)
     assert not torch.equal(heights[0.0], heights[1.0])

@@ -58,7 +58,7 @@ class SpectralDepthApplication(Application):
         unknown = unknown_depth(scene["depth"], camera.planes)
         check_depth_known(unknown, scene["depth"].size, camera.planes, str(scene.attrs.get("name", "scene")))
         check_holds(camera.size, camera.bench.window)
-        check_mask(camera.spread)
+        check_mask(camera.point_spread)
         return {**unknown, **{name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}}
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.Dataset, camera: Any) -> dict[str, float]:

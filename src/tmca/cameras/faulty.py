@@ -117,7 +117,7 @@ def _spectral_depth(camera: SpectralDepthCamera, hardware: Hardware, seed: int) 
     faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
     parts: dict[str, Any] = {"shutter": FaultyShutter(camera.shutter, faults)}
     if hardware.height_error or hardware.wavefront_error:
-        optics = camera.spread
+        optics = camera.point_spread
         path = aberration(hardware.wavefront_error, optics.heights.size, seed)
         waves = aberrated(optics.waves, path, camera.wavelengths)
         parts["point_spread"] = optics.behind(FaultyHeights(optics.heights, hardware.height_error), waves)

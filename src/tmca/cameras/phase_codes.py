@@ -57,7 +57,7 @@ def write_phase_codes(
 
     camera.tile()  # refuses patterns that do not repeat
     stored = camera.variables()
-    heights = camera.spread.heights
+    heights = camera.point_spread.heights
     for name, values in family_parameters(heights).items():
         axes, meaning = _OF_FAMILY[name]
         stored[name] = (axes, values.numpy(force=True), meaning)

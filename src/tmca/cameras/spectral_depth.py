@@ -150,7 +150,7 @@ class SpectralDepthCamera(Camera):
             drawn = {"rms": rms, "modes": modes, "seed": seed}
             heights = mask_maps(mask, slots, self.bench, stroke, learnable="mask" in learned, **drawn)
             point_spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
-        self.spread = point_spread
+        self.point_spread = point_spread
         self.shutter = shutter_plane(shutter, slots, self.size, self.period, seed, "shutter" in learned)
         self.filters = filter_array(
             filters, self.wavelengths, self.size, self.period, cells, seed, "filters" in learned,
@@ -162,13 +162,13 @@ class SpectralDepthCamera(Camera):
         shared = {
             "size": None if "size" in self.unbound else self.size, "slots": self.slots,
             "depth": (self.planes.near, self.planes.far), "planes": self.planes.count, "bench": self.bench,
-            "period": self.period, "exposure": self.exposure, "energy": self.spread.energy,
+            "period": self.period, "exposure": self.exposure, "energy": self.point_spread.energy,
             "image_formation": self.image_formation, "sensor": self.sensor,
         }  # fmt: skip
         if self.unbound:
             return {"bands": None if "bands" in self.unbound else self.wavelengths, **shared, **self._given}
         made = {"shutter": self.shutter, "filters": self.filters, "channels": self.response}
-        return {"bands": self.wavelengths, **shared, **made, "point_spread": self.spread}
+        return {"bands": self.wavelengths, **shared, **made, "point_spread": self.point_spread}
 
     def replace(self, **parts: Any) -> SpectralDepthCamera:
         """See ``Camera``; optics, shutter and filters are made anew where what describes them changes."""
@@ -206,7 +206,7 @@ class SpectralDepthCamera(Camera):
 
     def codes(self) -> tuple[Tensor, Tensor]:
         """(height maps (K, Hm, Wm) in metres, shutter (K, H, W) of zeros and ones)."""
-        return self.spread.heights(), self.shutter()
+        return self.point_spread.heights(), self.shutter()
 
     def colour(self) -> Tensor:
         """(C, L, H, W) filters over every pixel times the response of the sensor's channels."""
@@ -235,7 +235,7 @@ class SpectralDepthCamera(Camera):
 
     def psf(self) -> Tensor:
         """(K, D, L, h, w) point spread functions, planes from far to near."""
-        psf: Tensor = self.spread()
+        psf: Tensor = self.point_spread()
         return psf
 
     def equivalent_psf(self, pixel: tuple[int, int], plane: int) -> Tensor:
@@ -254,7 +254,7 @@ class SpectralDepthCamera(Camera):
         with torch.no_grad():
             open_share = self.shutter().mean(0)
             passed = (self.filters.filters @ self.response.T / self.response.sum(1)).mean(1)
-            light = 1.0 if self.spread.energy == "unit" else float(self.spread.arrived().mean())
+            light = 1.0 if self.point_spread.energy == "unit" else float(self.point_spread.arrived().mean())
             return float((self.filters.plane() * open_share).mean((1, 2)) @ passed) * light
 
     def transfer(self) -> Tensor:
@@ -369,7 +369,7 @@ class SpectralDepthCamera(Camera):
         }
         optics = {
             "bench": json.dumps(asdict(self.bench)), "depth": json.dumps(asdict(self.planes)),
-            "energy": self.spread.energy, "image_formation": self.image_formation,
+            "energy": self.point_spread.energy, "image_formation": self.image_formation,
         }  # fmt: skip
         return xr.Dataset(parts, wavelength_coordinates(self.wavelengths), {**common_attributes(self), **optics})
 

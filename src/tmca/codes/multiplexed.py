@@ -25,7 +25,7 @@ class Codes:
         period: tile of both planes, pixels; full frame if None.
         seed: same seed, same codes; aperture and shutter draw from different streams.
         learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
-        spread: of the logits' distances from their threshold, see ``CodePlane``.
+        jitter: of the logits' distances from their threshold, see ``CodePlane``.
     """
 
     aperture: str | Tensor = "random"
@@ -35,7 +35,7 @@ class Codes:
     period: int | Size | None = None
     seed: int = 0
     learnable: bool | str = False
-    spread: float = 0.0
+    jitter: float = 0.0
 
     def planes(self, slots: int, aperture: Size, shutter: Size) -> MultiplexedCodes:
         """The codes of K slots on an aperture (H, Wa) and a sensor (H, W').
@@ -45,7 +45,7 @@ class Codes:
         """
         if self.learnable not in (True, False, "aperture", "shutter"):
             raise SettingError("learnable", repr(self.learnable), "True, False, 'aperture' or 'shutter'")
-        how: dict[str, Any] = {"period": self.period, "spread": self.spread}
+        how: dict[str, Any] = {"period": self.period, "jitter": self.jitter}
         planes = (
             CodePlane(
                 self.aperture, slots, aperture, density=self.transmittance, seed=2 * self.seed,

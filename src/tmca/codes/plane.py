@@ -29,7 +29,7 @@ class CodePlane(nn.Module):
         learnable: logits become a ``Parameter``; the structure of the family (static, one-hot, complementary) is kept.
         slope: of the surrogate derivative, see ``hard_threshold``; assign to ``plane.slope`` to anneal it. With
             ``plane.relaxed = True`` the patterns are the smooth stand-in itself, grey between 0 and 1.
-        spread: share by which the distances of the logits from their threshold differ at random, 0 to 1, so that equal
+        jitter: share by which the distances of the logits from their threshold differ at random, 0 to 1, so that equal
             patterns of different slots can part ways when they are learned.
 
     Raises:
@@ -48,7 +48,7 @@ class CodePlane(nn.Module):
         seed: int = 0,
         learnable: bool = False,
         slope: float = 4.0,
-        spread: float = 0.0,
+        jitter: float = 0.0,
         name: str = "code",
     ) -> None:
         super().__init__()
@@ -66,10 +66,10 @@ class CodePlane(nn.Module):
             raise SettingError(
                 name, "grey values", "zeros and ones where codes are learned", "binarise it or leave it fixed"
             )
-        self._store(values, learnable, spread, seed)
+        self._store(values, learnable, jitter, seed)
 
     @torch.no_grad()
-    def show(self, patterns: Tensor, *, spread: float = 0.0, seed: int = 0) -> None:
+    def show(self, patterns: Tensor, *, jitter: float = 0.0, seed: int = 0) -> None:
         """Show patterns (K, h, w) of one period from now on; the structure of the family stays.
 
         Raises:
@@ -78,22 +78,22 @@ class CodePlane(nn.Module):
         """
         values = _own_patterns(patterns, self.slots, self.size, self.period or self.size, self.name)
         before = self.latent.clone()
-        self.latent.copy_(self._latent(values.to(before), spread, seed))
+        self.latent.copy_(self._latent(values.to(before), jitter, seed))
         if not self.tile().equal(values.to(before)):
             self.latent.copy_(before)
             raise SettingError(self.name, f"patterns that are not {self.family}", f"{self.family} ones")
 
-    def _latent(self, values: Tensor, spread: float, seed: int) -> Tensor:
+    def _latent(self, values: Tensor, jitter: float, seed: int) -> Tensor:
         """Latent values that show these patterns."""
         kept = values[:1] if self.family == "static" else values[::2] if self.family == "complementary" else values
         latent = kept.clone() if self.grey else (2 * kept - 1) * _MARGIN
-        if spread and not self.grey:
+        if jitter and not self.grey:
             source = torch.Generator().manual_seed(seed)
-            latent = latent * (1 - spread * torch.rand(latent.shape, generator=source))
+            latent = latent * (1 - jitter * torch.rand(latent.shape, generator=source))
         return latent
 
-    def _store(self, values: Tensor, learnable: bool, spread: float, seed: int) -> None:
-        latent = self._latent(values, spread, seed)
+    def _store(self, values: Tensor, learnable: bool, jitter: float, seed: int) -> None:
+        latent = self._latent(values, jitter, seed)
         if learnable and self.family != "open":
             self.latent = nn.Parameter(latent)
         else:

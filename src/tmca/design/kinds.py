@@ -24,7 +24,7 @@ KINDS: dict[str, dict[str, str]] = {
 }
 """Structure of codes by name: what the optimiser starts from and, where planes are no random, blue-noise or S-matrix
 ones, keeps."""
-_SPREAD, _BISECTIONS = 0.9, 24
+_JITTER, _BISECTIONS = 0.9, 24
 
 
 def designable(
@@ -58,7 +58,7 @@ def designable(
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
     planes: dict[str, Any] = dict(KINDS[kind])
     made = camera_type(
-        size=period, period=period, slots=slots, learnable=True, spread=_SPREAD, seed=seed, **planes, **camera
+        size=period, period=period, slots=slots, learnable=True, jitter=_JITTER, seed=seed, **planes, **camera
     )
     if start is None:
         return made
@@ -66,7 +66,7 @@ def designable(
         raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
     for name in ("aperture", "shutter"):
         codes = getattr(start.codes, name).tile().detach().repeat_interleave(slots // start.slots, 0)
-        getattr(made.codes, name).show(codes, spread=_SPREAD, seed=seed)
+        getattr(made.codes, name).show(codes, jitter=_JITTER, seed=seed)
     return made
 
 

@@ -303,7 +303,7 @@ class _Search:
 
 def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, rest: float = 0.0) -> None:
     """Show the masks and filters of another camera of one slot, or as many, but for a share of the maps' variance."""
-    maps, start = camera.spread.heights, source.spread.heights.metres()
+    maps, start = camera.point_spread.heights, source.point_spread.heights.metres()
     with torch.no_grad():
         getattr(maps, maps.name).mul_(rest**0.5).add_((1 - rest) ** 0.5 * start / maps.unit)
     camera.filters.load_state_dict(source.filters.state_dict())

@@ -117,7 +117,7 @@ def depth_information(
 
 def _moved_psf(camera: SpectralDepthCamera, shift: float) -> Tensor:
     """(K, D, L, h, w) of every plane moved by inverse metres."""
-    planes, psf = camera.planes, camera.spread
+    planes, psf = camera.planes, camera.point_spread
     near, far = 1 / planes.near + shift, 1 / planes.far + shift
     moved = DepthPlanes(1 / near, 1 / far if far > 0 else inf, planes.count)
     waves = camera.bench.waves(camera.wavelengths, moved).to(psf.waves.device)
@@ -235,7 +235,7 @@ def design_masks(
         SettingError: a camera in which nothing is learnable, or no steps.
     """
     check_range("steps", steps, 1)
-    rates = ((camera.spread, rate), (camera.shutter, code_rate), (camera.filters, code_rate))
+    rates = ((camera.point_spread, rate), (camera.shutter, code_rate), (camera.filters, code_rate))
     groups: list[dict[str, Any]] = [
         {"params": [p for p in part.parameters() if p.requires_grad], "lr": lr} for part, lr in rates
     ]

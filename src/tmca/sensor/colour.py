@@ -31,7 +31,7 @@ class ColourCodedAperture(nn.Module):
         seed: of random cells.
         learnable: whether the choice of filters is learned.
         slope: of the softmax over filters.
-        spread: see ``CodePlane``.
+        jitter: see ``CodePlane``.
 
     Raises:
         ShapeError, SettingError: filters outside [0, 1], or cells that name no filter.
@@ -49,7 +49,7 @@ class ColourCodedAperture(nn.Module):
         seed: int = 0,
         learnable: bool = False,
         slope: float = 4.0,
-        spread: float = 0.5,
+        jitter: float = 0.5,
     ) -> None:
         super().__init__()
         values = torch.as_tensor(filters, dtype=torch.get_default_dtype())
@@ -61,10 +61,10 @@ class ColourCodedAperture(nn.Module):
             cells = balanced_choice(len(values), (period, period) if isinstance(period, int) else period, seed)
         tile = (len(cells), len(cells[0]))
         self.plane = CodePlane(
-            "one-hot", len(values), size, period=tile, seed=seed, learnable=learnable, slope=slope, spread=spread,
+            "one-hot", len(values), size, period=tile, seed=seed, learnable=learnable, slope=slope, jitter=jitter,
             name="colour-coded aperture",
         )  # fmt: skip
-        self.plane.show(_one_hot(cells, len(values)), spread=spread, seed=seed)
+        self.plane.show(_one_hot(cells, len(values)), jitter=jitter, seed=seed)
 
     @property
     def learnable(self) -> bool:

@@ -13,7 +13,7 @@ from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
 from tmca.training.settings import TrainSettings
 
-_SPREAD = 0.9
+_JITTER = 0.9
 """Of the first logits' distances from the threshold: slots that start alike part ways."""
 
 
@@ -26,7 +26,7 @@ def starting_settings(settings: TrainSettings, shutter_size: Callable[[], tuple[
     """
     learn = settings.camera.learn
     described = settings.camera.model_dump(exclude={"learn"})
-    learning = {"spread": _SPREAD if learn != "none" else 0.0}
+    learning = {"jitter": _JITTER if learn != "none" else 0.0}
     learnable = {"both": True, "none": False}.get(learn, learn)
     return {**described, **_starting_codes(settings, shutter_size), **learning, "learnable": learnable}
 

@@ -70,7 +70,7 @@ def test_mirror_terms_are_the_modes_of_the_heights(tmp_path):
     camera = mirror()
     export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
     found = read_export(tmp_path / "out")
-    wanted = camera.spread.heights.metres().detach()
+    wanted = camera.point_spread.heights.metres().detach()
     torch.testing.assert_close(found.modes["coefficients"], wanted, atol=1e-12, rtol=1e-4)
     assert max(export.manifest["planes"][0]["residual_rms_nm"]) < 0.05
 
@@ -79,7 +79,7 @@ def test_what_a_mirror_cannot_show_is_told(tmp_path):
     """Modes of equal strength, half of which the mirror has not: the other half is left."""
     camera = mirror(modes=range(4, 28))
     export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
-    rms = camera.spread.heights.metres().detach()[:, 12:].square().sum(1).sqrt() * 1e9
+    rms = camera.point_spread.heights.metres().detach()[:, 12:].square().sum(1).sqrt() * 1e9
     np.testing.assert_allclose(export.manifest["planes"][0]["residual_rms_nm"], rms, rtol=0.03)
 
 
@@ -324,7 +324,7 @@ def test_all_terms_of_a_mirror_together_have_a_stroke(tmp_path):
     codes = read_planes(snapshot(tmp_path, camera))
     found = export_codes(codes, [device_named("dmp40")], tmp_path / "out").manifest["planes"][0]["peak_to_valley_um"]
     modes = zernike_modes([noll(i) for i in range(4, 16)], (301, 301))
-    maps = torch.tensordot(camera.spread.heights.metres().detach().double(), modes, 1)[:, modes[0] != 0] * 1e6
+    maps = torch.tensordot(camera.point_spread.heights.metres().detach().double(), modes, 1)[:, modes[0] != 0] * 1e6
     np.testing.assert_allclose(found, maps.amax(1) - maps.amin(1), rtol=0.03)
     tight = device_named("dmp40", total_stroke_um=0.9 * max(found))
     with pytest.raises(SettingError, match=r"between peak and valley in slot \d.*total stroke of dmp40"):

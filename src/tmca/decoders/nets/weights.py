@@ -295,7 +295,7 @@ def _parts(camera: Any, tiled: bool = True) -> tuple[dict[str, Tensor], dict[str
 
 
 def _depth_parts(camera: SpectralDepthCamera) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    heights, stroke = camera.spread.heights, camera.spread.heights.stroke
+    heights, stroke = camera.point_spread.heights, camera.point_spread.heights.stroke
     codes = {
         "heights": heights(), "shutter": camera.tile()[1], "filters": camera.filters.filters,
         "cells": camera.filters.cells(), "response": camera.response, **family_parameters(heights),
@@ -304,7 +304,7 @@ def _depth_parts(camera: SpectralDepthCamera) -> tuple[dict[str, Tensor], dict[s
         "bands": list(camera.wavelengths), "size": list(camera.size), "slots": camera.slots,
         "depth": [camera.planes.near, camera.planes.far], "planes": camera.planes.count,
         "bench": asdict(camera.bench), "period": camera.period, "exposure": camera.exposure,
-        "energy": camera.spread.energy, "image_formation": camera.image_formation,
+        "energy": camera.point_spread.energy, "image_formation": camera.image_formation,
         "stroke": None if stroke is None else asdict(stroke),
     }  # fmt: skip
     return {name: value.detach().clone() for name, value in codes.items()}, settings

@@ -116,7 +116,7 @@ def design_spectral_depth(
     advice = search_masks(task, known, counts, effort, lambda share, step: told(0.3 + 0.68 * share, step), judge)
     found = described(advice, task, effort, known, {"preset": preset, "sensor": asdict(sheet)}, command)
     write_design(advice, found, out, overwrite)
-    check_mask(advice.best.camera.spread)
+    check_mask(advice.best.camera.point_spread)
     return advice, found
 
 

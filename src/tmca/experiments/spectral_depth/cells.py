@@ -166,7 +166,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
         if cell["keep"]:
             kept[name] = str(found.save(folder / f"estimate-{cell_key(cell)}-{len(kept)}.nc", overwrite=True))
     with torch.no_grad():
-        arrived = probe.spread.arrived()
+        arrived = probe.point_spread.arrived()
     light = {"throughput": probe.throughput(), "arrived": float(arrived.mean())}
     return {"metrics": metrics, "seconds": seconds, **light, "kept": kept}
 

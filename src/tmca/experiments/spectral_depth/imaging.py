@@ -62,7 +62,7 @@ def take_spectral_depth_snapshot(
     faults, unknown = hardware or Hardware(), unknown_depth(scene["depth"], camera.planes)
     check_depth_known(unknown, scene["depth"].size, camera.planes, str(scene.attrs.get("name", "scene")))
     check_holds(camera.size, camera.bench.window)
-    check_mask(camera.spread)
+    check_mask(camera.point_spread)
     cube = torch.from_numpy(np.require(scene["radiance"].values, np.float32, ["C", "W"]))[None]
     depth = depth_tensor(scene)
     with torch.no_grad():

@@ -157,6 +157,6 @@ def spectral_depth_camera(camera: SpectralDepthCamera, calibration: Calibration,
         camera.wavelengths, camera.size, camera.slots, depth=(camera.planes.near, camera.planes.far),
         planes=camera.planes.count, bench=camera.bench, mask=FreeForm(heights.float()),
         shutter=camera.shutter.tile().detach(), filters=camera.filters.filters, cells=camera.filters.cells(),
-        period=camera.period, channels=camera.response, exposure=camera.exposure, energy=camera.spread.energy,
+        period=camera.period, channels=camera.response, exposure=camera.exposure, energy=camera.point_spread.energy,
         image_formation=camera.image_formation, sensor=sensor,
     )  # fmt: skip

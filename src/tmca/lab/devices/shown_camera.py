@@ -36,9 +36,9 @@ def showing(camera: Any, codes: Planes) -> Any:
                 raise DeviceError("simulated bench", f"{name} of {tuple(plane.shape)}", wanted, "export them for it")
         return camera.replace(codes=_Shown(shown["aperture"], shown["shutter"]), slots=slots)
     if codes.modes:
-        size, modes = camera.spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
+        size, modes = camera.point_spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
         heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
-        return camera.replace(point_spread=camera.spread.behind(heights))
+        return camera.replace(point_spread=camera.point_spread.behind(heights))
     return camera
 
 
@@ -81,7 +81,7 @@ def of_one_slot(camera: Any, seen: Sequence[int], shares: Tensor, share: int) ->
     parts: dict[str, Any] = {"sensor": sub_exposed(camera, share), "slots": len(seen), "exposure": "equal"}
     if isinstance(camera, CodedCamera):
         return camera.replace(codes=_Seen(camera.codes, seen, opened), **parts)
-    optics = camera.spread.behind(_Maps(camera.spread.heights, seen))
+    optics = camera.point_spread.behind(_Maps(camera.point_spread.heights, seen))
     return camera.replace(shutter=_Opened(camera.shutter, opened), point_spread=optics, **parts)
 
 

@@ -130,7 +130,7 @@ def planes_of(camera: Camera, source: str) -> Planes:
     """
     if isinstance(camera, SpectralDepthCamera):
         heights, shutter = camera.codes()
-        modes, settings = family_parameters(camera.spread.heights), {"material": camera.bench.material}
+        modes, settings = family_parameters(camera.point_spread.heights), {"material": camera.bench.material}
         return Planes(source, camera.kind, {"heights": heights, "shutter": shutter}, (), modes, settings)
     if getattr(camera, "coloured", None) is not None:
         raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")

@@ -131,8 +131,8 @@ def _alike(name: str, asked: Any, found: dict[str, Any]) -> bool:
 def _of_weights(start: Path) -> dict[str, Any]:
     """The same of a trained camera."""
     before = Weights.load(start).camera
-    heights = before.spread.heights
+    heights = before.point_spread.heights
     found = {"mask": heights, "shutter": before.tile()[1].detach(), "bench": before.bench, "bands": before.wavelengths}
     found |= {"stroke": heights.stroke, "depth": (before.planes.near, before.planes.far), "planes": before.planes.count}
     found |= {"filters": before.filters.filters, "cells": before.filters.cells(), "period": before.period}
-    return found | {"channels": before.response, "exposure": before.exposure, "energy": before.spread.energy}
+    return found | {"channels": before.response, "exposure": before.exposure, "energy": before.point_spread.energy}

@@ -60,7 +60,7 @@ def train_spectral_depth(settings: SpectralDepthTrainSettings, folder: Path, loa
     """
     found = train(_prepare, settings, folder, load, **how)
     if "mask" in settings.camera.learn:
-        check_mask(Weights.load(found.weights).camera.spread)
+        check_mask(Weights.load(found.weights).camera.point_spread)
     return found
 
 

@@ -102,7 +102,7 @@ class DepthSystem(nn.Module):
 
     def groups(self) -> dict[str, list[nn.Parameter]]:
         """Parameters of the decoder, of the masks, and of shutter and filters."""
-        parts: dict[str, tuple[nn.Module, ...]] = {"decoder": (self.network,), "masks": (self.camera.spread,)}
+        parts: dict[str, tuple[nn.Module, ...]] = {"decoder": (self.network,), "masks": (self.camera.point_spread,)}
         parts |= {"codes": (self.camera.shutter, self.camera.filters)}
         return {name: [p for part in own for p in part.parameters() if p.requires_grad] for name, own in parts.items()}
 
