@@ -27,6 +27,7 @@ _EXTRA = (
     "prior",
     "dictionary",
     "tv_weight",
+    "window",
     "seed",
     "motion",
     "size",
