@@ -246,5 +246,5 @@ def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_p
     for window in ("12", "33"):
         said = refused(capsys, *decode, "other.nc", "--window", window)
         assert f"--window: found {window} pixels, expected 16 (the tile of the codes) to 32 (the sensor)" in said
-    assert "beside weights" in refused(capsys, *decode[:2], "--weights", "run", "--window", "16")
+    assert "--window: found 16 for network" in refused(capsys, *decode[:2], "--weights", "run", "--window", "16")
     assert not (tmp_path / "other.nc").exists()

@@ -218,7 +218,7 @@ def test_a_run_of_other_bands_is_refused(exported, tmp_path):
     with pytest.raises(DataError, match=r"a snapshot of shape \(1, 1, 24, 23\), expected \(1, 1, 24, 24\)"):
         check_decoder(exported[1], written_weights(tmp_path, bands=3))
     weights = Weights.load(exported[0])
-    weights.wavelengths = tuple(wave + 5e-9 for wave in weights.wavelengths)
+    weights.settings["bands"] = [wave + 5e-9 for wave in weights.wavelengths]
     (tmp_path / "weights.safetensors").unlink()
     with pytest.raises(DataError, match=r"bands from 505 to 565 nm \(4\), expected 500 to 560 nm"):
         check_decoder(exported[1], weights.save(tmp_path / "weights.safetensors"))

@@ -77,6 +77,16 @@ class Weights:
         return len(self.codes["shutter"])
 
     @property
+    def aperture(self) -> Tensor:
+        """(K, h, w) of a collapsed camera."""
+        return self.codes["aperture"]
+
+    @property
+    def shutter(self) -> Tensor:
+        """(K, h, w')."""
+        return self.codes["shutter"]
+
+    @property
     def wavelengths(self) -> tuple[float, ...]:
         """Of the bands, metres; none for views."""
         return tuple(self.settings.get("bands", ()))
