@@ -99,8 +99,7 @@ def test_weights_give_back_the_network_and_the_camera(tmp_path):
     camera = found.camera_for((30, 41))
     scene = torch.from_numpy(tiny.load("fourth").values)[None, :, :30, :41]
     snapshot, noise = camera.A(scene), Noise(0.01)
-    decoder = CollapsedNetwork(found.network, found.load_prior())
-    whole = decoder(snapshot, camera.operator(), noise)
+    whole = CollapsedNetwork(found.network, camera.operator(), noise, found.load_prior())(snapshot)
     assert whole.shape == scene.shape
     assert found.card["best"]["psnr"] > 0
     assert (tmp_path / "run" / "weights.safetensors").stat().st_size < 100_000
@@ -115,7 +114,7 @@ def test_tiles_join_without_a_seam(kind, noise):
         parameter.data.normal_(std=0.2)
     operator = single_disperser((torch.rand(2, 203, 21) > 0.5).float(), torch.ones(2, 203, 22), Dispersion.linear(2))
     snapshot = operator.A(torch.rand(1, 2, 203, 21))
-    whole, tiled = (CollapsedNetwork(network, None, tile)(snapshot, operator, noise) for tile in (None, 40))
+    whole, tiled = (CollapsedNetwork(network, operator, noise, None, tile)(snapshot) for tile in (None, 40))
     assert torch.allclose(whole, tiled, atol=1e-5)
 
 

@@ -12,6 +12,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.data import label
 from tmca.decoders import Weights
+from tmca.decoders.nets.tiles import TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import DepthEstimate
 from tmca.errors import SettingError
 from tmca.optics import PhaseMaskBench, RotationalProfile, StrayLight, Stroke, ZernikeHeights
@@ -67,8 +68,10 @@ def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
     assert found.best["score"] == pytest.approx(max(score), rel=1e-4)
     weights = Weights.load(found.weights)
     camera = weights.camera_for((30, 27))
-    decoded = weights.decoder(camera)(camera(torch.rand(1, 8, 30, 27), torch.full((1, 1, 30, 27), 0.8)))
-    assert decoded.estimate.shape == (1, 8, 30, 27)
+    decoded = TwoHeadedNetwork(weights.network, camera, weights.load_prior())(
+        camera(torch.rand(1, 8, 30, 27), torch.full((1, 1, 30, 27), 0.8))
+    )
+    assert decoded.values.shape == (1, 8, 30, 27)
     assert bool(camera.planes.within(decoded.depth).all())
 
 
