@@ -285,7 +285,7 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
         ({"codes.through_start": True}, "an unknown name"),
         ({"data.redrawn": 5}, "redrawn"),
         ({"camera.learn": ["filters"]}, "filters, of which there is one"),
-        ({"camera.bench": {"lens": 3}}, "bench: found lens"),
+        ({"camera.bench": {"lens": 3}}, "bench: found 'lens'"),
         ({"camera.levels": 4}, r"beside camera\.stroke"),
         ({"camera.bench": {"window": [31, 31]}}, "at least 31"),
         ({"camera.learn": ["lens"]}, "learn"),
