@@ -185,7 +185,7 @@ def test_what_is_learned_gets_gradients_and_stays_feasible():
     cube, depth = scene_of(made)
     made(cube, depth).square().sum().backward()
     names = {name.split(".")[0]: p.grad for name, p in made.named_parameters()}
-    assert set(names) == {"spread", "shutter", "filters"}
+    assert set(names) == {"point_spread", "shutter", "filters"}
     assert all(float(grad.abs().max()) > 0 for grad in names.values())
     assert set(made.shutter().unique().tolist()) <= {0.0, 1.0}
     assert set(made.filters.plane().sum(0).unique().tolist()) == {1.0}

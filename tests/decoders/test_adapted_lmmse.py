@@ -32,7 +32,7 @@ def test_error_moments_are_those_of_the_dense_posterior(name, shot):
     S, mean = PRIOR.covariance, PRIOR.mean.flatten()
     noise = torch.diag(0.05**2 + NOISE_FLOOR + shot * (rows @ mean).clamp_min(0))
     error = S - S @ rows.mT @ torch.linalg.solve(rows @ S @ rows.mT + noise, rows @ S)
-    first, last = model.judged
+    first, last = model.valid
     error = error.reshape(*PRIOR.block, *PRIOR.block)[:, :, first:last, :, :, first:last]
     width = last - first
     for dy, dx in {(0, 0), (1, 0), (2, width - 1), (3, width // 2)}:

@@ -38,7 +38,7 @@ def textbook(prior, taps, y, read_noise, shot):
 @pytest.mark.parametrize("smaller", [0, 1])
 def test_one_block_image_is_the_dense_estimate_with_all_its_borders(name, read_noise, shot, smaller):
     model = BlockModel.of(camera(name, 4, 12), (3, 4, 12))
-    first, last = model.judged
+    first, last = model.valid
     size = (4 - smaller, last - first - smaller * (last - first > 1))
     taps = camera(name, *size)
     y = noisy(snapshot(taps, smooth_scene(*size, seed=4)[None]), read_noise, shot)
@@ -127,7 +127,7 @@ def test_measurements_without_noise_are_met():
 def test_uncertainty_is_calibrated_on_scenes_of_the_prior():
     taps = camera("single disperser", 4, 12)
     prior = narrower(4, 16)
-    first, last = BlockModel.of(taps, prior.block).judged
+    first, last = BlockModel.of(taps, prior.block).valid
     assert last - first == 12
     scenes = prior.sample(500, seed=1)[..., first:last]
     found = patches(prior)(noisy(snapshot(taps, scenes), 0.05, 0.002), taps, 0.05, 0.002, uncertainty=True)
@@ -140,7 +140,7 @@ def test_uncertainty_is_calibrated_on_scenes_of_the_prior():
 @pytest.mark.parametrize("shot", [0.0, 0.01])
 def test_its_derivative_by_code_and_snapshot_is_exact_on_one_block(name, shot):
     model = BlockModel.of(camera(name, 4, 12), (3, 4, 12))
-    taps = camera(name, 4, model.judged[1] - model.judged[0])
+    taps = camera(name, 4, model.valid[1] - model.valid[0])
     code = (0.1 + 0.8 * taps.code.double()).requires_grad_()
     y = snapshot(taps, smooth_scene(*taps.scene_shape[1:], seed=4)[None]).double().requires_grad_()
     decoder = patches(narrower(4, 12), dtype=torch.float64)

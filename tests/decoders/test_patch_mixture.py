@@ -62,13 +62,13 @@ def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
         mean = (share * means).sum(0)
         spread = (share * (np.array(variances) + (means - mean) ** 2)).sum(0)
         np.testing.assert_allclose(estimate[i].numpy(), mean, atol=1e-4)
-        judged = spread.reshape(BLOCK)[..., slice(*model.judged)].flatten()
+        judged = spread.reshape(BLOCK)[..., slice(*model.valid)].flatten()
         np.testing.assert_allclose(variance[i].numpy(), judged, rtol=0.05, atol=1e-6)
 
 
 def test_on_scenes_of_the_mixture_it_beats_the_best_linear_estimate_and_knows_its_error(prior):
     taps = camera("single disperser", 4, 8)
-    first, last = BlockModel.of(taps, BLOCK).judged
+    first, last = BlockModel.of(taps, BLOCK).valid
     scenes = prior.sample(300, seed=5)[..., first:last]
     y = noisy(snapshot(taps, scenes), 0.02, 0.0)
     mixed = patches(prior)(y, taps, 0.02, uncertainty=True)

@@ -86,7 +86,7 @@ def test_block_estimate_is_the_textbook_formula_with_borders_and_shot_noise(prio
 
 def test_judged_columns_lie_wholly_on_complete_measurements():
     model = BlockModel.of(camera("wide and unordered dispersion", 2, 20), BLOCK)
-    assert (model.span, model.columns, model.judged) == (4, 5, (4, 5))
+    assert (model.span, model.columns, model.valid) == (4, 5, (4, 5))
 
 
 @settings(max_examples=40, deadline=None)
@@ -100,7 +100,7 @@ def test_judged_columns_cover_every_frame(name, frame, stride):
     grid = BlockGrid.cover(model, frame, (min(stride[0], BLOCK[1]), stride[1]))
     covered = torch.zeros(frame, dtype=torch.bool)
     for top, left in grid.positions:
-        first, last = (max(0, left + edge) for edge in model.judged)
+        first, last = (max(0, left + edge) for edge in model.valid)
         covered[top : top + BLOCK[1], first:last] = True
     assert covered.all()
 

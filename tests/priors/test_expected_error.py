@@ -26,14 +26,14 @@ def measured_mse(prior, taps, blocks, noise):
     y = noisy(snapshot(taps, blocks), noise.read, noise.shot)[:, 0]
     posterior = GaussianSolver(prior, model, noise, torch.float64).posterior(taps.code[None])
     error = posterior.estimate(0, grid.snapshot_windows(y, [(0, 0)])[0]).reshape(blocks.shape) - blocks
-    first, last = model.judged
+    first, last = model.valid
     return float(error[..., first:last].square().mean())
 
 
 def expected_mse_of(prior, taps, noise):
     """What the prior expects of the one block that the code is as large as."""
     model = BlockModel.of(taps, prior.block)
-    first, last = model.judged
+    first, last = model.valid
     variance = GaussianSolver(prior, model, noise).posterior(taps.code[None]).error_variance()
     return float(variance.reshape(prior.block)[..., first:last].mean())
 

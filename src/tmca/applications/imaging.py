@@ -66,7 +66,7 @@ def simulate(
     with torch.no_grad():
         bench = imperfect(camera, faults, seed)
         values = bench(light, *depth, generator=NOISE_STREAM + seed, progress=progress)
-    notes |= {"hardware": faults.said()} if faults.faults() else {}
+    notes |= {"hardware": faults.described()} if faults.faults() else {}
     return Snapshot(values, camera, notes)
 
 

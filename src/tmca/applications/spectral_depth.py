@@ -75,9 +75,9 @@ def spectral_depth_metrics(
     """
     from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
 
-    known = planes.within(torch.from_numpy(np.array(truth["depth"].values)))
-    real = np.where(known.numpy(), truth["depth"].values, np.nan)
+    within = planes.within(torch.from_numpy(np.array(truth["depth"].values)))
+    real = np.where(within.numpy(), truth["depth"].values, np.nan)
     figures = {"depth_mae": depth_mae(depth, real), "depth_rmse": depth_rmse(depth, real)}
     if planes.count > 1:
         figures["within_bin"] = within_bin(depth, real, planes.metres)
-    return {**all_metrics(cube, truth["radiance"].values), **figures, "known_depth": float(known.double().mean())}
+    return {**all_metrics(cube, truth["radiance"].values), **figures, "known_depth": float(within.double().mean())}

@@ -24,9 +24,9 @@ TOTAL = "unknown_depth_pixels"
 def unknown_depth(depth: xr.DataArray, planes: DepthPlanes) -> dict[str, int]:
     """How many pixels (y, x) are unknown, in all and by kind: no depth, or outside the range of the planes."""
     kinds = unknown_kinds(depth)
-    known = planes.within(torch.from_numpy(np.array(depth.values))).numpy()
-    counts = [int(np.sum(kinds == place)) for place in range(1, len(KINDS))] + [int(np.sum((kinds == 0) & ~known))]
-    return {TOTAL: int(np.sum(~known)), **{f"unknown_{name}": n for name, n in zip(KINDS, counts, strict=True)}}
+    within = planes.within(torch.from_numpy(np.array(depth.values))).numpy()
+    counts = [int(np.sum(kinds == place)) for place in range(1, len(KINDS))] + [int(np.sum((kinds == 0) & ~within))]
+    return {TOTAL: int(np.sum(~within)), **{f"unknown_{name}": n for name, n in zip(KINDS, counts, strict=True)}}
 
 
 def said_unknown(counts: Mapping[str, Any], pixels: int) -> str:
@@ -39,6 +39,6 @@ def said_unknown(counts: Mapping[str, Any], pixels: int) -> str:
 def check_depth_known(counts: Mapping[str, int], pixels: int, planes: DepthPlanes, where: str) -> None:
     """Raises DataError where no pixel of a scene has a depth that the camera knows."""
     if counts[TOTAL] == pixels:
-        known = f"some within {planes.near:g} to {planes.far:g} m, the camera's depth range"
+        expected = f"some within {planes.near:g} to {planes.far:g} m, the camera's depth range"
         remedy = "choose another range (--depth), or map depth onto it (no --metric-depth)"
-        raise DataError(where, said_unknown(counts, pixels), known, remedy)
+        raise DataError(where, said_unknown(counts, pixels), expected, remedy)

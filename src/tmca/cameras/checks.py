@@ -41,30 +41,33 @@ def evenly_spaced(bands: int) -> tuple[float, ...]:
     return tuple(torch.linspace(400e-9, 700e-9, bands, dtype=torch.float64).tolist()) if bands > 1 else (550e-9,)
 
 
-def learned_parts(learnable: bool | str | Collection[str], known: tuple[str, ...]) -> tuple[str, ...]:
+def learned_parts(learnable: bool | str | Collection[str], parts: tuple[str, ...]) -> tuple[str, ...]:
     """The parts of a camera that are learned: all, none, or the named ones.
 
     Raises:
         SettingError: an unknown part.
     """
     if isinstance(learnable, bool):
-        return known if learnable else ()
+        return parts if learnable else ()
     names = (learnable,) if isinstance(learnable, str) else tuple(learnable)
     for name in names:
-        if name not in known:
-            raise SettingError("learnable", repr(name), f"True, False, or some of {', '.join(known)}")
+        if name not in parts:
+            raise SettingError("learnable", repr(name), f"True, False, or some of {', '.join(parts)}")
     return names
 
 
 def check_holds(size: tuple[int, int], window: tuple[int, int]) -> None:
     """Raises SettingError where a frame is narrower than its point spread functions."""
     if min(size) < max(window):
-        found, known = f"{size[0]}×{size[1]} pixels", f"at least {max(window)}, the width of the point spread functions"
-        raise SettingError("size", found, known, "take a larger crop or patch")
+        found, expected = (
+            f"{size[0]}×{size[1]} pixels",
+            f"at least {max(window)}, the width of the point spread functions",
+        )
+        raise SettingError("size", found, expected, "take a larger crop or patch")
 
 
 def check_one_hot(slots: int, period: int) -> None:
     """Raises SettingError where a tile has fewer pixels than there are slots, so that some would never be seen."""
     if slots > period**2:
-        found, known = f"{slots} with a one-hot shutter", f"at most {period**2}, the pixels of its period"
-        raise SettingError("slots", found, known, "take a longer period or another shutter")
+        found, expected = f"{slots} with a one-hot shutter", f"at most {period**2}, the pixels of its period"
+        raise SettingError("slots", found, expected, "take a longer period or another shutter")

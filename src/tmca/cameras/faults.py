@@ -135,17 +135,19 @@ class Hardware:
         perfect = {field.name: field.default for field in fields(self)}
         return {name: value for name, value in asdict(self).items() if value != perfect[name]}
 
-    def said(self) -> str:
+    def described(self) -> str:
         """Those that there are, in words."""
-        told = {n: " ".join(f"{v:g}" for v in _numbers(n, value)) for n, value in self.faults().items()}
-        return ", ".join(f"{name} = {value}" for name, value in told.items())
+        words = {n: " ".join(f"{v:g}" for v in _numbers(n, value)) for n, value in self.faults().items()}
+        return ", ".join(f"{name} = {value}" for name, value in words.items())
 
     def check(self, application: str) -> None:
         """Raises SettingError for a fault that a camera cannot have."""
         for name in self.faults():
             if name in PARTS[application]:
-                known = ", ".join(other for other in LIMITS if other not in PARTS[application])
-                raise SettingError(name, str(getattr(self, name)), f"none in a {application} camera, which has {known}")
+                possible = ", ".join(other for other in LIMITS if other not in PARTS[application])
+                raise SettingError(
+                    name, str(getattr(self, name)), f"none in a {application} camera, which has {possible}"
+                )
 
 
 def _pair(both: float | Pair) -> Pair:
@@ -153,8 +155,8 @@ def _pair(both: float | Pair) -> Pair:
 
 
 def _numbers(name: str, value: Any) -> tuple[float, ...]:
-    known = value.split(":") if isinstance(value, str) else value
-    parts = known if isinstance(known, tuple | list) else (known,)
+    numbers = value.split(":") if isinstance(value, str) else value
+    parts = numbers if isinstance(numbers, tuple | list) else (numbers,)
     if len(parts) not in ((1, 2) if name in PAIRS else (1,)):
         raise SettingError(name, str(value), LIMITS[name]["unit"])
     try:

@@ -37,10 +37,10 @@ def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -
     edged = torch.nn.functional.pad(scene[None], (across, across, down, down), mode="replicate")[0]
 
     def seen(places: Mapping[tuple[int, int], float]) -> Tensor:
-        found = torch.zeros_like(scene)
+        image = torch.zeros_like(scene)
         for (row, column), share in places.items():
-            found = found + share * edged[:, down - row : down - row + height, across - column :][..., :width]
-        return found
+            image = image + share * edged[:, down - row : down - row + height, across - column :][..., :width]
+        return image
 
     edges = [slot / slots - 0.5 for slot in range(slots + 1)]
     return torch.stack([seen(_places(displacement, *times)) for times in pairwise(edges)])
@@ -71,11 +71,11 @@ def _places(displacement: tuple[float, float], start: float, end: float) -> dict
         if part
         for pixel in range(ceil(min(part * start, part * end)), floor(max(part * start, part * end)) + 1)
     }
-    found: dict[tuple[int, int], float] = defaultdict(float)
+    shares: dict[tuple[int, int], float] = defaultdict(float)
     for first, last in pairwise(sorted({start, end, *(time for time in crossed if start < time < end)})):
         for point in _GAUSS:
             y, x = (part * (first + point * (last - first)) for part in displacement)
             for row, down in ((floor(y), 1 - y % 1), (floor(y) + 1, y % 1)):
                 for column, across in ((floor(x), 1 - x % 1), (floor(x) + 1, x % 1)):
-                    found[row, column] += down * across * (last - first) / (end - start) / 2
-    return {place: share for place, share in found.items() if share}
+                    shares[row, column] += down * across * (last - first) / (end - start) / 2
+    return {place: share for place, share in shares.items() if share}

@@ -88,13 +88,13 @@ def read_phase_codes(path: str | Path) -> dict[str, Any]:
         raise DataError(path, found, "(K, rows, columns) of maps, (K, Q, Q) and (Q, Q) of a tile", remedy)
     try:
         bench, depth = json.loads(stored.attrs["bench"]), json.loads(stored.attrs["depth"])
-        known: dict[str, Any] = {"bench": changed_bench(PhaseMaskBench(), bench), "planes": int(depth["count"])}
-        known["depth"] = (float(depth["near"]), float(depth["far"]))
+        settings: dict[str, Any] = {"bench": changed_bench(PhaseMaskBench(), bench), "planes": int(depth["count"])}
+        settings["depth"] = (float(depth["near"]), float(depth["far"]))
         if "stroke" in stored.attrs:
-            known["stroke"] = Stroke(**json.loads(stored.attrs["stroke"]))
-        maps = restored_maps(heights, numbers, known.get("stroke"))
+            settings["stroke"] = Stroke(**json.loads(stored.attrs["stroke"]))
+        maps = restored_maps(heights, numbers, settings.get("stroke"))
     except (KeyError, TypeError, ValueError, TmcaError) as error:
         raise DataError(path, f"masks, bench or depth that are none ({error})", "those of a camera", remedy) from error
     named = {name: str(stored.attrs[name]) for name in ("filters", "channels", "exposure", "energy")}
-    return {**known, **named, "mask": maps, "shutter": shutter, "cells": cells, "slots": len(heights),
+    return {**settings, **named, "mask": maps, "shutter": shutter, "cells": cells, "slots": len(heights),
             "period": len(cells)}  # fmt: skip

@@ -53,11 +53,11 @@ def shutter_plane(
     if isinstance(shutter, nn.Module):
         return shutter  # type: ignore[return-value]
     tile = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period
-    own = 2 * seed + 1
-    plane = CodePlane(shutter, slots, size, period=tile, seed=own, learnable=learnable, name="shutter")
+    shutter_seed = 2 * seed + 1
+    plane = CodePlane(shutter, slots, size, period=tile, seed=shutter_seed, learnable=learnable, name="shutter")
     if isinstance(shutter, str) and shutter == "one-hot":
         check_one_hot(slots, period)
-        plane.show(one_hot_planes(balanced_choice(slots, (period, period), own), slots))
+        plane.show(one_hot_planes(balanced_choice(slots, (period, period), shutter_seed), slots))
     return plane
 
 

@@ -68,9 +68,9 @@ def sensor_tiles(size: Size, tile: Size, margin: Size) -> list[SensorTile]:
 
 def _cuts(length: int, step: int, margin: int) -> list[tuple[slice, slice, Size]]:
     """Places of tiles along an axis, what they see, and what is missing before and after it."""
-    found = []
+    cuts = []
     for start in range(0, length, step):
         first, last = start - margin, start + step + margin
         seen, missing = slice(max(0, first), min(length, last)), (max(0, -first), max(0, last - length))
-        found.append((slice(start, min(start + step, length)), seen, missing))
-    return found
+        cuts.append((slice(start, min(start + step, length)), seen, missing))
+    return cuts

@@ -312,9 +312,9 @@ class SpectralDepthCamera(Camera):
         moments = [slice(None)] if depth.ndim == 4 else [slice(k, k + 1) for k in range(self.slots)]
         seen, form = [], layered if self.image_formation == "linear" else composited
         for slots in moments:
-            own = light if depth.ndim == 4 else light[:, slots]
+            moving = light if depth.ndim == 4 else light[:, slots]
             weights = self.planes.weights(places if depth.ndim == 4 else places[:, slots.start]).to(scene)
-            seen.append(form(own, tile.padded(weights), transfer[slots], frame))
+            seen.append(form(moving, tile.padded(weights), transfer[slots], frame))
         return coded_exposure(
             tile.inside(seen[0] if len(seen) == 1 else torch.cat(seen, 1)),
             *self._codes_over(tile.rows, tile.columns),

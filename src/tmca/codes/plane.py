@@ -85,8 +85,10 @@ class CodePlane(nn.Module):
 
     def _latent(self, values: Tensor, jitter: float, seed: int) -> Tensor:
         """Latent values that show these patterns."""
-        kept = values[:1] if self.family == "static" else values[::2] if self.family == "complementary" else values
-        latent = kept.clone() if self.grey else (2 * kept - 1) * _MARGIN
+        independent = (
+            values[:1] if self.family == "static" else values[::2] if self.family == "complementary" else values
+        )
+        latent = independent.clone() if self.grey else (2 * independent - 1) * _MARGIN
         if jitter and not self.grey:
             source = torch.Generator().manual_seed(seed)
             latent = latent * (1 - jitter * torch.rand(latent.shape, generator=source))

@@ -130,7 +130,7 @@ def solve_admm(
         iterations: at most.
         tolerance: of the relative residuals.
         stop: asked every 25 iterations with q ``(A, P, M)``; True ends early.
-        progress: told the share of the iterations and, as ``detail``, the residual.
+        progress: called with the share of the iterations and, as ``detail``, the residual.
     """
     parts = [Gram(source, problem.shape) for source in problem.sources]
     y = problem.y.reshape(-1)

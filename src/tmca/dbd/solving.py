@@ -59,7 +59,7 @@ def solve(
         early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
         accuracy: relative residual at which ``sdp`` ends; the value of the programme is about ten times as inexact.
         solver: CVXPY's name of the solver.
-        progress: told the share that ``sdp`` has done, 0 to 1, and a ``detail``.
+        progress: called with the share that ``sdp`` has done, 0 to 1, and a ``detail``.
 
     Returns:
         The recovery; ``found``, ``exact`` and ``certified`` are separate statements.

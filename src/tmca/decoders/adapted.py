@@ -65,7 +65,7 @@ class AdaptedEstimator:
         self.tiling = Tiling.of((taps.code.shape[1], taps.code.shape[2]), tile)
         model = BlockModel.of(taps, prior.block)
         learning = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
-        coarse = Layout.of(model, taps, (prior.block[1], model.judged[1] - model.judged[0]))
+        coarse = Layout.of(model, taps, (prior.block[1], model.valid[1] - model.valid[0]))
         self.coarse = Frame(coarse, self.tiling, learning, torch.float32)
         fine = Layout.of(model, taps, usual_stride(model, taps.code))
         precision = sufficient_precision(self.prior, model, noise)
@@ -77,7 +77,7 @@ class AdaptedEstimator:
         Args:
             snapshot: in snapshot units.
             uncertainty: also return the standard deviation of every entry under the fitted priors.
-            progress: told the share that is done.
+            progress: called with the share that is done.
         """
         check_snapshot(snapshot, self.taps)
         parts = [
@@ -116,7 +116,7 @@ class Tiling:
         """Positions of blocks by the tile in which their middle lies."""
         parts: dict[Tile, Places] = {tile: [] for tile in self.tiles}
         for top, left in grid.positions:
-            middle = (top + grid.model.block[1] / 2, left + sum(grid.model.judged) / 2)
+            middle = (top + grid.model.block[1] / 2, left + sum(grid.model.valid) / 2)
             row, column = (
                 min(max(int(m * n / length), 0), n - 1)
                 for m, n, length in zip(middle, self.counts, self.size, strict=True)

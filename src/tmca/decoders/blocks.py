@@ -71,13 +71,13 @@ class PatchEstimator:
 
     Blocks under equal code windows share their matrices. Estimates are weighted by the inverse square of the variance
     that is typical of their place in the block. The variance reported is the same mean of the variances in the blocks'
-    judged columns, which the error of the blended estimate hardly exceeds.
+    valid columns, which the error of the blended estimate hardly exceeds.
 
     Args:
         prior: of blocks (L, h, w).
         taps: of the camera.
         noise: of its sensor.
-        stride: rows and columns from block to block; None takes two thirds of its rows, and its judged columns but no
+        stride: rows and columns from block to block; None takes two thirds of its rows, and its valid columns but no
             more than two thirds of all, so that blocks overlap; for tiled codes the next smaller divisors of the
             period, so that blocks under the same part of the tile share their matrices.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
@@ -119,7 +119,7 @@ class PatchEstimator:
 
 def usual_stride(model: BlockModel, code: Tensor) -> tuple[int, int]:
     """Rows and columns from block to block, see `PatchEstimator`."""
-    first, last = model.judged
+    first, last = model.valid
     rows, columns = _two_thirds(model.block[1]), min(last - first, _two_thirds(model.block[2]))
     return _dividing(rows, _period(code.detach(), 1)), _dividing(columns, _period(code.detach(), 2))
 
@@ -187,7 +187,7 @@ class Blend:
         scatter: bool = False,
     ) -> None:
         self.layout, grid = layout, layout.grid
-        first, last = grid.model.judged
+        first, last = grid.model.valid
         parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
         self.canvases = [None if part is None else Canvas.blank(grid, len(snapshot), part) for part in parts]
         self.snapshot = grid.pad_snapshot(snapshot[:, 0].to(dtype))
@@ -216,7 +216,7 @@ class Blend:
         grid = self.layout.grid
         measured = grid.snapshot_windows(self.snapshot, places)
         estimate, variance = posterior.moments(block, measured.flatten(0, 1), self.canvases[1] is not None)
-        parts, shifts = (estimate, variance, estimate.square()), (0, grid.model.judged[0], 0)
+        parts, shifts = (estimate, variance, estimate.square()), (0, grid.model.valid[0], 0)
         for canvas, values, shift in zip(self.canvases, parts, shifts, strict=True):
             if canvas is not None and values is not None:
                 for (y, x), one in zip(places, values.unflatten(0, measured.shape[:2]), strict=True):

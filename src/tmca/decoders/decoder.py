@@ -101,7 +101,7 @@ class Decoder(ABC):
         Args:
             prepared: what ``setup`` returned, the camera unless it is overridden.
             values: of the snapshots.
-            progress: told the share that is done.
+            progress: called with the share that is done.
 
         Returns:
             (B, *scene_shape), or the same entries in another shape.
@@ -135,7 +135,7 @@ class Decoder(ABC):
         Args:
             camera: with its codes and sensor.
             prior: a prior, its file, or None for that of the rendered scenes.
-            progress: told what is done where a prior has to be learned.
+            progress: called with what is done where a prior has to be learned.
 
         Raises:
             SettingError, ShapeError, DataError: a camera that it does not decode, or a prior that does not fit.
@@ -218,7 +218,7 @@ def decode(
         snapshot: values and camera.
         decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one.
         prior: a prior, its file, or None for that of the rendered scenes, learned on first use.
-        progress: told the share that is done.
+        progress: called with the share that is done.
         settings: of the decoder.
 
     Raises:

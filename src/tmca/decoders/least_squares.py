@@ -36,7 +36,7 @@ def tikhonov(
         weight: w, finite and > 0; on training scenes 0.1 to 1 come to the same within 0.7 dB, at any noise up to 0.05
             (``benchmarks/defaults.py --study tikhonov``).
         iterations: at least 1; on training scenes 60 come within 0.2 dB of the minimum, 100 reach it.
-        progress: told the share that is done.
+        progress: called with the share that is done.
 
     Returns:
         (B, L, H, W), in scene units; not clipped. Of several minima the one that is reached from zero.

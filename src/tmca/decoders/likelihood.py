@@ -188,7 +188,7 @@ class PatchLikelihood:
 
         Args:
             snapshot: of the camera.
-            progress: told the share that is done.
+            progress: called with the share that is done.
             planes: whether the log-probabilities of all planes are returned.
             spectrum: whether the cube is estimated, which is empty otherwise.
 

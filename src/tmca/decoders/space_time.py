@@ -111,7 +111,7 @@ def space_time_dct(
         last: threshold at the end, > 0, scene units: about the noise of a sample.
         first: threshold at the beginning, above the last; without it half the largest value of the first estimate.
         iterations: over which it falls geometrically, at least 2.
-        progress: told the share that is done.
+        progress: called with the share that is done.
 
     Returns:
         (B, K, L, H, W).

@@ -182,7 +182,7 @@ def advise(
         effort: of the last two searches.
         throughput: share of light that all codes shall let through, kinds that cannot are left out; free if None.
         seed: of the random codes.
-        progress: told the share that is done and what is done.
+        progress: called with the share that is done and what is done.
         camera: ``camera_type`` and further arguments of it, see ``designable``.
 
     Raises:

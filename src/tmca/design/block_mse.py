@@ -1,6 +1,6 @@
 """Expected error of the best linear estimate of scene blocks as a function of the code alone, with its derivative.
 
-With the code's weights A, the prior covariance S of a block and its judged pixels J, the error is
+With the code's weights A, the prior covariance S of a block and its valid pixels J, the error is
 ``tr S_JJ - tr G⁻¹ M`` with ``G = A S Aᵀ + noise`` and ``M = A S_·J S_J· Aᵀ``. Both G and M are quadratic in the weights
 with coefficients that depend on neither code nor noise: the covariances of the pixels that the taps bring together.
 They are kept, so that a code costs a few thousandths of what its whole posterior does.
@@ -22,14 +22,14 @@ from tmca.sensor import Noise
 
 @dataclass(frozen=True)
 class BlockMse:
-    """Mean squared error over the judged pixels of blocks, for m measurements of T taps each.
+    """Mean squared error over the valid pixels of blocks, for m measurements of T taps each.
 
     Args:
         model: geometry of the blocks.
         covariance: (m, T, m, T) prior covariance S of the pixels under the taps.
-        reach: (m, T, m, T) their covariances with the judged pixels multiplied up, ``S_·J S_J·``.
+        reach: (m, T, m, T) their covariances with the valid pixels multiplied up, ``S_·J S_J·``.
         mean: (m, T) prior mean of the same pixels.
-        variance: mean prior variance of a judged pixel.
+        variance: mean prior variance of a valid pixel.
         read_noise: standard deviation, in snapshot units.
         shot: variance of the shot noise per snapshot unit.
     """
@@ -87,7 +87,7 @@ class Products:
 
     Args:
         covariant: (m, P, m, T) covariance of every measurement with the pixels under the taps of every other.
-        reaching: the same of the judged products.
+        reaching: the same of the valid products.
         inverse: (P, m, m) G⁻¹.
         reached: (P, m, m) M.
     """
@@ -175,7 +175,7 @@ class BlockState:
 
     @property
     def value(self) -> float:
-        """Mean squared error over the judged pixels."""
+        """Mean squared error over the valid pixels."""
         return self.error.variance - float(self.products.error_removed[0])
 
     def after(self, changes: Tensor) -> Tensor:

@@ -111,7 +111,7 @@ def descend(
         camera: as large as one period of its codes, see ``designable``.
         error: of its tile.
         how: settings.
-        progress: told the share that is done.
+        progress: called with the share that is done.
 
     Returns:
         Expected mean squared error of the binary codes that the camera is left with, never above the first, once those

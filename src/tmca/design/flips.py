@@ -75,7 +75,7 @@ def flip_greedily(
         batch: flips that are judged together.
         seed: of the order.
         throughput: share of light to hold and how far it may stray from it.
-        progress: told the share that is done.
+        progress: called with the share that is done.
 
     Returns:
         Expected mean squared error of the codes that the camera is left with, of the same blocks.

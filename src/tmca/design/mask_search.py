@@ -216,7 +216,7 @@ def search_masks(
         prior: of scenes, see ``design_masks``.
         slots: numbers of slots K; 1 is always among them.
         effort: starts and steps.
-        progress: told the share that is done and what is done.
+        progress: called with the share that is done and what is done.
         judge: how wrong depth is behind a camera; the confusion without.
 
     Raises:

@@ -97,7 +97,7 @@ def search(
             The answer is never worse than those that are used.
         throughput: share of light to hold; free if None.
         seed: of the random codes.
-        progress: told the share that is done.
+        progress: called with the share that is done.
         camera: ``camera_type`` and further arguments of it, see ``designable``.
 
     Raises:

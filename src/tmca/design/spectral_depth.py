@@ -229,7 +229,7 @@ def design_masks(
         steps: of Adam.
         rate: of Adam for heights, in units of the larger of a micrometre and the highest.
         code_rate: of Adam for shutter and filters, whose latent values start half a unit from where they switch.
-        progress: told the share that is done.
+        progress: called with the share that is done.
 
     Raises:
         SettingError: a camera in which nothing is learnable, or no steps.

@@ -45,15 +45,15 @@ def design_model(taps: Taps, rows: int = _ROWS) -> BlockModel:
 
 
 def phases(model: BlockModel, period: tuple[int, int], shift: tuple[int, int] = (0, 0)) -> list[tuple[int, int]]:
-    """Corners (top, left) of blocks whose judged columns cover one period, moved by ``shift``."""
-    first, last = model.judged
+    """Corners (top, left) of blocks whose valid columns cover one period, moved by ``shift``."""
+    first, last = model.valid
     rows, columns = range(0, period[0], model.block[1]), range(0, period[1], last - first)
     return [(top + shift[0], left - first + shift[1]) for top in rows for left in columns]
 
 
 def even_shifts(model: BlockModel, count: int) -> list[tuple[int, int]]:
     """Shifts (rows, columns) that share out a block evenly."""
-    first, last = model.judged
+    first, last = model.valid
     return [(i * model.block[1] // count, i * (last - first) // count) for i in range(count)]
 
 
@@ -64,7 +64,7 @@ def even_places(model: BlockModel, period: tuple[int, int], count: int) -> list[
 
 def count_places(model: BlockModel, period: tuple[int, int], count: int) -> int:
     """How many corners ``even_places`` gives, without a list of them."""
-    first, last = model.judged
+    first, last = model.valid
     return count * ceil(period[0] / model.block[1]) * ceil(period[1] / (last - first))
 
 

@@ -24,7 +24,7 @@ _PLACES = 16
 
 @dataclass(frozen=True)
 class TransferMse:
-    """Mean squared error over the judged pixels of scenes with moments of their own, estimated under a prior.
+    """Mean squared error over the valid pixels of scenes with moments of their own, estimated under a prior.
 
     With the estimator ``K = S_J· Aᵀ G⁻¹`` of the prior and the scene's second moments T around the prior's mean, it is
     ``tr T_JJ - 2 tr K A T_·J + tr K (A T Aᵀ + noise) Kᵀ``. For a scene that is as the prior says, T = S, it is the
@@ -35,7 +35,7 @@ class TransferMse:
         covariance: (m, T, m, T) the scene's moments of the pixels under the taps.
         crossed: (m, T, m, T) ``T_·J S_J·``, symmetrised.
         mean: (m, T) the scene's mean.
-        variance: mean of the scene's moments of a judged pixel.
+        variance: mean of the scene's moments of a valid pixel.
     """
 
     error: BlockMse

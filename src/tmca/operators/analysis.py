@@ -34,7 +34,7 @@ class Conditioning:
 def sparse_matrix(
     operator: LinearOperator, *, dtype: torch.dtype = torch.float64, batch: int = 256
 ) -> sparse.csr_matrix:
-    """The operator as a sparse matrix, found by imaging one scene entry after the other.
+    """The operator as a sparse matrix, by imaging one scene entry after the other.
 
     Args:
         operator: any operator, at small size.
@@ -67,14 +67,14 @@ def conditioning(matrix: sparse.csr_matrix | np.ndarray) -> Conditioning:
     dense = np.asarray(matrix.todense()) if isinstance(matrix, sparse.csr_matrix) else np.asarray(matrix)
     singular = np.linalg.svd(dense, compute_uv=False)
     threshold = singular[0] * max(dense.shape) * np.finfo(dense.dtype).eps if singular.size else 0.0
-    kept = singular[singular > threshold]
+    nonzero = singular[singular > threshold]
     norms = np.linalg.norm(dense, axis=0)
     seen = dense[:, norms > 0] / norms[norms > 0]
     cosines = np.abs(seen.T @ seen)
     np.fill_diagonal(cosines, 0)
     return Conditioning(
-        rank=int(kept.size),
-        condition=float(kept[0] / kept[-1]) if kept.size else float("inf"),
+        rank=int(nonzero.size),
+        condition=float(nonzero[0] / nonzero[-1]) if nonzero.size else float("inf"),
         coherence=float(cosines.max()) if cosines.size else 0.0,
         dark_columns=int((norms == 0).sum()),
         shape=(int(dense.shape[0]), int(dense.shape[1])),

@@ -59,11 +59,11 @@ def mask_code(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Tensor:
     if shear.whole:
         return sheared_code(shutter, aperture, _shifts(shear, size)).unflatten(0, shear.views)
     rows, columns = (_positions(shear, axis, size) for axis in (0, 1))
-    found = []
+    view_rows = []
     for row in rows:
         across = _read(aperture, 1, row)
-        found.append(torch.stack([(shutter * _read(across, 2, column)).sum(0) for column in columns]))
-    return torch.stack(found)
+        view_rows.append(torch.stack([(shutter * _read(across, 2, column)).sum(0) for column in columns]))
+    return torch.stack(view_rows)
 
 
 def code_through_mask(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Tensor:
@@ -77,11 +77,11 @@ def code_through_mask(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Te
     """
     size = (shutter.shape[1], shutter.shape[2])
     rows, columns = (_seen_from_mask(shear, axis, size) for axis in (0, 1))
-    found = []
+    view_rows = []
     for row in rows:
         across = _read(shutter, 1, row)
-        found.append(torch.stack([(aperture * _read(across, 2, column)).mean(0) for column in columns]))
-    return torch.stack(found)
+        view_rows.append(torch.stack([(aperture * _read(across, 2, column)).mean(0) for column in columns]))
+    return torch.stack(view_rows)
 
 
 def _shifts(shear: ViewShear, size: tuple[int, int]) -> list[tuple[int, int]]:

@@ -35,7 +35,7 @@ def conjugate_gradients(
         steps: most steps taken.
         start: a solution that is near, such as that of the iteration before; zero if None.
         preconditioner: (…) near inverse of the diagonal.
-        progress: told the share of the steps that is done.
+        progress: called with the share of the steps that is done.
     """
     shifted = isinstance(shift, Tensor) or shift != 0
 

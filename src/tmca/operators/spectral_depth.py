@@ -46,15 +46,15 @@ def periodic_transfer_functions(psf: Tensor, frame: Size) -> Tensor:
 
 def _smooth(least: int, multiple: int) -> int:
     """The least number from ``least`` on with factors 2, 3, 5 only, a multiple."""
-    found = -(-least // multiple) * multiple
+    size = -(-least // multiple) * multiple
     while True:
-        rest = found
+        rest = size
         for factor in (2, 3, 5):
             while rest % factor == 0:
                 rest //= factor
         if rest == 1:
-            return found
-        found += multiple
+            return size
+        size += multiple
 
 
 def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Tensor:
@@ -75,8 +75,8 @@ def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Te
     _check(moving, weights, transfer, frame)
     filled, bands = _filled(weights), list[Tensor]()
     layers = weights[:, None, filled]
-    for own, passed in zip(moving.unbind(2), transfer.unbind(2), strict=True):
-        spectra, blurs = torch.fft.rfft2(own[:, :, None] * layers, s=frame).unbind(2), passed.unbind(1)
+    for band, passed in zip(moving.unbind(2), transfer.unbind(2), strict=True):
+        spectra, blurs = torch.fft.rfft2(band[:, :, None] * layers, s=frame).unbind(2), passed.unbind(1)
         total = spectra[0] * blurs[filled[0]]
         for spectrum, depth in zip(spectra[1:], filled[1:], strict=True):
             total.addcmul_(spectrum, blurs[depth])
@@ -88,8 +88,8 @@ def layered_adjoint(image: Tensor, weights: Tensor, transfer: Tensor, frame: Siz
     """The adjoint of ``layered`` in the scene: (B, L, H, W) of (B, K, L, H, W)."""
     _check(image, weights, transfer, frame)
     bands = []
-    for own, passed in zip(image.unbind(2), transfer.unbind(2), strict=True):
-        spectra = (torch.fft.rfft2(own, s=frame)[:, :, None] * passed.conj()).sum(1)
+    for band, passed in zip(image.unbind(2), transfer.unbind(2), strict=True):
+        spectra = (torch.fft.rfft2(band, s=frame)[:, :, None] * passed.conj()).sum(1)
         back = torch.fft.irfft2(spectra, s=frame)[..., : image.shape[-2], : image.shape[-1]]
         bands.append((back * weights).sum(1))
     return torch.stack(bands, 1)
@@ -107,10 +107,10 @@ def composited(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) ->
     _check(moving, weights, transfer, frame)
     behind, seen = torch.zeros_like(weights[:, :1]), None
     for depth in _filled(weights):
-        own = weights[:, None, None, depth]
+        share = weights[:, None, None, depth]
         behind = behind + weights[:, depth : depth + 1]
         light, cover, ground = (
-            _blurred(part, transfer[:, depth], frame) for part in (moving * own, own, behind[:, None])
+            _blurred(part, transfer[:, depth], frame) for part in (moving * share, share, behind[:, None])
         )
         ground = ground.clamp_min(_LEAST)
         light, cover = light / ground, cover / ground
@@ -126,8 +126,8 @@ def _filled(weights: Tensor) -> list[int]:
     """Layers in which there is anything: the others add nothing, except to the gradient in their weights."""
     if weights.requires_grad:
         return list(range(weights.shape[1]))
-    found: list[int] = (weights != 0).flatten(2).any(2).any(0).nonzero().flatten().tolist()
-    return found or [0]
+    filled: list[int] = (weights != 0).flatten(2).any(2).any(0).nonzero().flatten().tolist()
+    return filled or [0]
 
 
 def _blurred(values: Tensor, transfer: Tensor, frame: Size) -> Tensor:

@@ -39,7 +39,7 @@ def refitted(prior: GaussianPrior, estimate: Tensor, unknown: Tensor) -> Gaussia
 def error_moments(prior: GaussianPrior, posterior: BlockPosterior) -> Tensor:
     """(L, L, h, w) covariance by distance of what the measurements of blocks leave unknown, averaged over the blocks.
 
-    Only the judged columns count. Pairs are divided by all places of a block, also where the distance leaves fewer
+    Only the valid columns count. Pairs are divided by all places of a block, also where the distance leaves fewer
     pairs: the taper keeps every block covariance positive semidefinite.
 
     Args:
@@ -52,7 +52,7 @@ def error_moments(prior: GaussianPrior, posterior: BlockPosterior) -> Tensor:
     if not prior.mirrored:
         found, wanted = "one that is not the same in mirror image", "a stationary prior of cubes"
         raise SettingError("prior", found, wanted, "learn one anew")
-    (bands, h, _), (first, last) = prior.block, posterior.model.judged
+    (bands, h, _), (first, last) = prior.block, posterior.model.valid
     width = last - first
     removed = torch.zeros(bands, bands, h, width, dtype=torch.float64, device=prior.moments.device)
     for factor, cross in zip(posterior.factor, posterior.cross.unbind(1), strict=True):

@@ -66,7 +66,7 @@ class BlockModel:
         return self.block[1] * self.columns
 
     @property
-    def judged(self) -> tuple[int, int]:
+    def valid(self) -> tuple[int, int]:
         """First and one-past-last block column whose light lands on complete snapshot columns in the most taps."""
         w = self.block[2]
         count = [sum(self.span <= x + o < w for o in self.offsets) for x in range(w)]
@@ -74,8 +74,8 @@ class BlockModel:
         return seen[0], seen[-1] + 1
 
     def in_judged(self, values: Tensor) -> Tensor:
-        """The part of values (..., L·h·w) that belongs to the judged columns, flat again."""
-        first, last = self.judged
+        """The part of values (..., L·h·w) that belongs to the valid columns, flat again."""
+        first, last = self.valid
         return values.unflatten(-1, self.block)[..., first:last].flatten(-3)
 
     def pixels(self) -> Tensor:
@@ -122,8 +122,8 @@ class BlockGrid:
 
     @classmethod
     def cover(cls, model: BlockModel, frame: tuple[int, int], stride: tuple[int, int]) -> BlockGrid:
-        """Blocks ``stride`` (rows, columns) apart, the last ones flush, whose judged columns cover the frame."""
-        (_, h, _), (first, last) = model.block, model.judged
+        """Blocks ``stride`` (rows, columns) apart, the last ones flush, whose valid columns cover the frame."""
+        (_, h, _), (first, last) = model.block, model.valid
         tops = _starts(frame[0] - h, stride[0])
         lefts = [x - first for x in _starts(frame[1] - (last - first), min(stride[1], model.columns, last - first))]
         return cls(model, frame, tuple(tops), tuple(lefts))

@@ -68,7 +68,7 @@ class MixturePosterior:
     centre: Tensor
 
     def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) of one block and, if asked for, the variance (N, judged) of its judged columns."""
+        """Estimate (N, n) of one block and, if asked for, the variance (N, valid) of its valid columns."""
         likely = self.components(block, *self._likely(block, measured))
         logs, solved = likely.shares(measured)
         share = torch.softmax(logs, 0)
@@ -120,7 +120,7 @@ class MixturePosterior:
         return whole + gathered(tilt) @ s.basis.mT + gathered(light)[:, None].to(s.dtype) * s.centre
 
     def _variance(self, block: int, likely: Components, share: Tensor, solved: Tensor, estimate: Tensor) -> Tensor:
-        """(N, judged) variance within the components plus that between them."""
+        """(N, valid) variance within the components plus that between them."""
         pick = self.solver.model.in_judged
         total, weight = torch.zeros_like(pick(estimate)), torch.zeros_like(estimate[:, :1])
         for index in (share.amax(1) > NEGLIGIBLE).nonzero()[:, 0].tolist():
@@ -133,7 +133,7 @@ class MixturePosterior:
         return total / weight
 
     def _within(self, block: int, likely: Components, index: int) -> Tensor:
-        """(judged,) posterior variance of one component."""
+        """(valid,) posterior variance of one component."""
         s, kind = self.solver, int(likely.kinds[index])
         scale, square = float(s.prior.scales[kind]), float(likely.gains[index]) ** 2
         cross = scale * s.model.in_judged(self.cross[:, block]) + self.inside[block] @ s.changes[kind] @ s.judged_basis

@@ -59,7 +59,7 @@ class BlockPosterior:
         return (self.variance - white.square().sum(1)).clamp(min=0)
 
     def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) of one block and, if asked for, the variance (N, judged) of its judged columns."""
+        """Estimate (N, n) of one block and, if asked for, the variance (N, valid) of its valid columns."""
         estimate = self.estimate(block, measured)
         if not with_variance:
             return estimate, None
@@ -122,7 +122,7 @@ def sufficient_precision(prior: GaussianPrior, model: BlockModel, noise: Noise) 
 def expected_mse(prior: GaussianPrior, taps: Taps, noise: Noise, *, blocks: int = 32, seed: int = 0) -> Tensor:
     """Expected mean squared error of the linear estimate of single blocks; differentiable in ``taps.code``.
 
-    The mean of the posterior variance over the judged columns of ``blocks`` at random places of the frame. Overlapping
+    The mean of the posterior variance over the valid columns of ``blocks`` at random places of the frame. Overlapping
     blocks, blended, do somewhat better than this.
 
     Returns:
@@ -138,7 +138,7 @@ def expected_mse(prior: GaussianPrior, taps: Taps, noise: Noise, *, blocks: int 
     height, width = taps.code.shape[1:]
     grid = BlockGrid.cover(model, (height, width), (height, width))
     solver, padded = GaussianSolver(prior, model, noise, torch.float64), grid.pad_code(taps.code)
-    (first, last), places = model.judged, _places(grid, blocks, seed)
+    (first, last), places = model.valid, _places(grid, blocks, seed)
     total = padded.new_zeros((), dtype=torch.float64)
     for start in range(0, blocks, _TOGETHER):
         windows = grid.code_windows(padded, places[start : start + _TOGETHER])

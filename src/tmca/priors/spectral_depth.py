@@ -21,7 +21,7 @@ WINDOW = 12
 """Side of the windows that depth is decoded from, pixels."""
 CONTAMINATION = 0.1
 """Share of what a window sees that decoders and designs expect from any plane: the one with which the spectrum of
-training scenes is told best behind random masks and optimised ones (``benchmarks/depth_likelihood.py``)."""
+training scenes is identified best behind random masks and optimised ones (``benchmarks/depth_likelihood.py``)."""
 
 
 @dataclass(frozen=True)

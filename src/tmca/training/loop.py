@@ -54,7 +54,7 @@ class Run:
         fabric: engine (Lightning Fabric): precision, device, processes.
         keep: called with the best validation figures whenever they are the best so far, and at the end of a run that
             never validated.
-        progress: told about every step.
+        progress: called after every step.
         pool: patches to draw from while the codes stay as they are, and their first estimates.
     """
 

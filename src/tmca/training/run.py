@@ -83,7 +83,7 @@ def train(
         accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``.
         processes: on each machine; more than one in all must be started by ``torchrun``.
         nodes: machines, which share the run's folder.
-        progress: told about every step, in the first process.
+        progress: called after every step, in the first process.
 
     Raises:
         OutputError: the folder holds another run.

@@ -47,7 +47,7 @@ class AskedBench:
                 raise SettingError("--set", self.settings[0], expected)
             return
         own = {"scene": self.scene, "bits": self.bits, "seed": self.seed, "stops_after": self.stops_after}
-        for name, value in (own | {"hardware": self.hardware.said() or None}).items():
+        for name, value in (own | {"hardware": self.hardware.described() or None}).items():
             if value is not None:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
@@ -78,7 +78,7 @@ class AskedBench:
         about: dict[str, Any] = {"driver": self.device, "settings": self.settings}
         if self.device == "simulated":
             about |= {"scene": self.scene, "bits": self._bits, "seed": self.seed or 0}
-            about |= {"hardware": self.hardware.said()}
+            about |= {"hardware": self.hardware.described()}
         return about
 
 

@@ -84,7 +84,7 @@ def capture(
     _captured(export, bench, out, how)
     found = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
-    found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.said()} if faults.faults() else {})
+    found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.described()} if faults.faults() else {})
     found.save(target, overwrite=overwrite)
     _say(target, out, found, json)
 

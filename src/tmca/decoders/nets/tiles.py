@@ -121,7 +121,7 @@ def first_estimate(
         noise: of the sensor.
         prior: for the LMMSE, or of the mixture.
         differentiable: let gradients reach code and snapshot through Tikhonov's or the LMMSE too.
-        progress: told the share of the LMMSE that is done.
+        progress: called with the share of the LMMSE that is done.
 
     Raises:
         SettingError: unknown kind, no prior, or one of the other kind.
@@ -219,7 +219,7 @@ class TwoHeadedNetwork:
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> DepthRaw:
-        """Decode snapshots (B, C, H, W); ``progress`` is told the share that is done."""
+        """Decode snapshots (B, C, H, W); ``progress`` is called with the share that is done."""
         start, begun = None, 0.0
         if self.likelihood is not None:
             begun = _STARTED["likelihood"]

@@ -88,7 +88,7 @@ def design_codes(
         light: mean irradiance that the examples are dimmed to, share of white; as they are if None.
         seed: of random codes.
         overwrite: replace files that exist.
-        progress: told the share that is done and what is done.
+        progress: called with the share that is done and what is done.
         command: how it was called, kept in the files.
 
     Returns:

@@ -72,7 +72,7 @@ def design_spectral_depth(
         effort: of every search.
         seed: of masks, shutter and filters.
         overwrite: replace files that exist.
-        progress: told the share that is done and what is done.
+        progress: called with the share that is done and what is done.
         command: how it was called, kept in the files.
 
     Returns:

@@ -44,7 +44,7 @@ def take_light_field_snapshot(
         notes["motion_pixels"] = list(faults.movement)
     with torch.no_grad():
         values = imperfect(camera, faults, seed)(views, generator=NOISE_STREAM + seed)
-    notes |= {"hardware": faults.said()} if faults.faults() else {}
+    notes |= {"hardware": faults.described()} if faults.faults() else {}
     noted = {READING: light_field.attrs[READING]} if READING in light_field.attrs else {}
     return Snapshot(values, camera, notes | noted)
 
@@ -67,7 +67,7 @@ def reconstruct_light_field(
         prior: a prior, its file, or None for the rendered light fields' one.
         dictionary: a dictionary or its file: the prior of the decoders that use one.
         truth: the light field, for metrics.
-        progress: told the share that is done and, while a prior is learned, what is done next.
+        progress: called with the share that is done and, while a prior is learned, what is done next.
         how: settings of the decoder.
 
     Raises:

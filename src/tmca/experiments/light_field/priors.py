@@ -44,7 +44,7 @@ def learn_views_to_file(
         seed: of the patches that a dictionary or a mixture learns from.
         figure: PNG to write.
         overwrite: replace files.
-        progress: told the share that is done and what is done.
+        progress: called with the share that is done and what is done.
 
     Raises:
         SettingError: no light fields, an unknown kind, or a reading that applies to none of them.

@@ -21,7 +21,7 @@ def predicted_and_measured(
 ) -> tuple[float, float]:
     """PSNR that the prior predicts for single blocks, and the PSNR measured on patches of scenes.
 
-    Both are means over the judged columns of blocks at random places of the code; nothing is blended.
+    Both are means over the valid columns of blocks at random places of the code; nothing is blended.
     Patches lie inside the scenes, scattered evenly; the prior also counts the frame's border as often as the rest.
     That leaves a difference, the larger the larger blocks are against the scenes: 0.1 to 0.2 dB at 512×512 pixels,
     0.3 to 0.5 dB and more at 96×96; the prediction is too high where the border is darker than the rest, too low where
@@ -60,7 +60,7 @@ def _block_errors(
     grid = BlockGrid.cover(model, frame, frame)
     padded = grid.pad_code(taps.code)
     solver = GaussianSolver(prior, model, noise, torch.float64)
-    first, last = model.judged
+    first, last = model.valid
     errors = []
     for place in _random_places(_PLACES, (frame[0] - rows, frame[1] - columns), placing):
         windows = grid.code_windows(padded, [place])

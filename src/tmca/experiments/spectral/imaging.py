@@ -57,7 +57,7 @@ def take_snapshot(
     with torch.no_grad():
         values = imperfect(camera, faults, seed)(scene[None], generator=NOISE_STREAM + seed)
     if faults.faults():
-        notes["hardware"] = faults.said()
+        notes["hardware"] = faults.described()
     return Snapshot(values, camera, notes)
 
 
@@ -75,7 +75,7 @@ def reconstruct_snapshot(
         snapshot: with its camera.
         decoder: one of ``tmca.decoders.decoders_for("spectral")``.
         truth: (wavelength, y, x) for metrics.
-        progress: told the share that is done and, while a prior is learned, what is done next.
+        progress: called with the share that is done and, while a prior is learned, what is done next.
         how: ``prior`` (a prior, its file, or None for the rendered scenes') and settings of the decoder.
     """
     from tmca.metrics import all_metrics

@@ -49,7 +49,7 @@ def take_spectral_depth_snapshot(
         scene: ``radiance`` (wavelength, y, x) and ``depth`` (y, x) of the camera's size.
         camera: that takes it.
         seed: of the sensor's noise, whose stream no code shares.
-        progress: told the share that is done.
+        progress: called with the share that is done.
         hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
 
     Raises:
@@ -69,7 +69,7 @@ def take_spectral_depth_snapshot(
         values = imperfect(camera, faults, seed)(cube, depth, generator=NOISE_STREAM + seed, progress=progress)
     notes: dict[str, Any] = {"scene": str(scene.attrs.get("name", "")), "noise_seed": seed, **unknown}
     notes |= {name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}
-    notes |= {"hardware": faults.said()} if faults.faults() else {}
+    notes |= {"hardware": faults.described()} if faults.faults() else {}
     return Snapshot(values, camera, notes)
 
 
@@ -107,7 +107,7 @@ def reconstruct_spectral_depth(
         snapshot: with its camera.
         decoder: one of ``tmca.decoders.decoders_for("spectral-depth")``.
         truth: the scene, for metrics.
-        progress: told the share that is done.
+        progress: called with the share that is done.
         how: ``prior`` (a stationary Gaussian prior of the camera's bands, its file, or None for the rendered scenes')
             and settings of the decoder.
     """

@@ -65,7 +65,7 @@ def decode_movie(
         threshold: of coefficients at the end, relative irradiance; without it half the noise of a sample, and
             0.5 % of the brightest at least.
         iterations: over which the threshold falls to it.
-        progress: told the share that is done of the iterations.
+        progress: called with the share that is done of the iterations.
 
     Raises:
         SettingError: an unknown method, or a camera or a number that it cannot take.
