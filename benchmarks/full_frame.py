@@ -73,7 +73,7 @@ def snapshot_of(camera: SpectralDepthCamera, steps: Steps) -> Tensor:
     """A snapshot; the scene is forgotten, as it is by those who reconstruct it."""
     cube, depth = steps.run("scene", lambda: scene_of(camera.bands, camera.size, camera.planes))
     with torch.no_grad():
-        return steps.run("simulate", lambda: camera(cube, depth, 0))
+        return steps.run("simulate", lambda: camera(cube, depth, generator=0))
 
 
 def repeated(camera: SpectralDepthCamera, steps: Steps) -> Tensor:

@@ -42,8 +42,8 @@ def values_for(camera, seed=0):
     with torch.no_grad():
         if camera.kind == "spectral-depth":
             depth = torch.full((2, 1, height, width), 0.5 * (camera.planes.near + camera.planes.far))
-            return camera(scenes, depth, 0)
-        return camera(scenes.reshape(2, *camera.scene_shape), 0)
+            return camera(scenes, depth, generator=0)
+        return camera(scenes.reshape(2, *camera.scene_shape), generator=0)
 
 
 @cache

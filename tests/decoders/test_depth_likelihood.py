@@ -71,7 +71,7 @@ def test_a_textured_wall_is_found_at_its_depth_brighter_or_darker(size):
     for plane, brightness in ((0, 1.0), (3, 0.2)):
         depth = torch.full((1, 1, *size), float(made.planes.metres[plane]))
         scene = brightness * torch.rand(1, 2, *size, generator=source)
-        found = decoder(made(scene, depth, 0))
+        found = decoder(made(scene, depth, generator=0))
         inside = (slice(None), slice(None), slice(8, -8), slice(8, -8))
         right = (found.planes.argmax(1, keepdim=True)[inside] == plane).double().mean()
         assert float(right) > 0.8  # one plane in four by chance
@@ -103,7 +103,7 @@ def textured(size, sensor, dtype=torch.float32, reach=4):
     source = torch.Generator().manual_seed(3)
     cubes = [torch.rand(2, 40, 40, generator=source).cumsum(-1) / 20 for _ in range(2)]
     depth = 1 / (0.5 + 2 * torch.rand(2, 1, *size, generator=source))
-    taken = made(torch.rand(2, 2, *size, generator=source), depth, 0).to(dtype)
+    taken = made(torch.rand(2, 2, *size, generator=source), depth, generator=0).to(dtype)
     prior = GaussianPrior.learn(cubes, needed_block(5, (7, 9)))
     return PatchLikelihood(prior, made, 5, temperature=3.0, reach=reach), taken
 

@@ -34,7 +34,7 @@ def prior():
 def snapshot_of(made, count=2):
     source = torch.Generator().manual_seed(1)
     depth = torch.full((count, 1, *made.size), 0.7)
-    return made(torch.rand(count, *made.scene_shape, generator=source), depth, 2)
+    return made(torch.rand(count, *made.scene_shape, generator=source), depth, generator=2)
 
 
 def trained(made, start, seed=0):
