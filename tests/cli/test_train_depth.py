@@ -67,7 +67,7 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
     main(["simulate", "spectral-depth", "checked.nc", *own[2:], *TAKEN, "--out", "rgb.nc"])
     capsys.readouterr()
     assert "channels = 1, expected 3" in refused(capsys, "reconstruct", "rgb.nc", "--weights", "run")
-    assert "no such file" in refused(capsys, "reconstruct", "taken.nc", "--weights", "default")
+    assert "none come with tmca" in refused(capsys, "reconstruct", "taken.nc", "--weights", "default")
     said = refused(capsys, "simulate", "spectral-depth", "checked.nc", "--codes", "run", "--slots", "2")
     assert "--slots beside weights" in said
 

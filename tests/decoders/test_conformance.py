@@ -1,12 +1,13 @@
 """Every decoder of the registry on every camera that it names."""
 
 import pytest
+import torch
 from conformance import CHECKS, camera_for, case, values_for
 
 from tmca.cameras import Snapshot
 from tmca.data import read_dataset
 from tmca.decoders import DECODERS, Weights, decode, decoders_for, settings_of, usual_decoder
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError, TmcaError
 
 CASES = [(name, kind) for name, cls in sorted(DECODERS.items()) for kind in sorted(cls.cameras)]
 
@@ -38,6 +39,33 @@ def test_an_estimate_is_labelled_saved_and_drawn(kind, variables, tmp_path):
     assert stored[next(iter(stored.data_vars))].shape == tuple(camera.scene_shape)
     assert estimate.plot(truth=estimate.to_xarray()).axes
     assert "<img" in estimate._repr_html_()
+
+
+@pytest.mark.parametrize("returned", ["nothing", "too few", "NaN"])
+def test_what_a_decoder_must_not_return_names_it(returned, monkeypatch):
+    camera = camera_for(DECODERS["dagger"], "spectral")
+    values = values_for(camera)
+    nan = torch.full((len(values), *camera.scene_shape), float("nan"))
+    result = {"nothing": None, "too few": torch.zeros(3), "NaN": nan}[returned]
+    monkeypatch.setattr(DECODERS["dagger"], "reconstruct", lambda *_: result)
+    with pytest.raises(TmcaError, match="dagger"):
+        decode(Snapshot(values, camera), "dagger")
+
+
+@pytest.mark.parametrize(("decoder", "settings", "message"), [
+    (42, {}, "decoder: found 42"), (int, {}, "decoder: found"),
+    ("tikhonov", {"iterations": "many"}, "iterations: found 'many'"),
+    ("tikhonov", {"iterations": 2.5}, "iterations: found 2.5"), ("tikhonov", {"iterations": None}, "iterations: found None"),
+])  # fmt: skip
+def test_decoders_and_settings_of_another_type_are_named(decoder, settings, message):
+    camera = camera_for(DECODERS["dagger"], "spectral")
+    with pytest.raises(SettingError, match=message):
+        decode(Snapshot(values_for(camera), camera), decoder, **settings)
+
+
+def test_tensors_are_no_snapshots():
+    with pytest.raises(SettingError, match="snapshot: found a Tensor"):
+        decode(torch.zeros(1, 1, 8, 8))
 
 
 def test_values_of_another_shape_or_not_finite_are_refused():

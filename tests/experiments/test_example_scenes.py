@@ -47,7 +47,9 @@ def test_at_drawn_depths_it_is_that_of_placed_scenes():
         for number in range(2):
             nearness = drawn_nearness((160, 176), np.random.default_rng([draw, number]))[60:100, 66:110]
             depth = torch.from_numpy(1 / (0.5 + 2.0 * nearness)).float()[None, None]  # 0.4 to 2 m
-            taken = made(torch.stack([c[:, 15:55, 14:58] for c in cubes()]), depth.expand(2, -1, -1, -1), generator=draw)[number]
+            taken = made(
+                torch.stack([c[:, 15:55, 14:58] for c in cubes()]), depth.expand(2, -1, -1, -1), generator=draw
+            )[number]
             found = PatchLikelihood(PRIOR, made, 6)(taken[None]).depth
             total += float((1 / found - 1 / depth).abs().mean()) / made.planes.step
     assert placed_error(made, PRIOR, cubes(), 6) == pytest.approx(total / 6, rel=1e-3)

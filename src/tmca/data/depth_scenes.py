@@ -177,7 +177,7 @@ def check_depth_scene(source: str, placed: str | None, from_rgb: bool) -> tuple[
     """
     kind, least = _kind_and_side(source)
     if kind == "cube" and placed is None:
-        raise DataError(source, "a cube without depth", "one with depth", 'put it at drawn ones: placed="random"')
+        raise DataError(source, "a cube without depth", "one with depth", "put it at drawn ones: --placed random")
     if kind == "RGB-D scene" and not from_rgb:
         remedy = "make them up of measured reflectances: from_rgb=True"
         raise DataError(source, "an RGB picture with depth", "spectra and depth", remedy)

@@ -29,6 +29,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import cache
 from importlib.metadata import entry_points
+from math import prod
 from pathlib import Path
 from typing import Any, ClassVar, get_type_hints
 from warnings import warn
@@ -91,8 +92,12 @@ class Decoder(ABC):
 
     def __init_subclass__(cls, **how: Any) -> None:
         super().__init_subclass__(**how)
-        if "name" in vars(cls):
-            DECODERS[cls.name] = cls
+        if "name" not in vars(cls):
+            return
+        before = DECODERS.get(cls.name)
+        if before is not None and before.__module__ != cls.__module__:
+            warn(f"decoder {cls.name} of {cls.__module__} replaces that of {before.__module__}", stacklevel=2)
+        DECODERS[cls.name] = cls
 
     @abstractmethod
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor | Raw:
@@ -189,6 +194,7 @@ class Prepared:
             raw = self.decoder.reconstruct(self.state, values, progress)
         raw = raw if isinstance(raw, Raw) else Raw(raw)
         shape = (len(values), *self.decoder.scene_shape(self.camera))
+        _check_estimate(self.decoder.name, raw.values, shape)
         scenes = raw.values.reshape(shape).to(values.dtype)
         deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
         return Estimate(
@@ -202,6 +208,16 @@ def _check_values(values: Tensor, shape: tuple[int, ...]) -> None:
         raise ShapeError("snapshot", f"shape {tuple(values.shape)}", f"(B, {', '.join(map(str, shape))})")
     if not bool(torch.isfinite(values).all()):
         raise DataError("snapshot", "NaN or infinite values", "finite values", "mask or replace the bad pixels first")
+
+
+def _check_estimate(name: str, values: Any, shape: tuple[int, ...]) -> None:
+    """Refuse what a decoder must not return: no tensor, other entries, or values that are not finite."""
+    if not isinstance(values, Tensor) or values.numel() != prod(shape):
+        found = f"shape {tuple(values.shape)}" if isinstance(values, Tensor) else f"a {type(values).__name__}"
+        raise ShapeError("decoder", f"{found} from {name}", f"the entries of {shape}")
+    if not bool(torch.isfinite(values).all()):
+        raise SettingError("decoder", f"an estimate of {name} with NaN or infinite values", "finite ones",
+                           "change its settings")  # fmt: skip
 
 
 def decode(
@@ -231,9 +247,10 @@ def decode(
     """
     if decoder is None and "method" in settings:
         decoder = settings.pop("method")  # its name in version 0.1
-    return make_decoder(decoder or usual_decoder(snapshot.camera.kind), snapshot.camera.kind, settings)(
-        snapshot, prior, progress
-    )
+    if not isinstance(snapshot, Snapshot):
+        raise SettingError("snapshot", f"a {type(snapshot).__name__}", "a Snapshot", "take Snapshot(values, camera)")
+    kind = snapshot.camera.kind
+    return make_decoder(decoder or usual_decoder(kind), kind, settings)(snapshot, prior, progress)
 
 
 def make_decoder(
@@ -250,12 +267,39 @@ def make_decoder(
         if decoder not in choices:
             raise SettingError("decoder", repr(decoder), f"one of {', '.join(choices)}")
         decoder = choices[decoder]
+    cls = decoder if isinstance(decoder, type) else type(decoder)
+    if not issubclass(cls, Decoder):
+        raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
+    _check_names(cls, asked)
+    asked = _checked_types(cls, asked)
+    return replace(decoder, **asked) if isinstance(decoder, Decoder) else decoder(**asked)
+
+
+def _check_names(decoder: type[Decoder], asked: Mapping[str, Any]) -> None:
     names = [setting.name for setting in fields(decoder)]
     for name in asked:
         if name not in names:
             found = f"a setting of {decoder.name}" if asked[name] is None else f"{asked[name]} for {decoder.name}"
-            raise SettingError(name, found, f"one of {', '.join(names)}" if names else "no settings", "leave it out")
-    return decoder(**asked) if isinstance(decoder, type) else replace(decoder, **asked)
+            remedy = "put @dataclass above its class" if name in vars(decoder) else "leave it out"
+            raise SettingError(name, found, f"one of {', '.join(names)}" if names else "no settings", remedy)
+
+
+def _checked_types(decoder: type[Decoder], asked: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings, each a value of its type; refused by name where it is not."""
+    from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+    types, checked = get_type_hints(decoder), dict[str, Any]()
+    for name, value in asked.items():
+        try:
+            adapter = TypeAdapter[Any](types[name], config=ConfigDict(arbitrary_types_allowed=True))
+            checked[name] = adapter.validate_python(value)
+        except ValidationError:
+            raise SettingError(name, repr(value), _type_of(decoder, name)) from None
+    return checked
+
+
+def _type_of(decoder: type[Decoder], name: str) -> str:
+    return next(setting.type for setting in settings_of(decoder) if setting.name == name)
 
 
 def usual_decoder(kind: str) -> str:
@@ -334,6 +378,5 @@ def settings_from_text(decoder: type[Decoder], texts: Mapping[str, str]) -> dict
         try:
             settings[name] = TypeAdapter(types[name]).validate_strings(text) if name in types else text
         except ValidationError:
-            wanted = next(setting.type for setting in settings_of(decoder) if setting.name == name)
-            raise SettingError(name, repr(text), wanted) from None
+            raise SettingError(name, repr(text), _type_of(decoder, name)) from None
     return settings

@@ -80,7 +80,8 @@ class Estimate:
         """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.
 
         Args:
-            truth: the scene, brought to the camera's bands and size, beside it.
+            truth: the scene, brought to the camera's bands and size, beside it; of a dataset the first variable, or
+                ``radiance`` and ``depth``.
 
         Raises:
             DataError: a truth of another kind, or a smaller one.
@@ -168,12 +169,18 @@ def _with_depth(estimate: Estimate) -> dict[str, xr.DataArray | None]:
     }
 
 
+def _first(truth: xr.DataArray | xr.Dataset) -> xr.DataArray:
+    import xarray as xr
+
+    return next(iter(truth.data_vars.values())) if isinstance(truth, xr.Dataset) else truth
+
+
 def _draw_cube(estimate: Estimate, truth: Any) -> Figure:
     from tmca.data.fitting import fit_cube
     from tmca.plots.cube import reconstruction_figure
 
     camera, name, deviation = estimate.camera, estimate.decoder, estimate.deviation
-    scene = None if truth is None else fit_cube(truth, camera.wavelengths, camera.size, "truth").values
+    scene = None if truth is None else fit_cube(_first(truth), camera.wavelengths, camera.size, "truth").values
     deviations = {} if deviation is None else {name: deviation[0].numpy(force=True)}
     cube = estimate.values[0].numpy(force=True)
     shown = cube if cube.ndim == 3 else cube.mean(0)
@@ -185,7 +192,7 @@ def _draw_views(estimate: Estimate, truth: Any) -> Figure:
     from tmca.plots.light_field import light_field_figure
 
     camera = estimate.camera
-    scene = None if truth is None else fit_views(truth, camera.views, camera.size, "truth").values
+    scene = None if truth is None else fit_views(_first(truth), camera.views, camera.size, "truth").values
     return light_field_figure({estimate.decoder: _array(estimate.values)}, scene)
 
 

@@ -58,6 +58,9 @@ def learn_prior(
     views = _common_views(examples) if "view_v" in examples[0].dims else None
     if kind not in Prior.kinds or (kind == "dictionary" and views is None):
         raise SettingError("kind", repr(kind), f"{', '.join(Prior.kinds)} (a dictionary: of light fields)")
+    if camera is not None and (views is None) == (camera.kind == "light-field"):
+        found, wanted = ("light fields", "cubes") if views else ("cubes", "light fields")
+        raise SettingError("scenes", found, f"{wanted}, of which the {camera.kind} camera takes snapshots")
     about: dict[str, Any] = {"wavelengths": _common_wavelengths(examples)} if views is None else {"views": views}
     if block is None and camera is None:
         usual = _usual_block(kind, len(about.get("wavelengths", ())), spread, views)

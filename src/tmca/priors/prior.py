@@ -40,7 +40,8 @@ class Prior(ABC):
 
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
-        Prior.kinds[cls.kind] = cls
+        if "kind" in vars(cls):  # a subclass without one is of its parent's
+            Prior.kinds[cls.kind] = cls
 
     @property
     @abstractmethod
@@ -93,7 +94,7 @@ class Prior(ABC):
         if camera.kind == "light-field":
             v, u = camera.views
             if self.block[0] != v * u:
-                found, wanted = f"{self.block[0]} views", f"the camera's {v}×{u}"
+                found, wanted = f"{self.block[0]} {'bands' if self.wavelengths else 'views'}", f"the camera's {v}×{u}"
                 raise ShapeError(self.argument, found, wanted, "learn one for them")
             return
         if self.block[0] != len(camera.wavelengths):
@@ -172,7 +173,9 @@ def _read(path: str | Path, learned_by: str) -> Prior:
 
 def check_kind(prior: Prior, kind: str) -> None:
     """Raises SettingError unless a prior is of this kind."""
+    if kind not in Prior.kinds:
+        raise SettingError("prior_kind", repr(kind), f"one of {', '.join(Prior.kinds)}")
     wanted = Prior.kinds[kind]
     if not isinstance(prior, wanted):
-        found, remedy = getattr(prior, "called", "something else"), f"learn one with {wanted.learned_by}"
+        found, remedy = getattr(prior, "called", f"a {type(prior).__name__}"), f"learn one with {wanted.learned_by}"
         raise SettingError(wanted.argument, found, wanted.called, remedy)
