@@ -75,7 +75,7 @@ def test_a_study_keeps_what_is_finished(capsys, tmp_path):
         (("simulate", "--separation", "-1"), "separation: found -1"),
         (("simulate", "--model-only"), "--model-only: found no --scenario"),
         (("simulate", "--scenario", "road", "-M", "9"), "--scenario: found --frequencies as well"),
-        (("simulate", "--messages", "block", "--symbol-ratio", "3"), "symbol_ratio: found 3 with block messages"),
+        (("simulate", "--messages", "block", "--symbol-ratio", "3"), "--symbol-ratio: found 3 with block messages"),
         (("solve", "."), "found a folder"),
     ],
 )

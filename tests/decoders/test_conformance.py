@@ -55,7 +55,8 @@ def test_what_a_decoder_must_not_return_names_it(returned, monkeypatch):
 @pytest.mark.parametrize(("decoder", "settings", "message"), [
     (42, {}, "decoder: found 42"), (int, {}, "decoder: found"),
     ("tikhonov", {"iterations": "many"}, "iterations: found 'many'"),
-    ("tikhonov", {"iterations": 2.5}, "iterations: found 2.5"), ("tikhonov", {"iterations": None}, "iterations: found None"),
+    ("tikhonov", {"iterations": 2.5}, "iterations: found 2.5"),
+    ("tikhonov", {"iterations": None}, "iterations: found None"),
 ])  # fmt: skip
 def test_decoders_and_settings_of_another_type_are_named(decoder, settings, message):
     camera = camera_for(DECODERS["dagger"], "spectral")

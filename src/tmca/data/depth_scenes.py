@@ -179,7 +179,7 @@ def check_depth_scene(source: str, placed: str | None, from_rgb: bool) -> tuple[
     if kind == "cube" and placed is None:
         raise DataError(source, "a cube without depth", "one with depth", "put it at drawn ones: --placed random")
     if kind == "RGB-D scene" and not from_rgb:
-        remedy = "make them up of measured reflectances: from_rgb=True"
+        remedy = "make them up of measured reflectances: --from-rgb"
         raise DataError(source, "an RGB picture with depth", "spectra and depth", remedy)
     return kind, least
 

@@ -75,7 +75,7 @@ def find_prior(
     """
     if given is None:
         return _rendered(camera, kind, block, progress or (lambda share, step: None))
-    prior = load_prior(given) if isinstance(given, (str, Path)) else given
+    prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
     check_kind(prior, kind)
     prior.check(camera)
     return prior

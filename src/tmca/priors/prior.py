@@ -142,13 +142,17 @@ class Prior(ABC):
         return prior
 
 
-def load_prior(path: str | Path) -> Prior:
+def load_prior(path: str | Path, kind: str = "") -> Prior:
     """Read a prior file of any kind.
+
+    Args:
+        path: of the file.
+        kind: that is wanted, for the error.
 
     Raises:
         DataError: no such file, no prior in it, or damaged content.
     """
-    return _read(path, "`tmca prior learn`")
+    return _read(path, Prior.kinds[kind].learned_by if kind in Prior.kinds else "`tmca prior learn`")
 
 
 def _read(path: str | Path, learned_by: str) -> Prior:
