@@ -13,11 +13,12 @@ from pathlib import Path
 import torch
 import xarray as xr
 
+from tmca.applications import simulate
 from tmca.cameras import SpectralCamera
 from tmca.data import read_split, split_rendered
 from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
-from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
+from tmca.experiments.spectral.imaging import reconstruct_snapshot
 from tmca.sensor import Sensor
 
 SENSORS = {
@@ -46,8 +47,8 @@ def rows(scene: xr.DataArray, slots: int) -> list[str]:
     weights, size = Weights.find("default", slots), (scene.sizes["y"], scene.sizes["x"])
     found = []
     for noise, sensor in SENSORS.items():
-        learned = take_snapshot(scene, weights.camera_for(size, sensor=sensor))
-        plain = take_snapshot(scene, random_camera(weights, size, sensor))
+        learned = simulate(scene, weights.camera_for(size, sensor=sensor))
+        plain = simulate(scene, random_camera(weights, size, sensor))
         prior = weights.load_prior()
         values = [
             reconstruct_snapshot(plain, "lmmse", prior=prior, truth=scene).metrics["psnr"],

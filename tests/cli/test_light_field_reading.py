@@ -135,7 +135,7 @@ def test_no_weights_come_with_the_package_for_light_fields(plain, capsys):
     main(["simulate", "light-field", "plain", *TAKE])
     capsys.readouterr()
     line = refused(capsys, "reconstruct", "s.nc", "--weights", "default", "--out", "e.nc")
-    assert "--weights: found 'default', of which none come with tmca for light fields" in line
+    assert "--weights: found 'default', of which none come with tmca for a light-field camera" in line
 
 
 def test_options_of_light_fields_are_refused_for_cubes(tmp_path, capsys, monkeypatch):

@@ -96,7 +96,7 @@ def test_a_run_is_trained_on_any_naming_and_not_resumed_with_another(place, caps
         (["lens.png", "--lens", "5x5"], "a multiple of the 5×5 views under a lens"),
         (["lens.png", "--lens", "3"], "--lens"),
         (["coffee", *NAMES], "--pattern: found r{row}c{column}end.png, which applies to none"),
-        (["coffee", "--scale", "2"], "--scale: found 2, which applies to none"),
+        (["coffee", "--scale", "2"], "scale: found 2, which applies to none"),
     ],
 )
 def test_readings_that_fit_nothing_are_refused(place, capsys, options, words):

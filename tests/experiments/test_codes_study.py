@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
+from tmca.applications import simulate
 from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
 from tmca.design import Effort
@@ -19,7 +20,7 @@ from tmca.experiments.codes.study import CORNERS, _common, _network_cells, senso
 from tmca.experiments.codes.tables import grid_rows, network_rows, scene_rows
 from tmca.experiments.codes.tables import test_rows as rows_of_tests
 from tmca.experiments.codes.task import Task, on_frame
-from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
+from tmca.experiments.spectral.imaging import reconstruct_snapshot
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
@@ -117,7 +118,7 @@ def test_codes_for_the_light_are_decoded_by_both_priors(found, folder):
     scene, prior = load_scene("coffee", bands=3), GaussianPrior.load(cell["prior"])
     camera = Task.of(cell, cell["light"]).design("free", 2).camera
     whole = on_frame(camera, {"bands": scene["wavelength"].values.tolist()}, scene.shape[1:], Sensor(**cell["sensor"]))
-    taken = take_snapshot(scene, whole, seed=cell["seed"])
+    taken = simulate(scene, whole, seed=cell["seed"])
     dimmed = prior.scaled(cell["light"] / float(prior.mean.mean()))
     for own, kept in ((prior, "plain_prior"), (dimmed, "metrics")):
         measured = reconstruct_snapshot(taken, "lmmse", prior=own, truth=scene).metrics["psnr"]

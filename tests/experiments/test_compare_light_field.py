@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from tests.cli.refusals import refused
+from tmca.applications import simulate
 from tmca.data.light_field_scenes import Reading, load_light_field
 from tmca.data.scene_names import short_names
 from tmca.decoders import Weights
@@ -15,7 +16,7 @@ from tmca.experiments.light_field import rows
 from tmca.experiments.light_field.cells import coded_camera, measure
 from tmca.experiments.light_field.comparison import compare_light_field
 from tmca.experiments.light_field.comparison_figures import slug
-from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.pages import left_out, pictures, thesis_table
 from tmca.experiments.light_field.tables import margins, steps_between
@@ -81,7 +82,7 @@ def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
         camera = coded_camera(cell, (30, 36))
         assert camera.sensor.read_noise == 0.05
         prior = next((folder / "work").glob("prior-*.nc"))
-        taken = take_light_field_snapshot(scene, camera, seed=seed)
+        taken = simulate(scene, camera, seed=seed)
         levels.append(reconstruct_light_field(taken, prior=prior, truth=scene).metrics["psnr"])
     assert row["scenes"]["chelsea"]["psnr"] == pytest.approx(np.mean(levels), abs=1e-4)
     assert row["psnr"] == pytest.approx(np.mean([own["psnr"] for own in row["scenes"].values()]))

@@ -7,11 +7,12 @@ import pytest
 import xarray as xr
 
 from tests.cli.refusals import refused
+from tmca.applications import simulate
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.decoders import Weights
-from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.truth import evaluate_light_field
 from tmca.priors import GaussianPrior, PatchDictionary, learn_prior
 from tmca.priors.learning import _MIXTURE_OF_VIEWS
@@ -54,9 +55,9 @@ def test_views_go_through_the_camera_and_back(prior, tmp_path, capsys, monkeypat
 def test_colours_are_snapshots_of_their_own(prior):
     colour = load_light_field("coffee", colour=True, **SCENE)
     camera = LightFieldCamera(3, (24, 30), 2, period=6)
-    together = reconstruct_light_field(take_light_field_snapshot(colour, camera), prior=prior).light_field
+    together = reconstruct_light_field(simulate(colour, camera), prior=prior).light_field
     assert together.dims == ("colour", "view_v", "view_u", "y", "x")
-    alone = reconstruct_light_field(take_light_field_snapshot(colour[1], camera), prior=prior).light_field
+    alone = reconstruct_light_field(simulate(colour[1], camera), prior=prior).light_field
     np.testing.assert_allclose(together.values[1], alone.values, atol=1e-5)
 
 
@@ -78,7 +79,7 @@ def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, cap
 
 def test_the_estimate_explains_more_than_the_least_norm_one(prior):
     truth = load_light_field("coffee", **SCENE)
-    taken = take_light_field_snapshot(truth, LightFieldCamera(3, (24, 30), 4, shutter="one-hot", period=6))
+    taken = simulate(truth, LightFieldCamera(3, (24, 30), 4, shutter="one-hot", period=6))
     found = {d: reconstruct_light_field(taken, d, truth=truth, **how).metrics["psnr"]
              for d, how in (("lmmse", {"prior": prior}), ("admm-tv", {}), ("dagger", {}))}  # fmt: skip
     assert found["lmmse"] > found["dagger"] + 3
@@ -162,7 +163,6 @@ def test_a_spectral_decoder_is_refused_a_light_field(prior, tmp_path, capsys, mo
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
     capsys.readouterr()
     assert "--decoder: found 'lmmse-adapted'" in refused(capsys, "reconstruct", "s.nc", "-d", "lmmse-adapted")
-    assert "learn-views … --mixture" in refused(capsys, "reconstruct", "s.nc", "-d", "mixture")
     assert "learn-views … --dictionary --out …" in refused(capsys, "reconstruct", "s.nc", "-d", "dictionary")
     assert "--wavelengths" in refused(capsys, "reconstruct", "s.nc", "--truth", "coffee", "--wavelengths", "400:700:3")
     five = GaussianPrior.load(prior)

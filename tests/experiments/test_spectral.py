@@ -8,6 +8,7 @@ import scipy.io
 import torch
 import xarray as xr
 
+from tmca.applications import simulate
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_dataset, rendered_scene, select_bands, write_dataset, write_split
 from tmca.data.scenes import load_scene
@@ -16,7 +17,7 @@ from tmca.experiments.cells import CellsFailed
 from tmca.experiments.corner import corner_conditioning
 from tmca.experiments.demo import run_demo
 from tmca.experiments.spectral.comparison import compare_spectral
-from tmca.experiments.spectral.imaging import evaluate_files, reconstruct_snapshot, take_snapshot, true_scene
+from tmca.experiments.spectral.imaging import evaluate_files, reconstruct_snapshot, true_scene
 from tmca.experiments.spectral.rows import CODES, LEARNED, NOISES
 from tmca.operators import conditioning, sparse_matrix
 from tmca.priors import GaussianMixturePrior, learn_prior
@@ -46,7 +47,7 @@ def camera_for(scene, **settings):
 
 @pytest.mark.parametrize("mixture", [False, True])
 def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, examples, mixture):
-    snapshot = take_snapshot(scene, camera_for(scene, slots=4, sensor=Sensor(read_noise=0.01)))
+    snapshot = simulate(scene, camera_for(scene, slots=4, sensor=Sensor(read_noise=0.01)))
     prior = small_mixture(examples) if mixture else learn_prior(examples, spread=BANDS - 1)
     method = "mixture" if mixture else "lmmse"
     found = reconstruct_snapshot(snapshot, method, prior=prior, truth=scene, uncertainty=True)
@@ -60,14 +61,14 @@ def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, exampl
 
 @pytest.mark.parametrize("method", ["admm-tv", "admm-tv-joint", "pnp-tv"])
 def test_total_variation_beats_the_least_norm_estimate(scene, method):
-    snapshot = take_snapshot(scene, camera_for(scene, slots=4))
+    snapshot = simulate(scene, camera_for(scene, slots=4))
     found = reconstruct_snapshot(snapshot, method, truth=scene)
     plain = reconstruct_snapshot(snapshot, "dagger", truth=scene)
     assert found.metrics["psnr"] > plain.metrics["psnr"] + 5
 
 
 def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
-    snapshot = take_snapshot(scene, camera_for(scene, slots=2, relay_blur=0.5))
+    snapshot = simulate(scene, camera_for(scene, slots=2, relay_blur=0.5))
     assert reconstruct_snapshot(snapshot, "admm-tv-joint", truth=scene).metrics["psnr"] > 20
     prior = learn_prior(examples, spread=BANDS - 1)
     with pytest.raises(SettingError, match="relay blur"):
@@ -75,7 +76,7 @@ def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
 
 
 def test_a_prior_of_another_camera_is_refused(scene, examples):
-    snapshot = take_snapshot(scene, camera_for(scene))
+    snapshot = simulate(scene, camera_for(scene))
     other = learn_prior([e[:3] for e in examples], spread=2)
     with pytest.raises(ValueError, match="3"):
         reconstruct_snapshot(snapshot, "lmmse", prior=other)
@@ -84,7 +85,7 @@ def test_a_prior_of_another_camera_is_refused(scene, examples):
 
 
 def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
-    snapshot = take_snapshot(scene, camera_for(scene))
+    snapshot = simulate(scene, camera_for(scene))
     prior = learn_prior(examples, spread=3)
     found = reconstruct_snapshot(snapshot, "lmmse", prior=prior, truth=scene, uncertainty=True)
     path = found.save(tmp_path / "e.nc")
@@ -100,14 +101,14 @@ def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
 
 def test_an_estimate_above_one_is_not_rescaled_when_read_back(scene, tmp_path):
     bright = scene * 1.5 / scene.max()
-    snapshot = take_snapshot(bright, camera_for(scene))
+    snapshot = simulate(bright, camera_for(scene))
     path = reconstruct_snapshot(snapshot, "dagger").save(tmp_path / "e.nc")
     assert evaluate_files(path, str(path))["dd"] == 0
 
 
 def test_noise_is_independent_of_the_codes(scene):
     camera = camera_for(scene, slots=1, shutter="open", dispersion=0.0, sensor=Sensor(read_noise=1.0))
-    noise = take_snapshot(scene * 0, camera).values[0, 0]
+    noise = simulate(scene * 0, camera).values[0, 0]
     mask = camera.codes()[0][0] > 0
     assert abs(float(noise[mask].var() / noise[~mask].var()) - 1) < 0.15
 
@@ -125,7 +126,7 @@ def test_the_corner_is_the_cameras_own_matrix(disperser, dispersion):
 
 def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
     cube = load_scene("coffee", bands=BANDS, size=(48, 64))
-    snapshot = take_snapshot(cube, camera_for(cube))
+    snapshot = simulate(cube, camera_for(cube))
     np.testing.assert_array_equal(true_scene("coffee", snapshot), cube)
     large = Snapshot(snapshot.values, SpectralCamera(bands=cube["wavelength"].values.tolist(), size=(48, 9000)))
     with pytest.raises(DataError, match="9000"):

@@ -5,12 +5,13 @@ import json
 
 import pytest
 
+from tmca.applications import simulate
 from tmca.cameras import LightFieldCamera
 from tmca.data import rendered_scene, select_bands, write_dataset
 from tmca.data.light_field_scenes import load_light_field
 from tmca.errors import DataError, SettingError
 from tmca.experiments.cells import CellsFailed
-from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.sweep import sweep_light_field
 from tmca.experiments.spectral.sweep import sweep_spectral
 
@@ -146,7 +147,7 @@ def test_light_fields_are_swept_with_named_codes(tmp_path):
     camera = LightFieldCamera(3, (26, 28), 4, shutter="one-hot", period=4)
     truth = load_light_field(str(tmp_path / "coffee.nc"), views=3)
     (prior,) = (tmp_path / "work").glob("prior-*.nc")
-    own = reconstruct_light_field(take_light_field_snapshot(truth, camera), prior=prior, truth=truth)
+    own = reconstruct_light_field(simulate(truth, camera), prior=prior, truth=truth)
     assert found["rows"][2]["psnr"] == pytest.approx(own.metrics["psnr"], abs=1e-4)
     assert "SAM" not in (tmp_path / "out.md").read_text()
     assert "Light-field camera" in (tmp_path / "out.md").read_text()

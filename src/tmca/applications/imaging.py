@@ -13,6 +13,7 @@ from torch import Tensor
 
 from tmca.applications.base import Application, application_of
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, moving_scenes
+from tmca.cameras.motion import check_displacement
 from tmca.decoders import Estimate, decode
 from tmca.decoders.estimate import PLANES
 from tmca.errors import DataError, SettingError
@@ -60,6 +61,7 @@ def simulate(
     fitted = [application.fitted(one, camera, name or "scene") for one in scenes]
     faults = hardware or Hardware()
     moved = motion if any(motion) else faults.movement
+    check_displacement(moved, camera.size, "motion" if any(motion) else "hardware's motion")
     light, *depth = _slots([application.tensors(one) for one in fitted], camera, moved)
     notes: dict[str, Any] = {"scene": name, "noise_seed": seed, **application.check(fitted[0], camera)}
     notes |= {"motion_pixels": list(moved)} if any(moved) else {}

@@ -46,11 +46,11 @@ def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -
     return torch.stack([seen(_places(displacement, *times)) for times in pairwise(edges)])
 
 
-def check_displacement(displacement: tuple[float, float], size: Sequence[int]) -> None:
+def check_displacement(displacement: tuple[float, float], size: Sequence[int], where: str = "motion") -> None:
     """Raises SettingError for a displacement (rows, columns) that is as large as a scene of (H, W) pixels."""
     if not (abs(displacement[0]) < size[0] and abs(displacement[1]) < size[1]):
         raise SettingError(
-            "motion", f"{displacement[0]:g},{displacement[1]:g}", f"less than the scene's {size[0]}×{size[1]}"
+            where, f"{displacement[0]:g},{displacement[1]:g}", f"less than the scene's {size[0]}×{size[1]}"
         )
 
 

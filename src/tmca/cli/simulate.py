@@ -55,9 +55,9 @@ def spectral(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
+    from tmca.applications import simulate
     from tmca.data.scenes import load_scene
     from tmca.experiments.snapshots import snapshot_files
-    from tmca.experiments.spectral.imaging import take_snapshot
 
     kept = None if all_bands else bands
     if not scenes:
@@ -69,7 +69,7 @@ def spectral(
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
     check_targets(snapshot_files(target, output.figures), output.overwrite, scenes[0])
     bench = _bench_of(known, calibration, camera.files())
-    taken = bench.recorded(take_snapshot(cubes, bench.camera, seed=camera.seed, motion=moved, hardware=faults))
+    taken = bench.recorded(simulate(cubes, bench.camera, seed=camera.seed, motion=moved, hardware=faults))
     how = " -d admm-tv" if taken.camera.blurred else ""
     _write(taken, target, output, {"bands": taken.camera.bands}, f"{taken.camera.bands} bands", how)
 
@@ -99,8 +99,8 @@ def light_field(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
+    from tmca.applications import simulate
     from tmca.data.light_field_scenes import load_light_field
-    from tmca.experiments.light_field.imaging import take_light_field_snapshot
     from tmca.experiments.snapshots import snapshot_files
 
     field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())
@@ -109,7 +109,7 @@ def light_field(
     check_targets(snapshot_files(target, output.figures, views=True), output.overwrite, scene)
     known = light_field_camera(field, camera, bench, sensor)
     placed = _bench_of(known, calibration, camera.files())
-    taken = placed.recorded(take_light_field_snapshot(field, placed.camera, camera.seed, hardware.faults()))
+    taken = placed.recorded(simulate(field, placed.camera, seed=camera.seed, hardware=hardware.faults()))
     views = list(taken.camera.views)
     _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.applications import simulate
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import find_weights
 from tmca.errors import OutputError, TmcaError
@@ -15,7 +16,7 @@ from tmca.experiments.light_field.demo import demo_light_field
 from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import METRICS, mean_over_scenes
-from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
+from tmca.experiments.spectral.imaging import reconstruct_snapshot
 from tmca.experiments.spectral_depth.demo import demo_spectral_depth
 from tmca.plots.cube import reconstruction_figure
 from tmca.plots.style import save_figure
@@ -125,7 +126,7 @@ def _through(
     else:
         camera = weights.camera_for(size, sensor=sensor)
     method = "lmmse" if weights is None else "network"
-    snapshot = take_snapshot(scene, camera)
+    snapshot = simulate(scene, camera)
     snapshot.save(stem.with_name(f"{stem.name}_snapshot.nc"), overwrite=overwrite)
     result = reconstruct_snapshot(
         snapshot, method, prior=prior, weights=weights, uncertainty=weights is None, truth=scene

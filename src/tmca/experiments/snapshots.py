@@ -10,9 +10,6 @@ from tmca.experiments.camera_figures import codes_figure, snapshot_figure
 from tmca.plots.codes import sub_images_figure
 from tmca.plots.style import save_figure
 
-NOISE_STREAM = 0x9E3779B9
-"""Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""
-
 
 def snapshot_files(path: Path, figures: bool, *, views: bool = False) -> list[Path]:
     """What `snapshot_pictures` and the snapshot itself will be called; ``views`` for a light-field camera."""

@@ -90,12 +90,13 @@ def coded(task: Task, code: dict[str, Any]) -> CodedCamera:
 
 def _measured(task: Task, cell: Settings, camera: CodedCamera, decoder: str, **with_: Any) -> dict[str, float]:
     """PSNR on the middle of each test scene."""
-    from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
+    from tmca.applications import simulate
+    from tmca.experiments.spectral.imaging import reconstruct_snapshot
 
     size, found = (int(cell["size"][0]), int(cell["size"][1])), {}
     for path in cell["test"]:
         scene = load_scene(path, bands=cell["bands"], size=size)
-        taken = take_snapshot(scene, on_frame(camera, task.camera, size, Sensor(**cell["sensor"])), seed=cell["seed"])
+        taken = simulate(scene, on_frame(camera, task.camera, size, Sensor(**cell["sensor"])), seed=cell["seed"])
         result = reconstruct_snapshot(taken, decoder, truth=scene, **with_)
         found[Path(path).stem] = result.metrics["psnr"]
     return found

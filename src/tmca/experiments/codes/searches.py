@@ -94,11 +94,12 @@ def _compared(
 
 
 def _measured(cell: Settings, camera: CodedCamera, prior: GaussianPrior) -> dict[str, float]:
-    from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
+    from tmca.applications import simulate
+    from tmca.experiments.spectral.imaging import reconstruct_snapshot
 
     scene = load_scene(cell["path"], bands=cell["bands"])
     size = (scene.sizes["y"], scene.sizes["x"])
     own = camera_arguments(scene["wavelength"].values.tolist(), None)
     whole = on_frame(camera, own, size, Sensor(**cell["sensor"]))
-    taken = take_snapshot(scene, whole, seed=cell["seed"])
+    taken = simulate(scene, whole, seed=cell["seed"])
     return reconstruct_snapshot(taken, "lmmse", prior=prior, truth=scene).metrics

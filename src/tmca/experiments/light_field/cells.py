@@ -8,13 +8,14 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
+from tmca.applications import simulate
 from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import Reading, read_middle, true_disparity
 from tmca.data.light_fields import centre_window
 from tmca.decoders import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.codes.task import Task, on_frame
-from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.rows import CODES, LEARNED, NETWORKS, NOISES, search_of
 from tmca.sensor import Sensor
 from tmca.training.light_field import training_reading
@@ -85,7 +86,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
         given["weights"] = Weights.load(cell["weights"])
     camera = coded_camera(cell, (scene.sizes["y"], scene.sizes["x"]), given.get("weights"))
     method = "network" if cell["decoder"] in NETWORKS else cell["decoder"]
-    snapshot = take_light_field_snapshot(scene, camera, seed=cell["seed"])
+    snapshot = simulate(scene, camera, seed=cell["seed"])
     with catch_warnings():
         simplefilter("ignore", OtherCodes)
         result = reconstruct_light_field(snapshot, method, truth=scene, **given)

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tmca.applications import simulate
 from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import load_light_field
 from tmca.experiments.light_field.imaging import (
     reconstruct_light_field,
-    take_light_field_snapshot,
 )
 from tmca.experiments.light_field.truth import geometry
 from tmca.experiments.reconstructions import Reconstruction
@@ -63,7 +63,7 @@ def demo_light_field(
     rows, found = [], {}
     for place, (code, camera) in enumerate(cameras.items()):
         told(0.5 + 0.2 * place, f"light field, {code}")
-        snapshot = take_light_field_snapshot(truth, camera)
+        snapshot = simulate(truth, camera)
         stem = f"light_field_{'static' if camera.slots == 1 else 'onehot8'}"
         snapshot.save(out / f"{stem}_snapshot.nc", overwrite=overwrite)
         result = reconstruct_light_field(snapshot, "lmmse", prior=prior, truth=truth)

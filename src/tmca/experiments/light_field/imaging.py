@@ -6,47 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
-
-from tmca.cameras import Hardware, LightFieldCamera, Snapshot, imperfect, moving_scenes
-from tmca.data.light_field_scenes import as_batch
-from tmca.data.scene_names import READING
+from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.decoders import decoders
 from tmca.errors import SettingError
 from tmca.experiments.reconstructions import Reconstruction, decoded
-from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.plots.light_field import light_field_figure
 from tmca.plots.style import save_figure
 from tmca.plots.views import focus_steps, refocus_strip, views_gif
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def take_light_field_snapshot(
-    light_field: xr.DataArray, camera: LightFieldCamera, seed: int = 0, hardware: Hardware | None = None
-) -> Snapshot[LightFieldCamera]:
-    """Image a light field.
-
-    Args:
-        light_field: (view_v, view_u, y, x), or with colours first: one snapshot of each.
-        camera: of its views and size.
-        seed: of the sensor's noise, whose stream no code shares.
-        hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
-
-    Raises:
-        SettingError: faults that this camera cannot have.
-    """
-    faults, views = hardware or Hardware(), as_batch(light_field)
-    notes: dict[str, Any] = {"scene": str(light_field.attrs.get("name", "")), "noise_seed": seed}
-    if any(faults.movement):
-        views = moving_scenes(views, faults.movement, camera.slots)
-        notes["motion_pixels"] = list(faults.movement)
-    with torch.no_grad():
-        values = imperfect(camera, faults, seed)(views, generator=NOISE_STREAM + seed)
-    notes |= {"hardware": faults.described()} if faults.faults() else {}
-    noted = {READING: light_field.attrs[READING]} if READING in light_field.attrs else {}
-    return Snapshot(values, camera, notes | noted)
 
 
 def reconstruct_light_field(

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tmca.applications import simulate
 from tmca.cameras import Hardware, LightFieldCamera
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, read_middle
 from tmca.design import KINDS, designable
@@ -14,7 +15,7 @@ from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.decoder_labels import DecoderLabels, prior_kind
-from tmca.experiments.light_field.imaging import reconstruct_light_field, take_light_field_snapshot
+from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.learned import Learned
 from tmca.experiments.light_field.rows import EFFORT, Sizes
 from tmca.experiments.sweep import Swept, Values, sweep
@@ -30,7 +31,7 @@ def measure(cell: Settings) -> Measured:
     scene = read_middle(cell["path"], cell["views"], Reading(**cell["reading"]), cell["size"])
     camera = _camera(cell, (scene.sizes["y"], scene.sizes["x"]))
     faults = Hardware.of(cell.get("faults", {}))
-    snapshot = take_light_field_snapshot(scene, camera, cell["camera"].get("seed", 0), faults)
+    snapshot = simulate(scene, camera, seed=cell["camera"].get("seed", 0), hardware=faults)
     prior = cell["prior"].get(cell["decoder"])
     result = reconstruct_light_field(snapshot, cell["decoder"], prior=prior, truth=scene, **cell.get("settings", {}))
     return {"metrics": result.metrics, "seconds": result.seconds, "throughput": camera.throughput()}

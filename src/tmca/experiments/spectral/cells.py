@@ -40,8 +40,9 @@ def train(cell: Settings) -> Measured:
 
 def reconstruct(cell: Settings, folder: Path) -> Measured:
     """Take the snapshot of a scene, reconstruct it, measure; half precision is enough for pictures."""
+    from tmca.applications import simulate
     from tmca.decoders import Weights
-    from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
+    from tmca.experiments.spectral.imaging import reconstruct_snapshot
 
     scene = load_scene(cell["path"], bands=cell["bands"])
     sensor = Sensor(**NOISES[cell["noise"]])
@@ -52,7 +53,7 @@ def reconstruct(cell: Settings, folder: Path) -> Measured:
         camera = coded_camera(cell, scene["wavelength"].values.tolist(), (scene.sizes["y"], scene.sizes["x"]))
     network = weights if cell["decoder"] in NETWORKS else None
     method = "network" if network else cell["decoder"]
-    snapshot = take_snapshot(scene, camera, seed=cell["seed"])
+    snapshot = simulate(scene, camera, seed=cell["seed"])
     with catch_warnings():
         simplefilter("ignore", OtherCodes)  # the table says so
         result = reconstruct_snapshot(snapshot, method, prior=cell["prior"], weights=network, truth=scene)
@@ -90,7 +91,8 @@ def coded_camera(cell: Settings, bands: Any, size: tuple[int, int]) -> SpectralC
 
 def sweep_cell(cell: Settings) -> Measured:
     """One combination of a sweep on one scene; a network is trained, and a prior learned, once for all scenes."""
-    from tmca.experiments.spectral.imaging import reconstruct_snapshot, take_snapshot
+    from tmca.applications import simulate
+    from tmca.experiments.spectral.imaging import reconstruct_snapshot
 
     size = None if cell["size"] is None else (cell["size"][0], cell["size"][1])
     scene = load_scene(cell["path"], bands=cell["bands"], size=size)
@@ -99,7 +101,7 @@ def sweep_cell(cell: Settings) -> Measured:
         sensor=Sensor(**cell["sensor"]), **cell["camera"],
     )  # fmt: skip
     faults = Hardware.of(cell.get("faults", {}))
-    snapshot = take_snapshot(scene, camera, seed=cell["camera"].get("seed", 0), hardware=faults)
+    snapshot = simulate(scene, camera, seed=cell["camera"].get("seed", 0), hardware=faults)
     method, prior, weights = cell["decoder"], None, None
     if method in NETWORKS:
         method, weights = "network", _network_of(cell)

@@ -7,13 +7,14 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from tmca.applications.imaging import NOISE_STREAM
 from tmca.cameras import SpectralCamera
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior, expected_mse
 from tmca.priors.posterior import GaussianSolver
 
-_PLACES, _NOISE_STREAM = 16, 0x9E3779B9
+_PLACES = 16
 
 
 def predicted_and_measured(
@@ -54,7 +55,7 @@ def _block_errors(
 ) -> Tensor:
     """Mean squared errors of the estimates of random patches of one scene, ``each`` at every place of the code."""
     taps, noise = operator.taps, camera.noise
-    placing, recording = (torch.Generator().manual_seed(seed + stream) for stream in (0, _NOISE_STREAM))
+    placing, recording = (torch.Generator().manual_seed(seed + stream) for stream in (0, NOISE_STREAM))
     model, (_, rows, columns) = BlockModel.of(taps, prior.block), prior.block
     frame = (taps.code.shape[1], taps.code.shape[2])
     grid = BlockGrid.cover(model, frame, frame)

@@ -2,63 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import torch
-
-from tmca.cameras import Hardware, Snapshot, SpectralCamera, imperfect, moving_scene
+from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data.scenes import centre_crop, load_scene
 from tmca.errors import DataError, SettingError
 from tmca.experiments.reconstructions import Reconstruction, decoded
-from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.plots.cube import reconstruction_figure
 from tmca.plots.style import save_figure
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-def take_snapshot(
-    cube: xr.DataArray | Sequence[xr.DataArray],
-    camera: SpectralCamera,
-    seed: int = 0,
-    motion: tuple[float, float] = (0.0, 0.0),
-    hardware: Hardware | None = None,
-) -> Snapshot[SpectralCamera]:
-    """Image a scene.
-
-    Args:
-        cube: (wavelength, y, x), or one such cube per slot.
-        camera: of its bands and size.
-        seed: of the sensor's noise, whose stream no code shares.
-        motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
-            cube is its place in the middle.
-        hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
-
-    Raises:
-        SettingError: faults that this camera cannot have, or another number of cubes than slots, or several that move.
-    """
-    cubes = list(cube) if isinstance(cube, Sequence) else [cube]
-    scenes = [torch.from_numpy(np.ascontiguousarray(one.values, dtype=np.float32)) for one in cubes]
-    if len(scenes) > 1 and len(scenes) != camera.slots:
-        raise SettingError("scenes", f"{len(scenes)}", f"one, or one for each of {camera.slots} slots")
-    scene = torch.stack(scenes) if len(scenes) > 1 else scenes[0]
-    notes = {"scene": str(cubes[0].attrs.get("name", "")), "noise_seed": seed}
-    faults = hardware or Hardware()
-    motion = motion if any(motion) else faults.movement
-    if any(motion) and len(scenes) > 1:
-        found = f"{motion[0]:g},{motion[1]:g} of {len(scenes)} scenes"
-        raise SettingError("motion", found, "one scene that moves, or one for each slot, at rest in it")
-    if any(motion):
-        scene, notes["motion_pixels"] = moving_scene(scene, motion, camera.slots), list(motion)
-    with torch.no_grad():
-        values = imperfect(camera, faults, seed)(scene[None], generator=NOISE_STREAM + seed)
-    if faults.faults():
-        notes["hardware"] = faults.described()
-    return Snapshot(values, camera, notes)
 
 
 def reconstruct_snapshot(

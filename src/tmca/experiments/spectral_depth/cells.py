@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from tmca.applications.spectral_depth import spectral_depth_metrics
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
 from tmca.data.depth_scenes import load_any_depth_scene, middle_of, with_surroundings
@@ -20,7 +21,6 @@ from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
     reading_range,
     reconstruct_spectral_depth,
-    spectral_depth_metrics,
     take_spectral_depth_snapshot,
 )
 from tmca.experiments.spectral_depth.rows import CODES, CONSTANT

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from tmca.applications.imaging import NOISE_STREAM
+from tmca.applications.spectral_depth import spectral_depth_metrics
 from tmca.applications.unknown_depth import check_depth_known, unknown_depth
 from tmca.cameras import Hardware, Snapshot, SpectralDepthCamera, imperfect
 from tmca.cameras.checks import check_holds
 from tmca.data.depth_scenes import depth_tensor, middle_of
+from tmca.data.fitting import FITTED
 from tmca.data.scene_names import READING
 from tmca.experiments.camera_figures import phase_codes_figure, psf_figure, snapshot_figure
 from tmca.experiments.reconstructions import Reconstruction, decoded
-from tmca.experiments.snapshots import NOISE_STREAM
 from tmca.optics import DepthPlanes, check_mask
 from tmca.plots.depth import depth_figure
 from tmca.plots.style import save_figure
@@ -25,10 +27,6 @@ from tmca.plots.style import save_figure
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-
-FITTED = ("inverse_depth_scale", "inverse_depth_shift")
-"""Attributes of a scene, a snapshot and a reconstruction whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
 
 
 def reading_range(camera: SpectralDepthCamera) -> dict[str, Any]:
@@ -125,23 +123,6 @@ def middle_of_reconstruction(
     inner, real = (middle_of(scene, size, found.decoder) for scene in (found.data, truth))
     metrics = spectral_depth_metrics(inner["radiance"].values, inner["depth"].values, real, planes)
     return replace(found, data=inner, metrics=metrics)
-
-
-def spectral_depth_metrics(
-    cube: np.ndarray, depth: np.ndarray, truth: xr.Dataset, planes: DepthPlanes
-) -> dict[str, float]:
-    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known.
-
-    ``known_depth`` is the share of pixels where it is, within the range of the planes. One plane has no bins.
-    """
-    from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
-
-    known = planes.within(torch.from_numpy(np.array(truth["depth"].values)))
-    real = np.where(known.numpy(), truth["depth"].values, np.nan)
-    found = {"depth_mae": depth_mae(depth, real), "depth_rmse": depth_rmse(depth, real)}
-    if planes.count > 1:
-        found["within_bin"] = within_bin(depth, real, planes.metres)
-    return {**all_metrics(cube, truth["radiance"].values), **found, "known_depth": float(known.double().mean())}
 
 
 def reconstruction_picture(result: Reconstruction, planes: DepthPlanes, truth: xr.Dataset | None = None) -> Figure:

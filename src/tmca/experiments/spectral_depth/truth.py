@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.applications.spectral_depth import spectral_depth_metrics
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders.estimate import PLANES
@@ -14,7 +15,6 @@ from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.spectral_depth.imaging import (
     reading_range,
     reconstruction_picture,
-    spectral_depth_metrics,
 )
 from tmca.optics import DepthPlanes
 from tmca.plots.style import save_figure
