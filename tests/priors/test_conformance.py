@@ -1,0 +1,75 @@
+"""Every kind of prior: learned, sampled, drawn, saved, read back, and checked against a camera."""
+
+import pytest
+import torch
+from matplotlib.figure import Figure
+
+from tmca.cameras import LightFieldCamera, SpectralCamera
+from tmca.errors import DataError, SettingError, ShapeError
+from tmca.priors import Prior, check_kind, load_prior
+
+BANDS, VIEWS = 3, (3, 3)
+WAVELENGTHS = (500e-9, 550e-9, 600e-9)
+SMALL = {"gaussian": {}, "mixture": {"kinds": 2, "rank": 4, "gains": 2, "samples": 200, "seed": 1}}
+SMALL["dictionary"] = {"atoms": 12, "seed": 1}
+KINDS = sorted(Prior.kinds)
+
+
+def examples(channels):
+    source = torch.Generator().manual_seed(0)
+    return [torch.rand(channels, side, side + 3, generator=source) for side in (22, 25)]
+
+
+def learned(kind):
+    """A prior of cubes, or of views where it is of these alone."""
+    if kind == "dictionary":
+        return Prior.kinds[kind].learn(
+            examples(9), (4, 4), views=VIEWS, sources=["one", "other"], **SMALL.get(kind, {})
+        )
+    about = {"wavelengths": WAVELENGTHS, "sources": ["one", "other"]}
+    return Prior.kinds[kind].learn(examples(BANDS), (3, 5), **about, **SMALL.get(kind, {}))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_comes_back_from_its_file(kind, tmp_path):
+    prior = learned(kind)
+    path = prior.save(tmp_path / "p.nc")
+    for again in (load_prior(path), Prior.kinds[kind].load(path)):
+        assert type(again) is type(prior)
+        assert (again.block, again.wavelengths, again.sources) == (prior.block, prior.wavelengths, prior.sources)
+        for name, values in prior.arrays().items():
+            torch.testing.assert_close(again.arrays()[name].double(), values.double())
+    for other in set(KINDS) - {kind}:
+        with pytest.raises(DataError, match="expected"):
+            Prior.kinds[other].load(path)
+        with pytest.raises(SettingError, match="expected"):
+            check_kind(prior, other)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_samples_are_blocks_and_the_seed_alone_decides_them(kind):
+    prior = learned(kind)
+    samples = prior.sample(3, seed=2)
+    assert tuple(samples.shape) == (3, *prior.block)
+    assert bool(samples.isfinite().all())
+    torch.testing.assert_close(prior.sample(3, seed=2), samples)
+    assert not torch.equal(prior.sample(3, seed=3), samples)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_is_drawn_and_says_what_it_is(kind):
+    prior = learned(kind)
+    assert isinstance(prior.figure(), Figure)
+    assert prior.called.split()[0] in ("a", "an")
+    assert set(prior.arrays()) <= set(prior.dimensions)
+    assert prior.to("cpu").block == prior.block
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_cameras_of_other_bands_or_views_are_refused(kind):
+    prior = learned(kind)
+    fits = LightFieldCamera(VIEWS, (8, 8)) if kind == "dictionary" else SpectralCamera(WAVELENGTHS, (8, 8))
+    prior.check(fits)
+    for camera in (LightFieldCamera((5, 5), (8, 8)), SpectralCamera(5, (8, 8))):
+        with pytest.raises(ShapeError, match="expected"):
+            prior.check(camera)
