@@ -1,12 +1,14 @@
 """Every kind of prior: learned, sampled, drawn, saved, read back, and checked against a camera."""
 
+import numpy as np
 import pytest
 import torch
+import xarray as xr
 from matplotlib.figure import Figure
 
 from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.priors import Prior, check_kind, load_prior
+from tmca.priors import Prior, check_kind, learn_prior, load_prior
 
 BANDS, VIEWS = 3, (3, 3)
 WAVELENGTHS = (500e-9, 550e-9, 600e-9)
@@ -73,3 +75,15 @@ def test_cameras_of_other_bands_or_views_are_refused(kind):
     for camera in (LightFieldCamera((5, 5), (8, 8)), SpectralCamera(5, (8, 8))):
         with pytest.raises(ShapeError, match="expected"):
             prior.check(camera)
+
+
+def test_settings_and_scenes_that_do_not_fit_are_named():
+    cube = xr.DataArray(np.ones((3, 20, 20)), dims=("wavelength", "y", "x"), coords={"wavelength": list(WAVELENGTHS)})
+    for camera, settings, where in (
+        (None, {"blok": 3}, "blok"),
+        (None, {"block": 4}, "block"),
+        (LightFieldCamera(VIEWS, (8, 8)), {}, "scenes"),
+    ):
+        with pytest.raises(SettingError) as error:
+            learn_prior([cube], camera, **settings)
+        assert error.value.where == where

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +62,7 @@ def learn_prior(
     if camera is not None and (views is None) == (camera.kind == "light-field"):
         found, wanted = ("light fields", "cubes") if views else ("cubes", "light fields")
         raise SettingError("scenes", found, f"{wanted}, of which the {camera.kind} camera takes snapshots")
+    _check_settings(kind, settings, block)
     about: dict[str, Any] = {"wavelengths": _common_wavelengths(examples)} if views is None else {"views": views}
     if block is None and camera is None:
         usual = _usual_block(kind, len(about.get("wavelengths", ())), spread, views)
@@ -73,6 +75,17 @@ def learn_prior(
     cubes = [cube for example in examples for cube in _cubes(example)]
     sources = [_identity(example) for example in examples]
     return Prior.kinds[kind].learn(cubes, _inside(examples, usual), sources=sources, **{**about, **settings})
+
+
+def _check_settings(kind: str, settings: dict[str, Any], block: Any) -> None:
+    """Raises SettingError for a setting that this kind's ``learn`` does not have, or a block that is no pair."""
+    taken = inspect.signature(Prior.kinds[kind].learn).parameters.values()
+    names = [one.name for one in taken if one.kind is one.KEYWORD_ONLY]
+    for name, value in settings.items():
+        if name not in names and not any(one.kind is one.VAR_KEYWORD for one in taken):
+            raise SettingError(name, repr(value), f"one of {', '.join(names)}", "leave it out")
+    if block is not None and (not isinstance(block, Sequence) or len(block) != 2):
+        raise SettingError("block", repr(block), "(rows, columns)")
 
 
 def block_of(camera: Any, kind: str = "gaussian", window: int | None = None) -> tuple[int, int]:
