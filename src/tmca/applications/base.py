@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from torch import Tensor
 
-from tmca.errors import SettingError
+from tmca.errors import check_choice
 
 if TYPE_CHECKING:
     import numpy as np
@@ -77,6 +77,5 @@ def application_of(camera: Camera | str) -> Application:
         SettingError: a kind that has none.
     """
     kind = camera if isinstance(camera, str) else camera.kind
-    if kind not in APPLICATIONS:
-        raise SettingError("camera", repr(kind), f"one of {', '.join(APPLICATIONS)}")
+    check_choice("camera", kind, APPLICATIONS)
     return APPLICATIONS[kind]

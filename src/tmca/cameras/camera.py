@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.checks import checked_size, choice
-from tmca.errors import SettingError, ShapeError
+from tmca.cameras.checks import checked_size
+from tmca.errors import SettingError, ShapeError, check_choice
 from tmca.operators import EXPOSURES, LinearOperator
 from tmca.sensor import Noise, Sensor
 
@@ -62,7 +62,8 @@ class Camera(nn.Module, ABC):
     def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: nn.Module | None) -> None:
         super().__init__()
         self.size, self.slots = checked_size(size), slots
-        self.exposure = choice("exposure", exposure, EXPOSURES)
+        check_choice("exposure", exposure, EXPOSURES)
+        self.exposure = exposure
         self.sensor: Sensor = sensor or Sensor()  # type: ignore[assignment]
         self.unbound: frozenset[str] = frozenset()
         self._cache: dict[str, tuple[tuple[object, ...], Any]] = {}
@@ -87,7 +88,8 @@ class Camera(nn.Module, ABC):
         Raises:
             SettingError: unknown preset.
         """
-        return dict(cls.presets[choice("preset", name, tuple(cls.presets))])
+        check_choice("preset", name, cls.presets)
+        return dict(cls.presets[name])
 
     @property
     @abstractmethod

@@ -11,12 +11,6 @@ import torch
 from tmca.errors import SettingError
 
 
-def choice(name: str, value: str, choices: tuple[str, ...]) -> str:
-    if value not in choices:
-        raise SettingError(name, repr(value), f"one of {', '.join(choices)}")
-    return value
-
-
 def checked_size(size: tuple[int, int]) -> tuple[int, int]:
     if not hasattr(size, "__len__") or len(size) != 2 or min(size) < 1:
         raise SettingError("size", str(size), "(H, W) of at least 1 pixel each")

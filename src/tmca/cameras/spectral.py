@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.checks import band_wavelengths, choice
+from tmca.cameras.checks import band_wavelengths
 from tmca.cameras.coded import CodedCamera
 from tmca.cameras.presets import SPECTRAL
 from tmca.cameras.specs import SpectralSpec
@@ -25,7 +25,7 @@ from tmca.cameras.stored import (
     wavelength_coordinates,
 )
 from tmca.codes import Codes
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError, check_choice
 from tmca.operators import (
     LinearOperator,
     SlotwiseDisperser,
@@ -107,7 +107,8 @@ class SpectralCamera(CodedCamera):
         self.unbound = frozenset(name for name, value in (("bands", bands), ("size", size)) if value is None)
         self.wavelengths = band_wavelengths(12 if bands is None else bands)
         self.bands = len(self.wavelengths)
-        self.disperser, self.beside = choice("disperser", disperser, DISPERSERS), beside
+        check_choice("disperser", disperser, DISPERSERS)
+        self.disperser, self.beside = disperser, beside
         self._per_band = dispersion
         self.dispersion = Dispersion.of(dispersion, self.bands)
         self.relay_blur = relay_blur

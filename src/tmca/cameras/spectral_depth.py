@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, choice, learned_parts
+from tmca.cameras.checks import band_wavelengths, learned_parts
 from tmca.cameras.phase_parts import filter_array, mask_maps, shutter_plane
 from tmca.cameras.presets import SPECTRAL_DEPTH
 from tmca.cameras.sensor_tiles import SensorTile, bounded_tiles
@@ -27,7 +27,7 @@ from tmca.cameras.stored import (
     tensors,
     wavelength_coordinates,
 )
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError, check_choice
 from tmca.operators.spectral_depth import (
     LayeredOperator,
     check_pixel,
@@ -144,7 +144,8 @@ class SpectralDepthCamera(Camera):
         self.wavelengths = band_wavelengths(8 if bands is None else bands)
         self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
         self.bench, self.period = bench or PhaseMaskBench(), int(period)
-        self.image_formation = choice("image formation", image_formation, IMAGE_FORMATIONS)
+        check_choice("image formation", image_formation, IMAGE_FORMATIONS)
+        self.image_formation = image_formation
         self.register_buffer("response", channel_response(channels, self.wavelengths))
         if point_spread is None:
             drawn = {"rms": rms, "modes": modes, "seed": seed}

@@ -39,7 +39,7 @@ from torch import Tensor
 
 from tmca.cameras import Camera, Snapshot
 from tmca.decoders.estimate import Estimate
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError, check_choice
 from tmca.priors import Prior, find_prior
 
 DECODERS: dict[str, type[Decoder]] = {}
@@ -264,8 +264,7 @@ def make_decoder(
     asked = dict(settings or {})
     if isinstance(decoder, str):
         choices = decoders_for(kind, moving=None)
-        if decoder not in choices:
-            raise SettingError("decoder", repr(decoder), f"one of {', '.join(choices)}")
+        check_choice("decoder", decoder, choices)
         decoder = choices[decoder]
     cls = decoder if isinstance(decoder, type) else type(decoder)
     if not issubclass(cls, Decoder):

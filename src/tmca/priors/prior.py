@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError, check_choice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -177,8 +177,7 @@ def _read(path: str | Path, learned_by: str) -> Prior:
 
 def check_kind(prior: Prior, kind: str) -> None:
     """Raises SettingError unless a prior is of this kind."""
-    if kind not in Prior.kinds:
-        raise SettingError("prior_kind", repr(kind), f"one of {', '.join(Prior.kinds)}")
+    check_choice("prior_kind", kind, Prior.kinds)
     wanted = Prior.kinds[kind]
     if not isinstance(prior, wanted):
         found, remedy = getattr(prior, "called", f"a {type(prior).__name__}"), f"learn one with {wanted.learned_by}"
