@@ -38,7 +38,7 @@ def random_camera(weights: Weights, size: tuple[int, int], sensor: Sensor) -> Sp
         slots=slots,
         shutter=shutter,
         sensor=sensor,
-        period=weights.settings["period"],
+        period=weights.period,
     )
 
 

@@ -27,12 +27,10 @@ def written_weights(folder, start="dagger", kind="unrolled", dispersion=1.0, ban
     for parameter in network.parameters():  # an untrained one returns its start
         torch.nn.init.normal_(parameter, 0.0, 0.05)
     mask = torch.rand(1, *SIZE, generator=torch.Generator().manual_seed(1))
-    wide = SIZE[1] + bands - 1
-    camera = {"size": list(SIZE), "period": None, "exposure": "equal", "dispersion": dispersion, "disperser": "single"}
     card = {"training": {"noise": [{"read_noise": 0.02, "full_well": 5000.0}]}}
     waves = tuple(5e-7 + 2e-8 * band for band in range(bands))
-    codes = {"aperture": mask, "shutter": torch.ones(1, SIZE[0], wide)}
-    weights = Weights(network, "spectral", codes, {"bands": list(waves), **camera}, "", card)
+    camera = SpectralCamera(waves, SIZE, 1, aperture=mask, shutter="open", dispersion=dispersion)
+    weights = Weights.of(network, camera, "", card)
     return weights.save(folder / "weights.safetensors")
 
 
@@ -218,7 +216,7 @@ def test_a_run_of_other_bands_is_refused(exported, tmp_path):
     with pytest.raises(DataError, match=r"a snapshot of shape \(1, 1, 24, 23\), expected \(1, 1, 24, 24\)"):
         check_decoder(exported[1], written_weights(tmp_path, bands=3))
     weights = Weights.load(exported[0])
-    weights.settings["bands"] = [wave + 5e-9 for wave in weights.wavelengths]
+    weights.variables["wavelength"] = [wave + 5e-9 for wave in weights.wavelengths]
     (tmp_path / "weights.safetensors").unlink()
     with pytest.raises(DataError, match=r"bands from 505 to 565 nm \(4\), expected 500 to 560 nm"):
         check_decoder(exported[1], weights.save(tmp_path / "weights.safetensors"))

@@ -50,7 +50,7 @@ class SpectralDepthApplication(Application):
             StrayLight, Undersampled: point spread functions that do not fit their window, masks steeper than their
                 pixels.
         """
-        from tmca.cameras.checks import check_holds
+        from tmca.cameras.sensor_tiles import check_holds
         from tmca.data.fitting import FITTED
         from tmca.data.scene_names import READING
         from tmca.optics import check_mask

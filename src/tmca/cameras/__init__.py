@@ -1,14 +1,13 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
-from tmca.cameras.camera import CAMERAS, Camera
-from tmca.cameras.coded import CodedCamera
+from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
 from tmca.cameras.faults import LIMITS, PAIRS, PARTS, Hardware
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_scene, moving_scenes
 from tmca.cameras.snapshot import Snapshot, holds_snapshot
 from tmca.cameras.spectral import SpectralCamera
-from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
 
 __all__ = [
     "CAMERAS",
@@ -19,6 +18,7 @@ __all__ = [
     "CodedCamera",
     "Hardware",
     "LightFieldCamera",
+    "PhaseCodes",
     "Snapshot",
     "SomeCamera",
     "SpectralCamera",

@@ -1,26 +1,32 @@
-"""What every camera is: K slots of one exposure, an operator, a sensor that records, and a description on disk."""
+"""What every camera is: K slots of one exposure, an operator, a sensor that records, and variables for files."""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from inspect import signature
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.checks import checked_size
-from tmca.errors import SettingError, ShapeError, check_choice
-from tmca.operators import EXPOSURES, LinearOperator
-from tmca.sensor import Noise, Sensor
+from tmca.codes import Codes, MultiplexedCodes, fitted_codes
+from tmca.codes.files import TILE, Axes, code_variables, json_attribute, tensors
+from tmca.errors import DataError, SettingError, check_choice, check_shape
+from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps
+from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
 
 if TYPE_CHECKING:
     import xarray as xr
-    from pydantic import BaseModel
 
 T = TypeVar("T")
 CAMERAS: dict[str, type[Camera]] = {}
 """Cameras by their kind."""
+CODING = tuple(Codes.__dataclass_fields__)
+"""Parts of the description of codes, which constructors also take one by one."""
 
 
 class Camera(nn.Module, ABC):
@@ -29,29 +35,14 @@ class Camera(nn.Module, ABC):
     A new camera is one subclass: it names its ``kind``, says what its scene and its snapshot look like, builds its
     operator, and writes and reads its variables. Its parts are not assigned from outside: ``replace`` gives a camera
     with others.
-
-    Args:
-        size: (H, W) of the scene, pixels.
-        slots: number of time slots K.
-        exposure: ``"equal"`` or ``"per-slot"``.
-        sensor: ideal if None.
-
-    Raises:
-        SettingError: an impossible size, number of slots or exposure.
     """
 
-    kind: ClassVar[str]
-    """Name of the camera in files and on the command line."""
-    channel: ClassVar[str]
-    """What a channel of the scene is: band or view."""
-    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
-    """Named cameras: arguments of the constructor."""
-    Spec: ClassVar[type[BaseModel]]
-    """The settings that can be written down: those of files, sweeps and the command line."""
-    needed: ClassVar[tuple[str, ...]]
-    """Variables of a file without which it makes no camera."""
-    stated: ClassVar[tuple[str, ...]]
-    """Attributes without which nobody knows what the variables mean."""
+    kind: ClassVar[str]  # in files and on the command line
+    channel: ClassVar[str]  # what a channel of the scene is: band or view
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # arguments of the constructor
+    from_scene: ClassVar[tuple[str, ...]] = ("size",)  # arguments that a scene gives where they are left out
+    needed: ClassVar[tuple[str, ...]]  # variables of a file without which it makes no camera
+    stated: ClassVar[tuple[str, ...]]  # attributes without which nobody knows what the variables mean
     page: ClassVar[str] = "docs/"
 
     def __init_subclass__(cls, **arguments: Any) -> None:
@@ -59,35 +50,32 @@ class Camera(nn.Module, ABC):
         if "kind" in cls.__dict__:
             CAMERAS[cls.kind] = cls
 
+    def __new__(cls, *arguments: Any, **named: Any) -> Self:
+        """A camera that knows the arguments of its constructor: ``replace`` makes others of them."""
+        camera = super().__new__(cls)
+        camera._given = {**dict(zip(cls._arguments(), arguments, strict=False)), **named}
+        return camera
+
     def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: nn.Module | None) -> None:
         super().__init__()
-        self.size, self.slots = checked_size(size), slots
+        if not hasattr(size, "__len__") or len(size) != 2 or min(size) < 1:
+            raise SettingError("size", str(size), "(H, W) of at least 1 pixel each")
+        self.size, self.slots = (int(size[0]), int(size[1])), slots
         check_choice("exposure", exposure, EXPOSURES)
         self.exposure = exposure
         self.sensor: Sensor = sensor or Sensor()  # type: ignore[assignment]
-        self.unbound: frozenset[str] = frozenset()
+        self.unbound = frozenset(name for name in self.from_scene if self._given.get(name) is None)
+        self._given: dict[str, Any]
         self._cache: dict[str, tuple[tuple[object, ...], Any]] = {}
 
     @classmethod
     def from_preset(cls, name: str, **changes: Any) -> Self:
-        """A named camera of ``presets``.
-
-        Args:
-            name: of the preset.
-            changes: arguments that replace the preset's.
-
-        Raises:
-            SettingError: unknown preset.
-        """
+        """A named camera of ``presets``; ``changes`` replace its arguments."""
         return cls(**{**cls.preset(name), **changes})
 
     @classmethod
     def preset(cls, name: str) -> dict[str, Any]:
-        """Arguments of a named camera of ``presets``.
-
-        Raises:
-            SettingError: unknown preset.
-        """
+        """Arguments of a named camera of ``presets``."""
         check_choice("preset", name, cls.presets)
         return dict(cls.presets[name])
 
@@ -113,32 +101,57 @@ class Camera(nn.Module, ABC):
 
     @abstractmethod
     def throughput(self) -> float:
-        """Light throughput: share of a white scene's light that is recorded under equal exposure."""
+        """Share of a white scene's light that is recorded under equal exposure."""
 
     @abstractmethod
     def build_operator(self, depth: Tensor | None = None) -> LinearOperator:
-        """The linear part with the present codes; ``depth`` (B, 1, H, W) in metres where the camera has one."""
-
-    @abstractmethod
-    def arguments(self) -> dict[str, Any]:
-        """Arguments of the constructor that make this camera; its modules are shared."""
+        """The linear part with the present codes, on scenes (B, channels, H, W); ``depth`` (B, 1, H, W) in metres where
+        the camera has one."""
 
     @abstractmethod
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
         """Scenes (B, *scene_shape) of this camera as a labelled array: the first of the batch, or all its colours."""
 
     @abstractmethod
-    def variables(self) -> xr.Dataset:
-        """Codes, optics and sensor: everything but a snapshot, for files."""
+    def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+        """Variables, coordinates and attributes of codes and optics; codes that repeat as one tile if ``tiled``."""
 
     @classmethod
     @abstractmethod
-    def from_variables(cls, dataset: xr.Dataset, where: str) -> Self:
-        """The camera of ``variables``; ``where`` names the file in errors.
+    def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
+        """Arguments of the constructor of ``variables``, without exposure and sensor."""
+
+    def variables(self, tiled: bool = False) -> xr.Dataset:
+        """Codes, optics and sensor, labelled: everything but a snapshot, for files; ``tiled``: codes that repeat as one
+        tile, for a camera of any size."""
+        import xarray as xr
+
+        from tmca import __version__
+
+        parts, coordinates, attributes = self._variables(tiled)
+        common = {
+            "camera": self.kind, "exposure": self.exposure, "full_scale": self.full_scale,
+            "sensor": json.dumps(self.sensor.settings()), "tmca_version": __version__,
+        }  # fmt: skip
+        size = {"size": json.dumps(self.size)} if tiled else {}
+        return xr.Dataset(parts, coordinates, {**common, **attributes, **size})
+
+    @classmethod
+    def from_variables(cls, dataset: xr.Dataset, where: str, **changes: Any) -> Self:
+        """The camera of ``variables``; ``changes`` replace its arguments, such as ``size`` where codes repeat.
 
         Raises:
-            DataError: a variable is missing or does not fit the others.
+            DataError: variables that make no camera; ``where`` names their file.
         """
+        try:
+            settings = {"exposure": str(dataset.attrs["exposure"]), **cls._settings(dataset, where)}
+            settings["sensor"] = Sensor(**json_attribute(dataset.attrs, "sensor", {}, where))
+            if "size" in dataset.attrs:
+                settings["size"] = tuple(json_attribute(dataset.attrs, "size", None, where))
+            return cls(**{**settings, **changes})
+        except (ValueError, TypeError, IndexError, RuntimeError, KeyError) as error:
+            expected = f"{', '.join(cls.needed)} and sensor that fit"
+            raise DataError(where, f"codes that make no camera ({error})", expected) from error
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
         """Names of the axes of snapshots (B, C, H, W') in a file, those of length one left out."""
@@ -170,11 +183,8 @@ class Camera(nn.Module, ABC):
         return recorded
 
     def operator(self, depth: Tensor | None = None) -> LinearOperator:
-        """The linear part with the present codes; cached until a tensor of the camera changes, unless it is learned.
-
-        Args:
-            depth: (B, 1, H, W) metres, of a camera that images depth.
-        """
+        """The linear part, see ``build_operator``; without depth, cached until a tensor of the camera changes, unless
+        it is learned."""
         if depth is not None:
             return self.build_operator(depth)
         return self.cached("operator", self.build_operator)
@@ -183,7 +193,7 @@ class Camera(nn.Module, ABC):
         """What depends on the camera alone, built once until a tensor of it changes; anew while it is learned."""
         if self.learnable:
             return build()
-        state = (self.exposure, *self._geometry(), *((t.data_ptr(), t._version) for t in self.buffers()))
+        state = (self.exposure, *((t.data_ptr(), t._version) for t in self.buffers()))
         if name not in self._cache or self._cache[name][0] != state:
             self._cache[name] = (state, build())
         value: T = self._cache[name][1]
@@ -192,17 +202,16 @@ class Camera(nn.Module, ABC):
     def replace(self, **parts: Any) -> Self:
         """The camera with other parts: arguments of its constructor, modules among them. The first stays as it is.
 
-        Args:
-            parts: such as ``sensor``, ``codes``, ``size``.
-
-        Raises:
-            SettingError, ShapeError: an unknown part, or parts that do not fit.
+        What the parts do not describe anew (codes, sensor, response) is shared.
         """
-        arguments = self.arguments()
         for name in parts:
-            if name not in arguments and name not in self._more_arguments():
-                raise SettingError(name, "a part", f"one of {', '.join(arguments)}, for a {self.kind} camera")
-        return type(self)(**{**arguments, **parts})
+            if name not in self._arguments():
+                raise SettingError(name, "a part", f"one of {', '.join(self._arguments())}, for a {self.kind} camera")
+        shared = {name: part for name, part in self._shared(set(parts)).items() if name not in parts}
+        camera = type(self)(**{**self._given, **shared, **parts})
+        described = {name: part for name, part in self._given.items() if name in shared}
+        camera._given = {**{n: part for n, part in camera._given.items() if n not in shared}, **described}
+        return camera
 
     def bound_to(self, **parts: Any) -> Self:
         """The camera with what its constructor left out (``unbound``: size, bands, views) taken from ``parts``."""
@@ -211,23 +220,22 @@ class Camera(nn.Module, ABC):
 
     def A(self, scene: Tensor, depth: Tensor | None = None) -> Tensor:
         """Scene (B, *scene_shape), at depth (B, 1, H, W) if the camera images it → exact snapshot (B, C, H, W')."""
-        return self.operator(depth).A(scene)
+        check_shape("scene", scene, ("batch", *self.scene_shape), "give the camera its size, or crop it")
+        return self.operator(depth).A(scene.flatten(1, -3))
 
     def A_adjoint(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
         """Snapshot (B, C, H, W') → scene, the transpose of ``A``."""
-        return self.operator(depth).A_adjoint(snapshot)
+        return self.operator(depth).A_adjoint(snapshot).unflatten(1, self.scene_shape[:-2])
 
     def A_dagger(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
         """Snapshot → least-norm scene that explains it."""
-        return self.operator(depth).A_dagger(snapshot)
+        return self.operator(depth).A_dagger(snapshot).unflatten(1, self.scene_shape[:-2])
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
     ) -> Tensor:
         """Exact snapshot (B, C, H, W') of a scene that stands still or moves; arguments as ``forward``."""
-        if depth is not None:
-            raise SettingError("depth", "a depth map", f"none for a {self.kind} camera")
-        return self.A(scene)
+        return self.A(scene, depth)
 
     def forward(
         self,
@@ -247,25 +255,144 @@ class Camera(nn.Module, ABC):
 
         Returns:
             (B, C, H, W') snapshot.
-
-        Raises:
-            ShapeError: other shapes.
         """
         return self.record(self.exact(scene, depth, progress), generator)
 
-    def _geometry(self) -> tuple[object, ...]:
-        """What else than tensors the operator depends on."""
-        return ()
+    @classmethod
+    def _arguments(cls) -> tuple[str, ...]:
+        """Names of the arguments of the constructor."""
+        return tuple(signature(cls.__init__).parameters)[1:]
 
-    def _more_arguments(self) -> tuple[str, ...]:
-        """Arguments of the constructor that ``arguments`` does not list, as they are part of one that it does."""
-        return ()
-
-    def _check_scene(self, scene: Tensor, name: str = "scene") -> None:
-        if tuple(scene.shape[1:]) != self.scene_shape:
-            expected = f"(batch, {', '.join(map(str, self.scene_shape))})"
-            raise ShapeError(name, f"shape {tuple(scene.shape)}", expected, "give the camera its size, or crop it")
+    def _shared(self, parts: set[str]) -> dict[str, Any]:
+        """Arguments that a camera with other parts takes over as they are now, not as they were given."""
+        return {"sensor": self.sensor}
 
     def _apply(self, fn: Any, recurse: bool = True) -> Self:
         self._cache.clear()
-        return super()._apply(fn, recurse)
+
+        def keep_complex(tensor: Tensor) -> Tensor:  # .to(torch.float64) would drop the imaginary part of fields
+            return tensor.to(fn(tensor.real.new_empty(0)).device) if tensor.is_complex() else fn(tensor)
+
+        return super()._apply(keep_complex, recurse)
+
+
+class BandCamera(Camera):
+    """A camera of scenes (B, L, H, W) in L bands, given by their number or their ``wavelengths`` in metres."""
+
+    channel = "band"
+    from_scene = ("bands", "size")
+
+    def _hold_bands(self, bands: int | Sequence[float]) -> None:
+        self.wavelengths = band_wavelengths(bands)
+        self.bands = len(self.wavelengths)
+
+    @property
+    def scene_shape(self) -> tuple[int, int, int]:
+        """(L, H, W)."""
+        return (self.bands, *self.size)
+
+    @property
+    def channel_names(self) -> list[str]:
+        """Wavelengths of the bands."""
+        return [f"{w * 1e9:.0f} nm" for w in self.wavelengths]
+
+    def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
+        """The first scene as (wavelength, y, x)."""
+        import xarray as xr
+
+        attrs = {"quantity": unit, "units": "1", "long_name": name}
+        values = scenes[0].numpy(force=True)
+        return xr.DataArray(values, self._band_coordinates(), ("wavelength", "y", "x"), attrs=attrs)
+
+    def _band_coordinates(self) -> dict[str, Any]:
+        metres = np.array(self.wavelengths)
+        return {
+            "wavelength": ("wavelength", metres, {"units": "m"}),
+            "wavelength_nm": ("wavelength", metres * 1e9, {"units": "nm"}),
+        }
+
+
+class CodedCamera(Camera):
+    """A camera whose light one code per channel of the scene stands for (thesis eqs 12, 20); it holds ``response``, the
+    weight of every channel of the scene, and ``codes``."""
+
+    response: Tensor
+    codes: MultiplexedCodes
+
+    def _hold_codes(
+        self, codes: Codes | nn.Module | None, aperture: tuple[int, int], shutter: tuple[int, int], /, **coding: Any
+    ) -> None:
+        self.codes = fitted_codes(codes, self.slots, aperture, shutter, **coding)  # type: ignore[assignment]
+        described = codes if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
+        self._given = {n: part for n, part in self._given.items() if n not in CODING} | {"codes": described}
+
+    @classmethod
+    def _arguments(cls) -> tuple[str, ...]:
+        return *(name for name in super()._arguments() if name != "coding"), *CODING
+
+    def _shared(self, parts: set[str]) -> dict[str, Any]:
+        """Codes of a named family are drawn anew where their description or their size changes."""
+        coding = self._given["codes"]
+        if not isinstance(coding, nn.Module):
+            families = isinstance(coding.aperture, str) and isinstance(coding.shutter, str)
+            whole_frame = families and coding.period is None
+            if self.unbound or parts & {*CODING, "slots", *(("size",) if whole_frame else ())}:
+                return super()._shared(parts)
+        return {**super()._shared(parts), "codes": self.codes}
+
+    def _hold_response(self, values: Any, where: str, shape: tuple[int, ...]) -> None:
+        values = channel_weights(where, values, shape)
+        if isinstance(values, nn.Parameter) and values.ndim == 1:
+            self.response = values
+        else:
+            self.register_buffer("response", values.flatten())
+
+    @property
+    def channels(self) -> int:
+        """Number of bands or views of the scene."""
+        return len(self.response)
+
+    @property
+    def white(self) -> float:
+        """The summed response."""
+        return float(self.response.detach().sum())
+
+    @abstractmethod
+    def code_cube(self) -> Tensor:
+        """The time-multiplexed code T̂ of every channel."""
+
+    def throughput(self) -> float:
+        """Mean of T̂ under equal exposure."""
+        with torch.no_grad():
+            return float(self.code_cube().mean()) / self.exposures
+
+    def _check_no_depth(self, depth: Tensor | None) -> None:
+        if depth is not None:
+            raise SettingError("depth", "a depth map", f"none for a {self.kind} camera")
+
+    def taps(self) -> Taps:
+        """The collapsed code with the response folded in; SettingError for optics that keep the slots apart."""
+        operator = self.operator()
+        if not isinstance(operator, TapOperator):
+            raise SettingError("relay blur", "some", "none where one code stands for all slots")
+        return operator.taps
+
+    def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
+        """The operator of scenes (B, channels, height, width), dark around, behind a part of the codes."""
+        return TapOperator(self.taps().window(top, left, height, width))
+
+    def moving_window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
+        """The operator of scenes (B, K, channels, height, width) that move, where the camera has it for a part."""
+        raise SettingError("motion", "some", f"none behind a part of a {self.kind} camera")
+
+    def _planes(self, tiled: bool, aperture: Axes, shutter: Axes) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Variables of both planes on these axes, and the attribute of their period."""
+        planes, period = self.codes(), getattr(getattr(self.codes, "aperture", None), "period", None)
+        if tiled and period is not None:
+            planes, aperture, shutter = (self.codes.aperture.tile(), self.codes.shutter.tile()), TILE, TILE
+        return code_variables(planes, aperture, shutter), {"period": json.dumps(period)}
+
+    @classmethod
+    def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
+        planes, period = tensors(dataset, "aperture", "shutter"), json_attribute(dataset.attrs, "period", None, where)
+        return {**planes, "slots": len(planes["aperture"]), "period": None if period is None else tuple(period)}

@@ -8,12 +8,11 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import Camera
-from tmca.cameras.coded import CodedCamera
+from tmca.cameras.camera import Camera, CodedCamera
 from tmca.cameras.faults import Hardware
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.spectral import SpectralCamera
-from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
 from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear, gaussian_spread
@@ -115,13 +114,12 @@ def _faulty_codes(camera: CodedCamera, hardware: Hardware, seed: int, size: Any,
 
 def _spectral_depth(camera: SpectralDepthCamera, hardware: Hardware, seed: int) -> dict[str, Any]:
     faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
-    parts: dict[str, Any] = {"shutter": FaultyShutter(camera.shutter, faults)}
+    optics = camera.point_spread
     if hardware.height_error or hardware.wavefront_error:
-        optics = camera.point_spread
         path = aberration(hardware.wavefront_error, optics.heights.size, seed)
         waves = aberrated(optics.waves, path, camera.wavelengths)
-        parts["point_spread"] = optics.behind(FaultyHeights(optics.heights, hardware.height_error), waves)
-    return parts
+        optics = optics.behind(FaultyHeights(optics.heights, hardware.height_error), waves)
+    return {"codes": PhaseCodes(optics, FaultyShutter(camera.shutter, faults))}
 
 
 def in_turn(steps: Tensor) -> Tensor:

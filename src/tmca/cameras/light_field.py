@@ -10,27 +10,25 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.coded import CodedCamera
-from tmca.cameras.presets import LIGHT_FIELD
-from tmca.cameras.specs import LightFieldSpec
-from tmca.cameras.stored import (
-    check_complete,
-    code_planes,
-    code_settings,
-    common_attributes,
-    json_attribute,
-    made_from,
-    tensors,
-)
+from tmca.cameras.camera import CodedCamera
 from tmca.codes import Codes
-from tmca.errors import SettingError, ShapeError
+from tmca.codes.files import json_attribute, tensors
+from tmca.errors import check_shape
 from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code
 from tmca.optics import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_COLOURS = ("red", "green", "blue")
+PRESETS: dict[str, dict[str, Any]] = {
+    # thesis 3.2: 5×5 views of 480×270, K = 8. Assumed, as the thesis does not say: a mask of pitch (1-s)·p one mask
+    # pixel per view from the sensor, no vignetting, codes of transmittance and duty one half, no noise.
+    "thesis": {"views": 5, "size": (270, 480), "slots": 8, "aperture": "random", "shutter": "random"},
+    # its static camera, compressive light-field photography (Marwah 2013)
+    "clfp": {"views": 5, "size": (270, 480), "slots": 1, "aperture": "static", "shutter": "open"},
+    "one-hot": {"views": 5, "size": (270, 480), "slots": 4, "aperture": "random", "shutter": "one-hot"},
+    "quick": {"views": 5, "size": (96, 96), "slots": 4, "aperture": "random", "shutter": "one-hot"},
+}
 
 
 class LightFieldCamera(CodedCamera):
@@ -63,8 +61,8 @@ class LightFieldCamera(CodedCamera):
 
     kind = "light-field"
     channel = "view"
-    presets = LIGHT_FIELD
-    Spec = LightFieldSpec
+    presets = PRESETS
+    from_scene = ("views", "size")
     needed = ("aperture", "shutter", "vignetting")
     stated = ("exposure", "shear", "mask_scale", "full_scale", "sensor")
     page = "docs/light-field.md"
@@ -84,22 +82,13 @@ class LightFieldCamera(CodedCamera):
         **coding: Any,
     ) -> None:
         super().__init__((270, 480) if size is None else size, slots, exposure, sensor)
-        self.unbound = frozenset(name for name, value in (("views", views), ("size", size)) if value is None)
         grid = view_grid(5 if views is None else views)
         self.shear = ViewShear(grid, shear_step(shear), mask_scale)
-        self._vignetted = vignetting is not None
-        self.register_buffer("response", _weights(vignetting, grid).flatten())
+        self._hold_response(torch.ones(grid) if vignetting is None else vignetting, "vignetting", grid)
         self._hold_codes(codes, self.mask_size, self.size, **coding)
 
-    def arguments(self) -> dict[str, Any]:
-        """See ``Camera``."""
-        bound = "views" not in self.unbound
-        return {
-            "views": self.views if bound else None, "size": None if "size" in self.unbound else self.size,
-            "slots": self.slots, "codes": self._codes_argument(), "exposure": self.exposure, "shear": self.shear.step,
-            "mask_scale": self.shear.scale, "vignetting": self.vignetting if bound or self._vignetted else None,
-            "sensor": self.sensor,
-        }  # fmt: skip
+    def _shared(self, parts: set[str]) -> dict[str, Any]:
+        return {**super()._shared(parts), **({} if "views" in parts else {"vignetting": self.vignetting})}
 
     @classmethod
     def from_geometry(
@@ -160,23 +149,9 @@ class LightFieldCamera(CodedCamera):
         return code_through_mask(*self.codes(), self.shear) * self.exposures
 
     def build_operator(self, depth: Tensor | None = None) -> TapOperator:
-        """See ``Camera``; on scenes (B, V·U, H, W), their views row by row."""
-        if depth is not None:
-            raise SettingError("depth", "a depth map", "none for a light-field camera")
+        """The linear part, on scenes (B, V·U, H, W), their views row by row."""
+        self._check_no_depth(depth)
         return coded_mask(*self.codes(), self.shear, self.vignetting, self.exposure)
-
-    def A(self, scene: Tensor, depth: Tensor | None = None) -> Tensor:
-        """(B, V, U, H, W) → exact snapshot (B, 1, H, W)."""
-        self._check_scene(scene, "light field")
-        return self.operator(depth).A(scene.flatten(1, 2))
-
-    def A_adjoint(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
-        """(B, 1, H, W) → (B, V, U, H, W)."""
-        return self.operator(depth).A_adjoint(snapshot).unflatten(1, self.views)
-
-    def A_dagger(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
-        """(B, 1, H, W) → least-norm light field (B, V, U, H, W); ``A Aᵀ`` is diagonal."""
-        return self.operator(depth).A_dagger(snapshot).unflatten(1, self.views)
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
@@ -185,70 +160,47 @@ class LightFieldCamera(CodedCamera):
         slot; colours are folded into B."""
         if scene.ndim != 6:
             return super().exact(scene, depth)
-        if scene.shape[1] != self.slots:
-            raise ShapeError("scene", f"shape {tuple(scene.shape)}", f"(batch, {self.slots} slots, …)")
+        check_shape("scene", scene, ("batch", self.slots, *self.scene_shape))
         aperture, shutter = self.codes()
-        total, weight = self.response.new_zeros(()), exposure_weight(self.exposure, self.slots)
-        for k in range(self.slots):
-            self._check_scene(scene[:, k], "light field")
-            planes = aperture[k : k + 1], shutter[k : k + 1]
-            total = total + weight * coded_mask(*planes, self.shear, self.vignetting).A(scene[:, k].flatten(1, 2))
-        return total
+        slots = [
+            coded_mask(aperture[k : k + 1], shutter[k : k + 1], self.shear, self.vignetting).A(
+                scene[:, k].flatten(1, 2)
+            )
+            for k in range(self.slots)
+        ]
+        return torch.stack(slots).sum(0) * exposure_weight(self.exposure, self.slots)
 
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
-        """See ``Camera``: (view_v, view_u, y, x), with the three colours of a batch first."""
+        """(view_v, view_u, y, x), with the three colours of a batch first."""
         from tmca.data import label_light_field
 
         values = scenes.numpy(force=True)
         return label_light_field(values if len(values) > 1 else values[0], {"long_name": name, "quantity": unit})
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
-        """See ``Camera``: a batch of three is the colours."""
+        """A batch of three is the colours."""
         return ("colour", "y", "x") if len(snapshots) > 1 else ("y", "x")
 
-    def variables(self) -> xr.Dataset:
+    def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``aperture`` (slot, y_mask, x_mask), ``shutter`` (slot, y, x) and ``vignetting`` (view_v, view_u).
         Attributes: exposure, shear and scale of the mask, sensor."""
-        import xarray as xr
-
-        parts: dict[str, Any] = {
-            **code_planes(self, ("y_mask", "x_mask"), ("y", "x")),
-            "vignetting": (("view_v", "view_u"), self.vignetting.numpy(force=True), {"units": "1"}),
-        }
+        parts, attributes = self._planes(tiled, ("y_mask", "x_mask"), ("y", "x"))
+        parts["vignetting"] = (("view_v", "view_u"), self.vignetting.numpy(force=True), {"units": "1"})
         coordinates = {
             name: (name, np.array(view_coordinates(count), dtype=float), {"units": "view steps"})
             for name, count in zip(("view_v", "view_u"), self.views, strict=True)
         }
         optics = {"shear": json.dumps(list(self.shear.step)), "mask_scale": self.shear.scale}
-        return xr.Dataset(parts, coordinates, {**common_attributes(self), **optics})
+        return parts, coordinates, {**attributes, **optics}
 
     @classmethod
-    def from_variables(cls, dataset: xr.Dataset, where: str) -> LightFieldCamera:
-        """See ``Camera``."""
-        check_complete(dataset, where, cls)
-        settings = code_settings(dataset, where)
-        return made_from(
-            cls, dataset, where, "aperture, shutter and shear that fit",
-            views=dataset["vignetting"].shape,
-            size=tuple(settings["shutter"].shape[-2:]),
-            shear=json_attribute(dataset.attrs, "shear", 1.0, where),
-            mask_scale=float(dataset.attrs["mask_scale"]),
-            **tensors(dataset, "vignetting"), **settings,
-        )  # fmt: skip
-
-    def _geometry(self) -> tuple[object, ...]:
-        return (self.shear,)
-
-
-def _weights(vignetting: Tensor | Sequence[Sequence[float]] | None, grid: tuple[int, int]) -> Tensor:
-    if vignetting is None:
-        return torch.ones(grid)
-    try:
-        values = vignetting if isinstance(vignetting, Tensor) else torch.tensor(np.array(vignetting, dtype=np.float32))
-    except (TypeError, ValueError):
-        raise ShapeError("vignetting", "rows of unequal length, or no numbers", f"{grid}, one value per view") from None
-    if tuple(values.shape) != grid:
-        raise ShapeError("vignetting", f"shape {tuple(values.shape)}", f"{grid}, one value per view")
-    if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() <= 0:
-        raise SettingError("vignetting", str(values.tolist()), "finite numbers ≥ 0, not all zero")
-    return values
+    def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
+        settings = super()._settings(dataset, where)
+        return {
+            **settings,
+            "size": tuple(settings["shutter"].shape[-2:]),
+            "views": dataset["vignetting"].shape,
+            "shear": json_attribute(dataset.attrs, "shear", 1.0, where),
+            "mask_scale": float(dataset.attrs["mask_scale"]),
+            **tensors(dataset, "vignetting"),
+        }

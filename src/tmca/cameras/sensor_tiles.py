@@ -1,14 +1,20 @@
-"""A sensor in tiles, and what of the scene each of them sees: images of any size in bounded memory."""
+"""Scenes with depth on a sensor in tiles, and what each of them sees: images of any size in bounded memory."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from tmca.operators.spectral_depth import framed
+from tmca.errors import SettingError, check_shape
+from tmca.operators.spectral_depth import coded_exposure, composited, framed, layered
+
+if TYPE_CHECKING:
+    from tmca.cameras.spectral_depth import SpectralDepthCamera
 
 Size = tuple[int, int]
 TILE, TOGETHER = (256, 256), 2**29
@@ -74,3 +80,45 @@ def _cuts(length: int, step: int, margin: int) -> list[tuple[slice, slice, Size]
         seen, missing = slice(max(0, first), min(length, last)), (max(0, -first), max(0, last - length))
         cuts.append((slice(start, min(start + step, length)), seen, missing))
     return cuts
+
+
+def check_holds(size: Size, window: Size) -> None:
+    """Raises SettingError where a frame is narrower than its point spread functions."""
+    if min(size) < max(window):
+        expected = f"at least {max(window)}, the width of the point spread functions"
+        raise SettingError("size", f"{size[0]}×{size[1]} pixels", expected, "take a larger crop or patch")
+
+
+def exposed_in_tiles(
+    camera: SpectralDepthCamera, scene: Tensor, depth: Tensor, progress: Callable[[float], None] | None = None
+) -> Tensor:
+    """Exact snapshot (B, C, H, W) of a spectral-depth camera; arguments as those of its ``forward``."""
+    slots = (camera.slots,) if scene.ndim == 5 and scene.shape[1] == camera.slots else ()
+    check_shape("scene", scene, ("batch", *slots, *camera.scene_shape), "give the camera its size and bands")
+    check_shape("depth", depth, ("batch", *(slots if depth.ndim == 5 else ()), 1, *camera.size), "give metres")
+    tiles, frame = bounded_tiles(camera.size, camera.bench.window, camera.slots * camera.planes.count * camera.bands)
+    transfer, snapshot = camera.transfer(frame), scene.new_empty(0)
+    for count, tile in enumerate(tiles):
+        part = _exposed(camera, scene, depth, transfer, frame, tile)
+        if len(tiles) == 1:
+            return part
+        snapshot = snapshot if count else part.new_empty(*part.shape[:2], *camera.size)
+        snapshot[..., tile.rows, tile.columns] = part
+        if progress is not None:
+            progress((count + 1) / len(tiles))
+    return snapshot
+
+
+def _exposed(
+    camera: SpectralDepthCamera, scene: Tensor, depth: Tensor, transfer: Tensor, frame: Size, tile: SensorTile
+) -> Tensor:
+    """(B, C, h, w) exact snapshot of a tile."""
+    light, places = tile.padded(tile.cut(scene)), tile.cut(depth)
+    moments = [slice(None)] if depth.ndim == 4 else [slice(k, k + 1) for k in range(camera.slots)]
+    seen, form = [], layered if camera.image_formation == "linear" else composited
+    for slots in moments:
+        moving = light if depth.ndim == 4 else light[:, slots]
+        weights = camera.planes.weights(places if depth.ndim == 4 else places[:, slots.start]).to(scene)
+        seen.append(form(moving, tile.padded(weights), transfer[slots], frame))
+    inside = tile.inside(seen[0] if len(seen) == 1 else torch.cat(seen, 1))
+    return coded_exposure(inside, *camera.codes_over(tile.rows, tile.columns), camera.exposure)

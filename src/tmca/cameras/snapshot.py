@@ -72,10 +72,12 @@ class Snapshot(Generic[Kind]):
         kind = dataset.attrs.get("camera", "spectral")
         if kind not in CAMERAS:
             raise DataError(path, f"camera = {kind!r}", f"one of {', '.join(CAMERAS)}", "correct the attribute")
-        if "snapshot" not in dataset.variables:
-            there = f"no snapshot (there is: {', '.join(map(str, dataset.variables)) or 'nothing'})"
-            raise DataError(path, there, "a snapshot with the codes that made it", "write it with `tmca simulate`")
+        _check_complete(dataset, path, CAMERAS[kind])
         camera = CAMERAS[kind].from_variables(dataset, str(path))
+        stated = float(dataset.attrs["full_scale"])
+        if abs(stated - camera.full_scale) > 1e-3 * camera.full_scale:
+            wanted = f"{camera.full_scale:g}, the sum of the response (times K at per-slot exposure)"
+            raise DataError(path, f"full_scale {stated:g}", wanted, "correct the attribute or the response")
         values = _values(dataset, camera, str(path))
         attributes = camera.variables().attrs
         return Snapshot(values, camera, {str(k): v for k, v in dataset.attrs.items() if k not in attributes})
@@ -113,6 +115,17 @@ class Snapshot(Generic[Kind]):
 def holds_snapshot(variables: set[str]) -> bool:
     """Whether these are the variables of a snapshot file, coordinates apart."""
     return "snapshot" in variables and any(set(kind.needed) - {"wavelength"} <= variables for kind in CAMERAS.values())
+
+
+def _check_complete(dataset: xr.Dataset, where: str | Path, kind: type[Camera]) -> None:
+    """Raises DataError unless a snapshot and all variables and attributes of a kind of camera are there."""
+    if missing := [name for name in ("snapshot", *kind.needed) if name not in dataset.variables]:
+        there = f"no {', '.join(missing)} (there is: {', '.join(map(str, dataset.variables)) or 'nothing'})"
+        remedy = "write it with `tmca simulate` or add the missing variables"
+        raise DataError(where, there, "a snapshot with the codes that made it", remedy)
+    if unstated := [name for name in kind.stated if name not in dataset.attrs]:
+        remedy = f"write it with `tmca simulate` or add them; {kind.page} says what they mean"
+        raise DataError(where, f"no attribute {', '.join(unstated)}", f"attributes {', '.join(kind.stated)}", remedy)
 
 
 def _shape(values: np.ndarray, axes: tuple[str, ...]) -> tuple[int, ...]:

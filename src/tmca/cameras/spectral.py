@@ -4,28 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
-from tmca.cameras.checks import band_wavelengths
-from tmca.cameras.coded import CodedCamera
-from tmca.cameras.presets import SPECTRAL
-from tmca.cameras.specs import SpectralSpec
-from tmca.cameras.stored import (
-    check_complete,
-    code_planes,
-    code_settings,
-    common_attributes,
-    json_attribute,
-    made_from,
-    tensors,
-    wavelength_coordinates,
-)
+from tmca.cameras.camera import BandCamera, CodedCamera
 from tmca.codes import Codes
-from tmca.errors import DataError, SettingError, ShapeError, check_choice
+from tmca.codes.files import json_attribute, tensors
+from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import (
     LinearOperator,
     SlotwiseDisperser,
@@ -42,9 +31,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DISPERSERS = ("single", "dual")
+PRESETS: dict[str, dict[str, Any]] = {
+    # thesis 4.1, 4.2: 12 bands, 256×256, K = 8, one pixel per band. Assumed, as the thesis does not say: bands from
+    # 400 to 700 nm, flat sensor response, codes of transmittance and duty one half, no noise.
+    "thesis": {"bands": 12, "size": (256, 256), "slots": 8, "aperture": "random", "shutter": "random"},
+    "cassi": {"bands": 12, "size": (256, 256), "slots": 1, "aperture": "static", "shutter": "open"},
+    "one-hot": {"bands": 12, "size": (256, 256), "slots": 4, "aperture": "random", "shutter": "one-hot"},
+}
 
 
-class SpectralCamera(CodedCamera):
+class SpectralCamera(BandCamera, CodedCamera):
     """A snapshot spectral camera with a time-multiplexed coded aperture.
 
     ``e_{m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ κ_ℓ T^k_{m,n-d_ℓ} f_{m,n-d_ℓ,ℓ}`` (thesis eqs 18–21, errata), then noise.
@@ -76,9 +72,7 @@ class SpectralCamera(CodedCamera):
     """
 
     kind = "spectral"
-    channel = "band"
-    presets = SPECTRAL
-    Spec = SpectralSpec
+    presets = PRESETS
     needed = ("aperture", "shutter", "displacement", "response", "wavelength")
     stated = ("exposure", "disperser", "origin", "full_scale", "sensor")
     page = "docs/spectral.md"
@@ -104,39 +98,24 @@ class SpectralCamera(CodedCamera):
         if coloured is not None:
             slots, codes, coding = 1, Codes(aperture="open", shutter="open"), {}
         super().__init__((256, 256) if size is None else size, slots, exposure, sensor)
-        self.unbound = frozenset(name for name, value in (("bands", bands), ("size", size)) if value is None)
-        self.wavelengths = band_wavelengths(12 if bands is None else bands)
-        self.bands = len(self.wavelengths)
+        self._hold_bands(12 if bands is None else bands)
         check_choice("disperser", disperser, DISPERSERS)
         self.disperser, self.beside = disperser, beside
-        self._per_band = dispersion
         self.dispersion = Dispersion.of(dispersion, self.bands)
         self.relay_blur = relay_blur
         gaussian_spread(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
         if self.blurred and disperser == "dual":
             raise SettingError("disperser", "'dual' with relay blur", "'single', or no blur")
-        self._hold_response(response)
+        self._hold_response(torch.ones(self.bands) if response is None else response, "response", (self.bands,))
         if coloured is not None:
             self._check_coloured(coloured)
         self.register_buffer("coloured", coloured)
         wide = (self.size[0], self.size[1] + self.dispersion.spread - sum(beside))
         self._hold_codes(codes, *((self.size, wide) if disperser == "single" else (wide, self.size)), **coding)
 
-    def arguments(self) -> dict[str, Any]:
-        """See ``Camera``."""
-        bound = "bands" not in self.unbound
-        return {
-            "bands": self.wavelengths if bound else None, "size": None if "size" in self.unbound else self.size,
-            "slots": self.slots, "codes": self._codes_argument(), "exposure": self.exposure,
-            "dispersion": self.dispersion if bound else self._per_band, "disperser": self.disperser,
-            "response": self.response if bound or self._responds else None, "relay_blur": self.relay_blur,
-            "sensor": self.sensor, "coloured": self.coloured, "beside": self.beside,
-        }  # fmt: skip
-
-    @property
-    def channel_names(self) -> list[str]:
-        """Wavelengths of the bands."""
-        return [f"{w * 1e9:.0f} nm" for w in self.wavelengths]
+    def _shared(self, parts: set[str]) -> dict[str, Any]:
+        coloured = {} if self.coloured is None else {"coloured": self.coloured}
+        return {**super()._shared(parts), **({} if "bands" in parts else {"response": self.response}), **coloured}
 
     def code_cube(self) -> Tensor:
         """(L, H, W) the time-multiplexed code T̂ of eq. (20), without the sensor response; for a fractional
@@ -146,11 +125,6 @@ class SpectralCamera(CodedCamera):
         build = single_disperser if self.disperser == "single" else dual_disperser
         taps = build(*self._wide_codes(), self.dispersion, None, self.exposure).taps
         return sum_by_channel(taps.code, taps.channels, self.bands)
-
-    @property
-    def scene_shape(self) -> tuple[int, int, int]:
-        """(L, H, W)."""
-        return (self.bands, *self.size)
 
     @property
     def snapshot_shape(self) -> tuple[int, int, int]:
@@ -164,9 +138,7 @@ class SpectralCamera(CodedCamera):
         return bool(torch.as_tensor(self.relay_blur).gt(0).any())
 
     def build_operator(self, depth: Tensor | None = None) -> LinearOperator:
-        """See ``Camera``."""
-        if depth is not None:
-            raise SettingError("depth", "a depth map", "none for a spectral camera")
+        self._check_no_depth(depth)
         return self._slotwise(moving=False) if self.blurred else self._on_sensor(self._collapsed())
 
     def exact(
@@ -187,85 +159,62 @@ class SpectralCamera(CodedCamera):
         """The operator of scenes (B, K, L, height, width) that move, behind a part of the codes."""
         return self._slotwise((top, left, height, width), moving=True)
 
-    def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
-        """See ``Camera``: (wavelength, y, x)."""
-        import xarray as xr
-
-        attrs = {"quantity": unit, "units": "1", "long_name": name}
-        coordinates = wavelength_coordinates(self.wavelengths)
-        return xr.DataArray(scenes[0].numpy(force=True), coordinates, ("wavelength", "y", "x"), attrs=attrs)
-
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
-        """See ``Camera``."""
         return ("y", "x_sensor" if self.disperser == "single" else "x")
 
-    def variables(self) -> xr.Dataset:
+    def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``aperture`` (slot, y, x), ``shutter`` (slot, y, x_sensor), ``displacement`` and ``response`` (wavelength),
         for a coloured aperture ``coloured_aperture`` (wavelength, y, x); behind a dual disperser the aperture is the
         wider plane (x_mask). Attributes: exposure, direction and origin of the dispersion, sensor."""
-        import xarray as xr
-
-        x_aperture, x_sensor = ("x", "x_sensor") if self.disperser == "single" else ("x_mask", "x")
+        single, origin = self.disperser == "single", self._origin
+        axes = (("y", "x"), ("y", "x_sensor")) if single else (("y", "x_mask"), ("y", "x"))
+        parts, attributes = self._planes(tiled, *axes)
         displaced = {"units": "pixel", "direction": "along x, towards larger x"}
-        parts: dict[str, Any] = {
-            **code_planes(self, ("y", x_aperture), ("y", x_sensor)),
-            "displacement": ("wavelength", np.array(self.dispersion.displacement), displaced),
-            "response": ("wavelength", self.response.numpy(force=True), {"long_name": "sensor response"}),
-        }
+        parts["displacement"] = ("wavelength", np.array(self.dispersion.displacement), displaced)
+        parts["response"] = ("wavelength", self.response.numpy(force=True), {"long_name": "sensor response"})
         if self.coloured is not None:
             meaning = {"long_name": "transmittance", "units": "1"}
             parts["coloured_aperture"] = (("wavelength", "y", "x"), self.coloured.numpy(force=True), meaning)
-        coordinates = wavelength_coordinates(self.wavelengths)
-        if self.disperser == "single":
-            columns = self.dispersion.origin + np.arange(self.snapshot_shape[2])
+        coordinates = self._band_coordinates()
+        if single and not tiled:
+            columns = origin + np.arange(self.snapshot_shape[2])
             coordinates["x_sensor"] = ("x_sensor", columns, {"units": "pixel", "long_name": "scene column"})
-        optics = {"disperser": self.disperser, "dispersion_axis": "x", "origin": self._origin}
-        attrs = {**common_attributes(self), **optics, "relay_blur": json.dumps(self.relay_blur)}
-        return xr.Dataset(parts, coordinates, attrs)
+        optics = {"disperser": self.disperser, "dispersion_axis": "x", "origin": origin}
+        return parts, coordinates, {**attributes, **optics, "relay_blur": json.dumps(self.relay_blur)}
 
     @classmethod
-    def from_variables(cls, dataset: xr.Dataset, where: str) -> SpectralCamera:
-        """See ``Camera``."""
-        check_complete(dataset, where, cls)
-        for name, choices in (("disperser", DISPERSERS), ("dispersion_axis", ("x",))):
-            if dataset.attrs.get(name, choices[0]) not in choices:
-                stated = f"{name} = {dataset.attrs[name]!r}"
-                raise DataError(where, stated, f"one of {', '.join(choices)}", "correct the attribute")
-        settings, dual = code_settings(dataset, where), dataset.attrs["disperser"] == "dual"
-        coloured = dataset.get("coloured_aperture")
-        camera = made_from(
-            cls, dataset, where, "aperture, shutter and displacement that fit",
-            bands=dataset["wavelength"].values.tolist(),
-            size=tuple(settings["shutter" if dual else "aperture"].shape[-2:]),
-            dispersion=dataset["displacement"].values.tolist(),
-            disperser=dataset.attrs["disperser"],
-            response=tensors(dataset, "response")["response"],
-            relay_blur=json_attribute(dataset.attrs, "relay_blur", 0.0, where),
-            coloured=None if coloured is None else torch.tensor(
-                coloured.transpose("wavelength", "y", "x").values, dtype=torch.float32
-            ),
+    def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
+        settings, coloured = super()._settings(dataset, where), dataset.get("coloured_aperture")
+        if coloured is not None:
+            values = coloured.transpose("wavelength", "y", "x").values
+            settings["coloured"] = torch.tensor(values, dtype=torch.float32)
+        plane = settings["shutter" if dataset.attrs["disperser"] == "dual" else "aperture"]
+        return {
             **settings,
-        )  # fmt: skip
-        camera._check_origin(dataset, where)
+            "size": tuple(plane.shape[-2:]),
+            "bands": dataset["wavelength"].values.tolist(),
+            "dispersion": dataset["displacement"].values.tolist(),
+            "disperser": dataset.attrs["disperser"],
+            "response": tensors(dataset, "response")["response"],
+            "relay_blur": json_attribute(dataset.attrs, "relay_blur", 0.0, where),
+        }
+
+    @classmethod
+    def from_variables(cls, dataset: xr.Dataset, where: str, **changes: Any) -> Self:
+        """What a file says of axis and origin must be what its displacement says."""
+        if (axis := dataset.attrs.get("dispersion_axis", "x")) != "x":
+            raise DataError(where, f"dispersion_axis = {axis!r}", "x", "correct the attribute")
+        camera = super().from_variables(dataset, where, **changes)
+        for value in (dataset.attrs["origin"], *dataset.coords.get("x_sensor", [])[:1]):
+            if value != camera._origin:
+                remedy = "correct the displacement or the origin (and x_sensor)"
+                raise DataError(where, f"origin {int(value)}", f"{camera._origin} from the displacement", remedy)
         return camera
 
     @property
     def _origin(self) -> int:
         """Scene column on which sensor column 0 lies; a dual disperser displaces nothing on the sensor."""
         return self.dispersion.origin if self.disperser == "single" else 0
-
-    def _check_origin(self, dataset: xr.Dataset, where: str) -> None:
-        """What a file says of its origin must be what its displacement says."""
-        stated = [dataset.attrs["origin"]]
-        if "x_sensor" in dataset.coords:
-            stated.append(dataset["x_sensor"].values[0])
-        for value in stated:
-            if value != self._origin:
-                remedy = "correct the displacement or the origin (and x_sensor)"
-                raise DataError(where, f"origin {value}", f"{self._origin} from the displacement", remedy)
-
-    def _geometry(self) -> tuple[object, ...]:
-        return (self.dispersion, str(self.relay_blur))
 
     def _collapsed(self) -> TapOperator:
         if self.coloured is not None:
@@ -276,7 +225,7 @@ class SpectralCamera(CodedCamera):
     def _wide_codes(self) -> tuple[Tensor, Tensor]:
         """Aperture and shutter, dark beside the sensor."""
         aperture, shutter = self.codes()
-        return aperture, torch.nn.functional.pad(shutter, self.beside) if any(self.beside) else shutter
+        return aperture, pad(shutter, self.beside) if any(self.beside) else shutter
 
     def _on_sensor(self, operator: LinearOperator) -> LinearOperator:
         return SensorColumns(operator, self.beside) if any(self.beside) else operator
@@ -293,24 +242,8 @@ class SpectralCamera(CodedCamera):
         return self._on_sensor(slotwise)
 
     def _check_coloured(self, code: Tensor) -> None:
-        expected = (self.bands, *self.size)
-        if tuple(code.shape) != expected:
-            raise ShapeError("coloured", f"shape {tuple(code.shape)}", f"{expected}: bands and size of the scene")
+        check_shape("coloured", code, (self.bands, *self.size))
         if not bool(torch.isfinite(code).all()) or code.min() < 0 or code.max() > 1:
             raise SettingError("coloured", "values outside [0, 1]", "transmittances", "scale the patterns")
         if self.disperser == "dual" or self.blurred:
             raise SettingError("coloured", "a dual disperser or relay blur beside it", "a single disperser, no blur")
-
-    def _hold_response(self, response: Tensor | Sequence[float] | None) -> None:
-        self._responds = response is not None
-        values = torch.ones(self.bands) if response is None else response
-        values = values if isinstance(values, Tensor) else torch.tensor(list(values), dtype=torch.get_default_dtype())
-        if values.shape != (self.bands,):
-            raise ShapeError("response", f"shape {tuple(values.shape)}", f"({self.bands},), one value per band")
-        numbers = values.detach()
-        if not bool(torch.isfinite(numbers).all()) or numbers.min() < 0 or numbers.max() <= 0:
-            raise SettingError("response", str(numbers.tolist()), "finite numbers ≥ 0, not all zero")
-        if isinstance(values, nn.Parameter):
-            self.response = values
-        else:
-            self.register_buffer("response", values)

@@ -11,41 +11,30 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import Camera
-from tmca.cameras.checks import band_wavelengths, learned_parts
-from tmca.cameras.phase_parts import filter_array, mask_maps, shutter_plane
-from tmca.cameras.presets import SPECTRAL_DEPTH
-from tmca.cameras.sensor_tiles import SensorTile, bounded_tiles
-from tmca.cameras.specs import SpectralDepthSpec
-from tmca.cameras.stored import (
-    check_complete,
-    common_attributes,
-    common_settings,
-    compact,
-    json_attribute,
-    made_from,
-    tensors,
-    wavelength_coordinates,
-)
-from tmca.errors import DataError, SettingError, ShapeError, check_choice
+from tmca.cameras.camera import BandCamera
+from tmca.cameras.sensor_tiles import exposed_in_tiles
+from tmca.codes import CodePlane, balanced_choice, one_hot_planes
+from tmca.codes.files import TILE, compact, json_attribute, tensors
+from tmca.errors import SettingError, check_choice, check_shape
 from tmca.operators.spectral_depth import (
     LayeredOperator,
     check_pixel,
-    coded_exposure,
-    composited,
     equivalent_psf,
     framed,
-    layered,
     periodic_transfer_functions,
 )
 from tmca.optics import (
     MODES,
     DepthPlanes,
+    FreeForm,
     HeightMaps,
     PhaseMaskBench,
     PointSpread,
     Stroke,
     changed_bench,
+    family_parameters,
+    mask_heights,
+    restored_maps,
 )
 from tmca.sensor import ColourCodedAperture, channel_response
 
@@ -54,12 +43,64 @@ if TYPE_CHECKING:
 
 IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
-_SHARED = ("size", "exposure", "image_formation", "sensor", "shutter", "filters")
-"""Parts that leave the optics as they are."""
-MEANING_OF_HEIGHTS = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
+PROBE = (512, 512)
+"""Pixels of a camera that is only asked what it is, or whether it can be: any tile fits."""
+_SHARED = {"size", "exposure", "image_formation", "sensor", "filters"}
+"""Parts that leave optics and codes as they are."""
+_THESIS: dict[str, Any] = {
+    # thesis 5.2: 25 bands from 440 to 680 nm, K = 4, eight planes from 0.4 to 2.0 m, R = 4 filters, 256×256 patches.
+    # Assumed, as the thesis does not say: a mirror in the pupil of a lens of 50 mm focused in the middle of the range,
+    # an aperture of 3.5 mm, pixels of 8 µm, Q = 4, pass bands side by side as filters, a camera's RGB response, equal
+    # exposure time, point spread functions of unit energy, dark around the patch, no noise.
+    "bands": tuple((440 + 10 * band) * 1e-9 for band in range(25)),
+    "size": (256, 256),
+    "slots": 4,
+    "depth": (0.4, 2.0),
+    "planes": 8,
+    "bench": PhaseMaskBench(diameter=3.5e-3, distance=50e-3, pitch=8e-6, window=(63, 63), mask_pixels=96),
+    "mask": "zernike",
+    "shutter": "random",
+    "filters": "gaussian",
+    "period": 4,
+    "channels": "rgb",
+}
+_MASK_ONLY: dict[str, Any] = {"slots": 1, "shutter": "open", "filters": "clear"}
+_QUICK: dict[str, Any] = {
+    # a step of training takes about a second on a processor, less where codes are fixed
+    "bands": tuple((440 + 240 / 7 * band) * 1e-9 for band in range(8)),
+    "size": (96, 96),
+    "bench": PhaseMaskBench(),
+}
+PRESETS: dict[str, dict[str, Any]] = {
+    "thesis": _THESIS,
+    "diffractive": {**_THESIS, **_MASK_ONLY},  # its baseline, a phase mask only (Baek 2021)
+    "quick": {**_THESIS, **_QUICK},
+    "quick-diffractive": {**_THESIS, **_QUICK, **_MASK_ONLY},
+}
 
 
-class SpectralDepthCamera(Camera):
+class PhaseCodes(nn.Module):
+    """Height maps and shutter patterns of one exposure: what a spectral-depth camera shows.
+
+    Args:
+        optics: the point spread functions of the height maps, which are among their parts.
+        shutter: (K, H, W) patterns.
+    """
+
+    if TYPE_CHECKING:
+
+        def __call__(self) -> tuple[Tensor, Tensor]: ...
+
+    def __init__(self, optics: PointSpread, shutter: nn.Module) -> None:
+        super().__init__()
+        self.optics, self.shutter = optics, shutter
+
+    def forward(self) -> tuple[Tensor, Tensor]:
+        """(height maps (K, Hm, Wm) in metres, shutter (K, H, W))."""
+        return self.optics.heights(), self.shutter()
+
+
+class SpectralDepthCamera(BandCamera):
     """A snapshot camera for spectrum and depth with a time-multiplexed phase mask.
 
     ``e_{c,m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ κ_{c,ℓ} C_{ℓ,m,n} Σ_d (p_{k,d,ℓ} * ω_d f_ℓ)_{m,n}`` (thesis eqs 30–36,
@@ -95,16 +136,14 @@ class SpectralDepthCamera(Camera):
         sensor: noise, full well, bits; an ideal sensor if None.
         seed: of mask, shutter and filters.
         learnable: ``True``, ``False``, or some of ``"mask"``, ``"shutter"``, ``"filters"``.
-        point_spread: the optics with their mask as a module, in the place of what describes them.
+        codes: masks with their optics, and shutter, as a module, in the place of what describes them.
 
     Raises:
         SettingError, ShapeError: an impossible value, or parts that do not fit.
     """
 
     kind = "spectral-depth"
-    channel = "band"
-    presets = SPECTRAL_DEPTH
-    Spec = SpectralDepthSpec
+    presets = PRESETS
     needed = ("heights", "shutter", "filters", "cells", "response", "wavelength")
     stated = ("exposure", "bench", "depth", "energy", "full_scale", "sensor")
     page = "docs/spectral-depth.md"
@@ -134,51 +173,49 @@ class SpectralDepthCamera(Camera):
         sensor: nn.Module | None = None,
         seed: int = 0,
         learnable: bool | str | Collection[str] = False,
-        point_spread: PointSpread | None = None,
+        codes: PhaseCodes | None = None,
     ) -> None:
         super().__init__((96, 96) if size is None else size, slots, exposure, sensor)
-        self.unbound = frozenset(name for name, value in (("bands", bands), ("size", size)) if value is None)
-        self._given = {"mask": mask, "rms": rms, "modes": modes, "stroke": stroke, "shutter": shutter, "cells": cells,
-                       "filters": filters, "channels": channels, "seed": seed, "learnable": learnable}  # fmt: skip
-        learned = learned_parts(learnable, LEARNABLE)
-        self.wavelengths = band_wavelengths(8 if bands is None else bands)
+        named = (learnable,) if isinstance(learnable, bool | str) else tuple(learnable)
+        for part in named:
+            check_choice("learnable", part, (True, False, *LEARNABLE))
+        learned = LEARNABLE if True in named else named
+        self._hold_bands(8 if bands is None else bands)
         self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
         self.bench, self.period = bench or PhaseMaskBench(), int(period)
         check_choice("image formation", image_formation, IMAGE_FORMATIONS)
         self.image_formation = image_formation
         self.register_buffer("response", channel_response(channels, self.wavelengths))
-        if point_spread is None:
-            drawn = {"rms": rms, "modes": modes, "seed": seed}
-            heights = mask_maps(mask, slots, self.bench, stroke, learnable="mask" in learned, **drawn)
-            point_spread = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
-        self.point_spread = point_spread
-        self.shutter = shutter_plane(shutter, slots, self.size, self.period, seed, "shutter" in learned)
-        self.filters = filter_array(
-            filters, self.wavelengths, self.size, self.period, cells, seed, "filters" in learned,
-            required=not isinstance(learnable, bool),
-        )  # fmt: skip
+        if codes is None:
+            drawn: dict[str, Any] = {
+                "rms": rms,
+                "modes": modes,
+                "seed": seed,
+                "stroke": stroke,
+                "learnable": "mask" in learned,
+            }
+            heights = _mask_maps(mask, slots, self.bench, **drawn)
+            optics = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
+        self.point_spread = optics if codes is None else codes.optics
+        given = shutter if codes is None else codes.shutter
+        self.shutter = _shutter_plane(given, slots, self.size, self.period, seed, "shutter" in learned)
+        self.filters = ColourCodedAperture.of(
+            filters, self.wavelengths, self.size, self.period, cells, seed, learnable="filters" in learned
+        )
+        if "filters" in named and len(self.filters.filters) == 1:
+            raise SettingError("learnable", "filters, of which there is one", "two filters or more, such as gaussian")
 
-    def arguments(self) -> dict[str, Any]:
-        """See ``Camera``."""
-        shared = {
-            "size": None if "size" in self.unbound else self.size, "slots": self.slots,
-            "depth": (self.planes.near, self.planes.far), "planes": self.planes.count, "bench": self.bench,
-            "period": self.period, "exposure": self.exposure, "energy": self.point_spread.energy,
-            "image_formation": self.image_formation, "sensor": self.sensor,
-        }  # fmt: skip
-        if self.unbound:
-            return {"bands": None if "bands" in self.unbound else self.wavelengths, **shared, **self._given}
-        made = {"shutter": self.shutter, "filters": self.filters, "channels": self.response}
-        return {"bands": self.wavelengths, **shared, **made, "point_spread": self.point_spread}
+    def _shared(self, parts: set[str]) -> dict[str, Any]:
+        """Optics, shutter and filters are made anew where what describes them changes."""
+        if self.unbound or ("codes" not in parts and parts - _SHARED):
+            return super()._shared(parts)
+        made = {"codes": self.codes, "filters": self.filters, "channels": self.response}
+        return {**super()._shared(parts), **made}
 
-    def replace(self, **parts: Any) -> SpectralDepthCamera:
-        """See ``Camera``; optics, shutter and filters are made anew where what describes them changes."""
-        if "point_spread" not in parts and set(parts) - {*_SHARED}:
-            parts = {**self._given, "point_spread": None, **parts}
-        return super().replace(**parts)
-
-    def _more_arguments(self) -> tuple[str, ...]:
-        return tuple(self._given)
+    @property
+    def codes(self) -> PhaseCodes:
+        """Masks and shutter."""
+        return PhaseCodes(self.point_spread, self.shutter)
 
     @property
     def white(self) -> float:
@@ -186,28 +223,9 @@ class SpectralDepthCamera(Camera):
         return float(self.response.detach().sum(1).max())
 
     @property
-    def bands(self) -> int:
-        """L."""
-        return len(self.wavelengths)
-
-    @property
-    def channel_names(self) -> list[str]:
-        """Wavelengths of the bands."""
-        return [f"{w * 1e9:.0f} nm" for w in self.wavelengths]
-
-    @property
-    def scene_shape(self) -> tuple[int, int, int]:
-        """(L, H, W)."""
-        return (self.bands, *self.size)
-
-    @property
     def snapshot_shape(self) -> tuple[int, int, int]:
         """(C, H, W)."""
         return (len(self.response), *self.size)
-
-    def codes(self) -> tuple[Tensor, Tensor]:
-        """(height maps (K, Hm, Wm) in metres, shutter (K, H, W) of zeros and ones)."""
-        return self.point_spread.heights(), self.shutter()
 
     def colour(self) -> Tensor:
         """(C, L, H, W) filters over every pixel times the response of the sensor's channels."""
@@ -215,11 +233,7 @@ class SpectralDepthCamera(Camera):
 
     @property
     def tile_size(self) -> int:
-        """Side Q of the tile of shutter and filters.
-
-        Raises:
-            SettingError: shutter patterns that do not repeat.
-        """
+        """Side Q of the tile of shutter and filters; SettingError for shutter patterns that do not repeat."""
         if self.shutter.period is None:
             raise SettingError("shutter", "patterns of the whole sensor", "a tile", "give (K, Q, Q) patterns")
         return self.period
@@ -227,9 +241,9 @@ class SpectralDepthCamera(Camera):
     def tile(self) -> tuple[Tensor, Tensor]:
         """(colour (C, L, Q, Q), shutter (K, Q, Q)) of one tile."""
         side = slice(0, self.tile_size)
-        return self._codes_over(side, side)
+        return self.codes_over(side, side)
 
-    def _codes_over(self, rows: slice, columns: slice) -> tuple[Tensor, Tensor]:
+    def codes_over(self, rows: slice, columns: slice) -> tuple[Tensor, Tensor]:
         """(colour (C, L, h, w), shutter (K, h, w)) over some pixels."""
         colour = self.response[:, :, None, None] * self.filters.part(rows, columns)
         return colour, self.shutter.part(rows, columns)
@@ -246,7 +260,7 @@ class SpectralDepthCamera(Camera):
             slice(max(0, place - side), min(length, place + side + 1))
             for place, side, length in zip(pixel, self.bench.window, self.size, strict=True)
         )
-        colour, shutter = self._codes_over(rows, columns)
+        colour, shutter = self.codes_over(rows, columns)
         place = (pixel[0] - rows.start, pixel[1] - columns.start)
         return equivalent_psf(self.psf(), colour, shutter, place, plane, self.exposure)
 
@@ -258,11 +272,9 @@ class SpectralDepthCamera(Camera):
             light = 1.0 if self.point_spread.energy == "unit" else float(self.point_spread.arrived().mean())
             return float((self.filters.plane() * open_share).mean((1, 2)) @ passed) * light
 
-    def transfer(self) -> Tensor:
-        """(K, D, L, H', W'/2+1) transfer functions in ``frame``; cached as long as nothing is learned."""
-        return self._transfer(self.frame)
-
-    def _transfer(self, frame: tuple[int, int]) -> Tensor:
+    def transfer(self, frame: tuple[int, int] | None = None) -> Tensor:
+        """(K, D, L, H', W'/2+1) transfer functions in a ``frame``, the camera's own if None; cached unless learned."""
+        frame = frame or self.frame
         return self.cached(f"transfer {frame}", lambda: periodic_transfer_functions(self.psf(), frame))
 
     @property
@@ -271,14 +283,8 @@ class SpectralDepthCamera(Camera):
         return framed(self.size, self.bench.window)
 
     def build_operator(self, depth: Tensor | None = None) -> LayeredOperator:
-        """The linear part at depth maps (B, 1, H, W) in metres, every pixel in its ``planes.nearest``.
-
-        Raises:
-            SettingError: no depth.
-        """
-        if depth is None:
-            raise SettingError("depth", "none", "a depth map (B, 1, H, W) in metres, for a spectral-depth camera")
-        weights = self.planes.weights(depth).to(self.response)
+        """The linear part at depth maps (B, 1, H, W) in metres, every pixel in its ``planes.nearest``."""
+        weights = self.planes.weights(_required(depth)).to(self.response)
         return LayeredOperator(weights, self.transfer(), self.frame, self.colour(), self.shutter(), self.exposure)
 
     def exact(
@@ -289,111 +295,111 @@ class SpectralDepthCamera(Camera):
         What lies outside the design range is imaged in the plane of that end, what is no depth in the farthest
         (``planes.nearest``).
         """
-        if depth is None:
-            raise SettingError("depth", "none", "a depth map (B, 1, H, W) in metres, for a spectral-depth camera")
-        self._check(scene, depth)
-        spectra = self.slots * self.planes.count * self.bands
-        tiles, frame = bounded_tiles(self.size, self.bench.window, spectra)
-        transfer, snapshot = self._transfer(frame), scene.new_empty(0)
-        for count, tile in enumerate(tiles):
-            part = self._exposed(scene, depth, transfer, frame, tile)
-            if len(tiles) == 1:
-                return part
-            snapshot = snapshot if count else part.new_empty(*part.shape[:2], *self.size)
-            snapshot[..., tile.rows, tile.columns] = part
-            if progress is not None:
-                progress((count + 1) / len(tiles))
-        return snapshot
-
-    def _exposed(
-        self, scene: Tensor, depth: Tensor, transfer: Tensor, frame: tuple[int, int], tile: SensorTile
-    ) -> Tensor:
-        """(B, C, h, w) exact snapshot of a tile."""
-        light, places = tile.padded(tile.cut(scene)), tile.cut(depth)
-        moments = [slice(None)] if depth.ndim == 4 else [slice(k, k + 1) for k in range(self.slots)]
-        seen, form = [], layered if self.image_formation == "linear" else composited
-        for slots in moments:
-            moving = light if depth.ndim == 4 else light[:, slots]
-            weights = self.planes.weights(places if depth.ndim == 4 else places[:, slots.start]).to(scene)
-            seen.append(form(moving, tile.padded(weights), transfer[slots], frame))
-        return coded_exposure(
-            tile.inside(seen[0] if len(seen) == 1 else torch.cat(seen, 1)),
-            *self._codes_over(tile.rows, tile.columns),
-            self.exposure,
-        )
-
-    def _check(self, scene: Tensor, depth: Tensor) -> None:
-        moves = scene.ndim == 5 and scene.shape[1] == self.slots
-        if tuple(scene.shape[2:] if moves else scene.shape[1:]) != self.scene_shape:
-            expected = f"(batch, {', '.join(map(str, self.scene_shape))}), or (batch, {self.slots}, …)"
-            raise ShapeError("scene", str(tuple(scene.shape)), expected, "give the camera its size and bands")
-        plane, moving = (1, *self.size), (self.slots, 1, *self.size)
-        if tuple(depth.shape[1:]) not in ({plane, moving} if scene.ndim == 5 else {plane}):
-            raise ShapeError("depth", str(tuple(depth.shape)), f"(batch, {', '.join(map(str, plane))}) in metres")
-
-    def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
-        """See ``Camera``: (wavelength, y, x)."""
-        import xarray as xr
-
-        attrs = {"quantity": unit, "units": "1", "long_name": name}
-        coordinates = wavelength_coordinates(self.wavelengths)
-        return xr.DataArray(scenes[0].numpy(force=True), coordinates, ("wavelength", "y", "x"), attrs=attrs)
+        return exposed_in_tiles(self, scene, _required(depth), progress)
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
-        """See ``Camera``."""
         return ("channel", "y", "x")
 
-    def variables(self) -> xr.Dataset:
+    def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``heights`` (slot, y_mask, x_mask) in metres, ``shutter`` (slot, y_tile, x_tile), or (slot, y, x) where it
         does not repeat, ``filters`` (filter, wavelength), ``cells`` (y_tile, x_tile), the index of the filter over
-        every pixel, and ``response`` (channel, wavelength).
+        every pixel, and ``response`` (channel, wavelength); tiled, also the parameters of the masks' family.
 
         Attributes: exposure, bench, depth planes, energy, sensor.
         """
-        import xarray as xr
-
-        tile = ("y_tile", "x_tile")
-        parts = {
-            "heights": (("slot", "y_mask", "x_mask"), self.codes()[0].numpy(force=True), MEANING_OF_HEIGHTS),
-            "shutter": (
-                ("slot", *(tile if self.shutter.period is not None else ("y", "x"))),
-                compact(self.shutter.tile().detach()),
-                {"units": "1 = open"},
-            ),
-            "filters": (
-                ("filter", "wavelength"),
-                self.filters.filters.numpy(force=True),
-                {"long_name": "transmittance"},
-            ),
-            "cells": (tile, self.filters.cells().numpy(force=True), {"long_name": "index of the filter"}),
+        heights, passed = self.point_spread.heights, self.filters.filters.numpy(force=True)
+        shown = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
+        tile = TILE if self.shutter.period is not None else ("y", "x")
+        parts: dict[str, Any] = {
+            "heights": (("slot", "y_mask", "x_mask"), heights().numpy(force=True), shown),
+            "shutter": (("slot", *tile), compact(self.shutter.tile()), {"units": "1 = open"}),
+            "filters": (("filter", "wavelength"), passed, {"long_name": "transmittance"}),
+            "cells": (TILE, self.filters.cells().numpy(force=True), {"long_name": "index of the filter"}),
             "response": (("channel", "wavelength"), self.response.numpy(force=True), {"long_name": "response"}),
         }
         optics = {
             "bench": json.dumps(asdict(self.bench)), "depth": json.dumps(asdict(self.planes)),
             "energy": self.point_spread.energy, "image_formation": self.image_formation,
         }  # fmt: skip
-        return xr.Dataset(parts, wavelength_coordinates(self.wavelengths), {**common_attributes(self), **optics})
+        if tiled:
+            self.tile()  # refuses patterns that do not repeat
+            for name, values in family_parameters(heights).items():
+                parts[name] = (_FAMILIES[name][0], values.numpy(force=True), _FAMILIES[name][1])
+            optics |= {} if heights.stroke is None else {"stroke": json.dumps(asdict(heights.stroke))}
+        return parts, self._band_coordinates(), optics
 
     @classmethod
-    def from_variables(cls, dataset: xr.Dataset, where: str) -> SpectralDepthCamera:
-        """See ``Camera``; without a snapshot beside it the size is that of the tile."""
-        check_complete(dataset, where, cls)
-        parts, attrs = tensors(dataset, "heights", "shutter", "filters", "response"), dataset.attrs
-        planes, bench = json_attribute(attrs, "depth", {}, where), json_attribute(attrs, "bench", {}, where)
-        try:
-            geometry = {
-                "bench": changed_bench(PhaseMaskBench(), bench),
-                "depth": (float(planes["near"]), float(planes["far"])),
-                "planes": int(planes["count"]),
-            }
-        except (KeyError, TypeError, ValueError) as error:
-            remedy = "correct it"
-            raise DataError(where, f"bench or depth that are none ({error})", "those of a camera", remedy) from error
-        size = tuple(dataset.sizes.get(axis, parts["shutter"].shape[-1]) for axis in ("y", "x"))
-        return made_from(
-            cls, dataset, where, "heights, shutter, filters and bench that fit",
-            bands=dataset["wavelength"].values.tolist(), size=size, slots=len(parts["heights"]), mask=parts["heights"],
-            shutter=parts["shutter"], filters=parts["filters"], cells=torch.tensor(dataset["cells"].values),
-            period=dataset["cells"].shape[0], channels=parts["response"], energy=str(attrs["energy"]),
-            image_formation=str(attrs.get("image_formation", "linear")), **geometry, **common_settings(attrs, where),
-        )  # fmt: skip
+    def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
+        """Without a snapshot or a size beside it the size is that of the tile."""
+        parts = tensors(dataset, "shutter", "filters", "response")
+        return {
+            **phase_settings(dataset, where),
+            "bands": dataset["wavelength"].values.tolist(),
+            "size": tuple(dataset.sizes.get(axis, parts["shutter"].shape[-1]) for axis in ("y", "x")),
+            "filters": parts["filters"],
+            "channels": parts["response"],
+            "image_formation": str(dataset.attrs.get("image_formation", "linear")),
+        }
+
+
+_FAMILIES = {
+    "coefficients": (("slot", "mode"), {"units": "m", "long_name": "rms of Zernike modes over the aperture"}),
+    "noll": (("mode",), {"long_name": "Noll index of the mode"}),
+    "radii": (("slot", "radius"), {"units": "m", "long_name": "heights at even radii, from the middle to the rim"}),
+}
+"""Variables of masks that are not free-form."""
+
+
+def phase_settings(dataset: xr.Dataset, where: str) -> dict[str, Any]:
+    """Arguments of a camera that show masks (as ``HeightMaps`` of their family) and shutter of a file at any bands."""
+    attrs, family = dataset.attrs, [name for name in _FAMILIES if name in dataset]
+    parts, cells = tensors(dataset, "heights", "shutter", *family), torch.tensor(dataset["cells"].values)
+    planes, stroke = json_attribute(attrs, "depth", {}, where), json_attribute(attrs, "stroke", None, where)
+    device = {} if stroke is None else {"stroke": Stroke(**stroke)}
+    return {
+        **device,
+        "bench": changed_bench(PhaseMaskBench(), json_attribute(attrs, "bench", {}, where)),
+        "depth": (float(planes["near"]), float(planes["far"])),
+        "planes": int(planes["count"]),
+        "slots": len(parts["heights"]),
+        "mask": restored_maps(parts["heights"], parts, device.get("stroke")),
+        "shutter": parts["shutter"],
+        "cells": cells.long(),
+        "period": len(cells),
+        "energy": str(attrs["energy"]),
+    }
+
+
+def _required(depth: Tensor | None) -> Tensor:
+    if depth is None:
+        raise SettingError("depth", "none", "a depth map (B, 1, H, W) in metres, for a spectral-depth camera")
+    return depth
+
+
+def _mask_maps(
+    mask: str | Tensor | HeightMaps, slots: int, bench: PhaseMaskBench, *, learnable: bool, **drawn: Any
+) -> HeightMaps:
+    """Height maps of K slots on a bench: of a family, drawn, or those that are given."""
+    if isinstance(mask, str):
+        return mask_heights(mask, slots, bench, learnable=learnable, **drawn)
+    maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, drawn["stroke"], learnable=learnable)
+    if learnable and not list(maps.parameters()):
+        maps = maps.repeated(slots, learnable=True)
+    check_shape("mask", maps(), (slots, *bench.mask_size))
+    return maps
+
+
+def _shutter_plane(
+    shutter: str | Tensor | nn.Module, slots: int, size: tuple[int, int], period: int, seed: int, learnable: bool
+) -> CodePlane:
+    """K shutter patterns on a sensor (H, W), tiled unless they are given for all of it."""
+    if isinstance(shutter, nn.Module):
+        return shutter.resized(size) if isinstance(shutter, CodePlane) else shutter  # type: ignore[return-value]
+    tile, own_seed = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period, 2 * seed + 1
+    plane = CodePlane(shutter, slots, size, period=tile, seed=own_seed, learnable=learnable, name="shutter")
+    if isinstance(shutter, str) and shutter == "one-hot":
+        if slots > period**2:
+            expected = f"at most {period**2}, the pixels of its period"
+            raise SettingError("slots", f"{slots} with a one-hot shutter", expected, "take a longer period")
+        plane.show(one_hot_planes(balanced_choice(slots, (period, period), own_seed), slots))
+    return plane

@@ -191,7 +191,7 @@ def take(
     calibration: Path | None = None,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
-    from tmca.cameras.presets import PROBE
+    from tmca.cameras.spectral_depth import PROBE
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
     from tmca.lab.calibration.as_taken import bench_of
 

@@ -1,11 +1,10 @@
 """What the aperture and the shutter show in each time slot."""
 
-from tmca.codes.binary import hard_threshold, one_hot_slots
 from tmca.codes.files import CodesFile, read_codes, write_codes
 from tmca.codes.imperfect import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.codes.multiplexed import Codes, MultiplexedCodes, fitted_codes
 from tmca.codes.patterns import FAMILIES, balanced_choice, blue_noise_ranks, one_hot_planes, pattern
-from tmca.codes.plane import CodePlane
+from tmca.codes.plane import CodePlane, check_shares, hard_threshold, one_hot_slots
 
 __all__ = [
     "FAMILIES",
@@ -16,6 +15,7 @@ __all__ = [
     "Outside",
     "balanced_choice",
     "blue_noise_ranks",
+    "check_shares",
     "fitted_codes",
     "hard_threshold",
     "leaked",

@@ -1,17 +1,56 @@
-"""Codes as a file: aperture and shutter patterns of one exposure, and the period in which they repeat."""
+"""Codes in files: the variables of both planes, and files of aperture and shutter patterns alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from tmca.errors import DataError, SettingError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Axes = Sequence[str]
+TILE = ("y_tile", "x_tile")
+"""Axes of one tile of codes that repeat."""
+
+
+def code_variables(planes: Iterable[Tensor], aperture: Axes, shutter: Axes) -> dict[str, Any]:
+    """Variables ``aperture`` and ``shutter``, slot by slot on these axes; binary codes as bytes."""
+    return {
+        name: (("slot", *axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
+        for name, axes, plane in zip(("aperture", "shutter"), (aperture, shutter), planes, strict=True)
+    }
+
+
+def compact(codes: Tensor) -> np.ndarray:
+    """Binary codes as bytes, grey ones as they are."""
+    values = codes.numpy(force=True)
+    return values.astype(np.uint8) if np.isin(values, (0, 1)).all() else values
+
+
+def tensors(dataset: xr.Dataset, *names: str) -> dict[str, Tensor]:
+    """Variables as float32 tensors."""
+    return {name: torch.from_numpy(np.array(dataset[name].values, dtype=np.float32)) for name in names}
+
+
+def json_attribute(attrs: Mapping[Any, Any], name: str, default: Any, where: str) -> Any:
+    """An attribute that holds JSON.
+
+    Raises:
+        DataError: it does not.
+    """
+    try:
+        return json.loads(attrs[name]) if name in attrs else default
+    except (TypeError, json.JSONDecodeError) as error:
+        raise DataError(where, f"attribute {name} = {attrs[name]!r}", "JSON", "correct or delete it") from error
 
 
 @dataclass(frozen=True)
@@ -22,17 +61,15 @@ class CodesFile:
         aperture: (K, h, w) of zeros and ones, one period or the full frame.
         shutter: (K, h, w') likewise.
         period: (rows, columns) in which both repeat; None for full-frame codes.
-        path: of the file.
     """
 
     aperture: Tensor
     shutter: Tensor
     period: tuple[int, int] | None
-    path: Path
 
     def settings(self) -> dict[str, Any]:
         """Arguments of a camera with these codes."""
-        tile = None if self.period is None else self.period[0] if len(set(self.period)) == 1 else self.period
+        tile = self.period[0] if self.period is not None and len(set(self.period)) == 1 else self.period
         return {"aperture": self.aperture, "shutter": self.shutter, "slots": len(self.aperture), "period": tile}
 
 
@@ -55,12 +92,10 @@ def write_codes(
 
     from tmca.data import write_dataset
 
-    planes = {}
-    for name, plane, columns in (("aperture", aperture, "x"), ("shutter", shutter, "x_sensor")):
-        if bool(((plane != 0) & (plane != 1)).any()):
+    planes = code_variables((aperture, shutter), ("y", "x"), ("y", "x_sensor"))
+    for name, (_, values, _) in planes.items():
+        if values.dtype != np.uint8:
             raise SettingError(name, "grey values", "zeros and ones in a file of codes")
-        values = plane.detach().cpu().numpy().astype(np.uint8)
-        planes[name] = (("slot", "y", columns), values, {"meaning": "1 = open"})
     attributes = {**(notes or {}), "period": list(period or ())}
     return write_dataset(xr.Dataset(planes, attrs=attributes), path, overwrite=overwrite)
 
@@ -74,10 +109,10 @@ def read_codes(path: str | Path) -> CodesFile:
     from tmca.data import read_dataset
 
     stored = read_dataset(path, ("aperture", "shutter"))
-    aperture, shutter = (torch.from_numpy(stored[name].values.astype(np.float32)) for name in ("aperture", "shutter"))
+    aperture, shutter = tensors(stored, "aperture", "shutter").values()
     if aperture.ndim != 3 or shutter.ndim != 3 or len(aperture) != len(shutter):
         text = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}"
         raise DataError(path, text, "(K, rows, columns) of the same K", "write codes with `tmca design`")
     period = np.atleast_1d(stored.attrs.get("period", []))
     tile = (int(period[0]), int(period[-1])) if period.size and np.issubdtype(period.dtype, np.number) else None
-    return CodesFile(aperture, shutter, tile, Path(path))
+    return CodesFile(aperture, shutter, tile)

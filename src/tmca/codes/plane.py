@@ -1,18 +1,65 @@
-"""One plane of codes, aperture or shutter: K binary patterns, fixed or learnable, full frame or tiled."""
+"""One plane of codes, aperture or shutter: K binary patterns, fixed or learnable, full frame or tiled.
+
+Hard binary codes have a smooth derivative, so that devices show what training optimised.
+"""
 
 from __future__ import annotations
 
 import copy
 from math import ceil
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from tmca.codes.binary import hard_threshold, one_hot_slots
 from tmca.codes.patterns import pattern
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import SettingError, ShapeError, check_range
 
 _MARGIN = 0.5
+
+
+class _HardThreshold(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, logits: Tensor, slope: float) -> Tensor:
+        ctx.save_for_backward(logits)
+        ctx.slope = slope
+        return (logits > 0).to(logits.dtype)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
+        (logits,) = ctx.saved_tensors
+        open_share = torch.sigmoid(ctx.slope * logits)
+        return grads[0] * ctx.slope * open_share * (1 - open_share), None
+
+
+def hard_threshold(logits: Tensor, slope: float = 4.0) -> Tensor:
+    """Binary code ``1[logits > 0]`` with the derivative of ``sigmoid(slope · logits)``.
+
+    Args:
+        logits: any shape; its sign is the code.
+        slope: steepness of the smooth stand-in, 1/unit of the logits; raised during training (annealing).
+
+    Source: Martel et al. 2020, "Neural sensors", as used in thesis sections 3.1 and 4.2.
+    """
+    return _HardThreshold.apply(logits, float(slope))
+
+
+def one_hot_slots(logits: Tensor, slope: float = 4.0) -> Tensor:
+    """One-hot choice over the slot axis: 1 in the slot with the largest logit, derivative of the softmax.
+
+    Args:
+        logits: (K, H, W).
+        slope: inverse temperature of the softmax.
+    """
+    soft = torch.softmax(slope * logits, dim=0)
+    hard = torch.zeros_like(soft).scatter_(0, logits.argmax(0, keepdim=True), 1.0)
+    return soft + (hard - soft).detach()
+
+
+def check_shares(where: str, values: Tensor, expected: str, remedy: str = "") -> None:
+    """Raises SettingError unless all values are in [0, 1]."""
+    if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 + 1e-6:
+        raise SettingError(where, "values outside [0, 1]", expected, remedy)
 
 
 class CodePlane(nn.Module):
@@ -56,17 +103,19 @@ class CodePlane(nn.Module):
         self.period = _tile(period, name)
         self.family = patterns if isinstance(patterns, str) else "own"
         tile = self.period or size
-        values = (
-            pattern(patterns, slots, tile, density, seed)
-            if isinstance(patterns, str)
-            else _own_patterns(patterns, slots, size, tile, name)
-        )
+        if isinstance(patterns, str):
+            values = pattern(patterns, slots, tile, density, seed)
+        else:
+            values = _own_patterns(patterns, slots, size, tile, name)
         self.grey = bool(((values != 0) & (values != 1)).any())
         if learnable and self.grey:
-            raise SettingError(
-                name, "grey values", "zeros and ones where codes are learned", "binarise it or leave it fixed"
-            )
-        self._store(values, learnable, jitter, seed)
+            expected = "zeros and ones where codes are learned"
+            raise SettingError(name, "grey values", expected, "binarise it or leave it fixed")
+        latent = self._latent(values, jitter, seed)
+        if learnable and self.family != "open":
+            self.latent = nn.Parameter(latent)
+        else:
+            self.register_buffer("latent", latent)
 
     @torch.no_grad()
     def show(self, patterns: Tensor, *, jitter: float = 0.0, seed: int = 0) -> None:
@@ -85,21 +134,12 @@ class CodePlane(nn.Module):
 
     def _latent(self, values: Tensor, jitter: float, seed: int) -> Tensor:
         """Latent values that show these patterns."""
-        independent = (
-            values[:1] if self.family == "static" else values[::2] if self.family == "complementary" else values
-        )
+        independent = {"static": values[:1], "complementary": values[::2]}.get(self.family, values)
         latent = independent.clone() if self.grey else (2 * independent - 1) * _MARGIN
         if jitter and not self.grey:
             source = torch.Generator().manual_seed(seed)
             latent = latent * (1 - jitter * torch.rand(latent.shape, generator=source))
         return latent
-
-    def _store(self, values: Tensor, learnable: bool, jitter: float, seed: int) -> None:
-        latent = self._latent(values, jitter, seed)
-        if learnable and self.family != "open":
-            self.latent = nn.Parameter(latent)
-        else:
-            self.register_buffer("latent", latent)
 
     @property
     def learnable(self) -> bool:
@@ -110,12 +150,11 @@ class CodePlane(nn.Module):
         """(K, h, w) patterns of one period."""
         if self.grey:
             return self.latent
+        if self.family == "one-hot" and self.relaxed:
+            return torch.softmax(self.slope * self.latent, 0)
         if self.family == "one-hot":
-            return (
-                torch.softmax(self.slope * self.latent, 0) if self.relaxed else one_hot_slots(self.latent, self.slope)
-            )
-        smooth = torch.sigmoid(self.slope * self.latent) if self.relaxed else None
-        binary = hard_threshold(self.latent, self.slope) if smooth is None else smooth
+            return one_hot_slots(self.latent, self.slope)
+        binary = torch.sigmoid(self.slope * self.latent) if self.relaxed else hard_threshold(self.latent, self.slope)
         if self.family == "static":
             return binary.expand(self.slots, -1, -1)
         if self.family == "complementary":
@@ -165,8 +204,7 @@ def _tile(period: int | tuple[int, int] | None, name: str) -> tuple[int, int] | 
     if period is None:
         return None
     tile = (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
-    if min(tile) < 1:
-        raise SettingError(f"{name} period", str(period), "at least 1 pixel", "leave it out for a full-frame code")
+    check_range(f"{name} period", min(tile), 1, unit="pixels")
     return tile
 
 
@@ -180,14 +218,10 @@ def _own_patterns(values: Tensor, slots: int, size: tuple[int, int], tile: tuple
     if tuple(values.shape[1:]) == size and tile != size:
         values = _one_tile(values, tile, name)
     if tuple(values.shape[1:]) != tuple(min(t, s) for t, s in zip(tile, size, strict=True)):
-        raise ShapeError(
-            name,
-            f"patterns of {values.shape[1]}×{values.shape[2]} pixels",
-            f"{size[0]}×{size[1]}",
-            "make them of this size (a mask: sensor and the views' shear around it), or give period= their size",
-        )
-    if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1:
-        raise SettingError(name, "values outside [0, 1]", "0 = closed, 1 = open", "scale the patterns")
+        found = f"patterns of {values.shape[1]}×{values.shape[2]} pixels"
+        remedy = "make them of this size (a mask: sensor and the views' shear around it), or give period= their size"
+        raise ShapeError(name, found, f"{size[0]}×{size[1]}", remedy)
+    check_shares(name, values, "0 = closed, 1 = open", "scale the patterns")
     return values.contiguous()
 
 

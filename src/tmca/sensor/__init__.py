@@ -1,15 +1,23 @@
 """From irradiance to digital numbers: colour filters, noise, full well, bits."""
 
-from tmca.sensor.colour import FILTERS, ColourCodedAperture, channel_response, feasible_filters
-from tmca.sensor.noise import Noise, quantise, shot_noise
-from tmca.sensor.sensor import Sensor
+from tmca.sensor.colour import (
+    FILTERS,
+    ColourCodedAperture,
+    band_wavelengths,
+    channel_response,
+    channel_weights,
+    feasible_filters,
+)
+from tmca.sensor.sensor import Noise, Sensor, quantise, shot_noise
 
 __all__ = [
     "FILTERS",
     "ColourCodedAperture",
     "Noise",
     "Sensor",
+    "band_wavelengths",
     "channel_response",
+    "channel_weights",
     "feasible_filters",
     "quantise",
     "shot_noise",

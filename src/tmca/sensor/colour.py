@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from numbers import Integral
+from typing import Any, cast
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.codes import CodePlane, balanced_choice, one_hot_planes
-from tmca.errors import SettingError, check_choice, check_range, check_shape
+from tmca.codes import CodePlane, balanced_choice, check_shares, one_hot_planes
+from tmca.errors import SettingError, ShapeError, check_choice, check_range, check_shape
 
 SENSORS = ("monochrome", "rgb")
 FILTERS = ("clear", "gaussian", "rgbw")
@@ -54,8 +56,7 @@ class ColourCodedAperture(nn.Module):
         super().__init__()
         values = torch.as_tensor(filters, dtype=torch.get_default_dtype())
         check_shape("filters", values, ("R", "L"))
-        if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 + 1e-6:
-            raise SettingError("filters", "values outside [0, 1]", "transmittance of every filter and band")
+        check_shares("filters", values, "transmittance of every filter and band")
         self.register_buffer("filters", values)
         if cells is None:
             cells = balanced_choice(len(values), (period, period) if isinstance(period, int) else period, seed)
@@ -65,6 +66,28 @@ class ColourCodedAperture(nn.Module):
             name="colour-coded aperture",
         )  # fmt: skip
         self.plane.show(_one_hot(cells, len(values)), jitter=jitter, seed=seed)
+
+    @classmethod
+    def of(
+        cls,
+        filters: str | Tensor | ColourCodedAperture,
+        wavelengths: Sequence[float],
+        size: tuple[int, int],
+        period: int,
+        cells: Tensor | None = None,
+        seed: int = 0,
+        *,
+        learnable: bool = False,
+    ) -> ColourCodedAperture:
+        """Filters of a family of ``feasible_filters``, of (R, L) transmittance, or those that are given, at this size;
+        where there is one alone, its choice is not learned."""
+        if isinstance(filters, ColourCodedAperture):
+            return filters.resized(size)
+        passed = feasible_filters(filters, wavelengths) if isinstance(filters, str) else filters
+        check_shape("filters", passed, ("R", len(wavelengths)), "give the bands of the camera")
+        if cells is not None:
+            check_shape("cells", cells, (period, period), "a tile of the period")
+        return cls(passed, size, period, cells=cells, seed=2 * seed, learnable=learnable and len(passed) > 1)
 
     @property
     def learnable(self) -> bool:
@@ -150,9 +173,43 @@ def channel_response(sensor: str | Tensor | Sequence[Sequence[float]], wavelengt
         return response
     values = torch.as_tensor(sensor, dtype=torch.get_default_dtype())
     check_shape("channels", values, ("C", len(wavelengths)))
-    if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 or values.sum(1).min() <= 0:
-        raise SettingError("channels", "values outside [0, 1], or a blind channel", "a response for every band")
+    check_shares("channels", values, "a response for every band")
+    if values.sum(1).min() <= 0:
+        raise SettingError("channels", "a blind channel", "a response for every band")
     return values
+
+
+def band_wavelengths(bands: int | Sequence[float]) -> tuple[float, ...]:
+    """Wavelengths of bands, metres; of their number, evenly spaced from 400 to 700 nm.
+
+    Raises:
+        SettingError: no bands, equal ones, or nanometres.
+    """
+    if isinstance(bands, Integral):
+        check_range("bands", bands, 1)
+        values = torch.linspace(400e-9, 700e-9, int(bands), dtype=torch.float64).tolist()
+        return tuple(values) if len(values) > 1 else (550e-9,)
+    values = [float(w) for w in cast(Sequence[float], bands)]
+    if not values or not all(100e-9 < w < 100e-6 for w in values) or len(set(values)) < len(values):
+        raise SettingError("bands", str(values), "different wavelengths in metres, such as 550e-9", "give nm × 1e-9")
+    return tuple(values)
+
+
+def channel_weights(where: str, values: Any, shape: tuple[int, ...]) -> Tensor:
+    """Weights of a scene's channels, such as a sensor's response to bands, of this shape.
+
+    Raises:
+        ShapeError, SettingError: others, or negative ones, or all zero.
+    """
+    try:
+        weights = values if isinstance(values, Tensor) else torch.tensor(values, dtype=torch.get_default_dtype())
+    except (TypeError, ValueError):
+        raise ShapeError(where, "rows of unequal length, or no numbers", str(shape)) from None
+    check_shape(where, weights, shape)
+    numbers = weights.detach()
+    if not bool(torch.isfinite(numbers).all()) or numbers.min() < 0 or numbers.max() <= 0:
+        raise SettingError(where, str(numbers.tolist()), "finite numbers ≥ 0, not all zero")
+    return weights
 
 
 def _camera_sensitivities(wavelengths: Sequence[float]) -> Tensor:

@@ -1,14 +1,74 @@
-"""The sensor: shot noise, read noise, saturation, analogue-to-digital conversion."""
+"""The sensor: shot noise, read noise, saturation, analogue-to-digital conversion, with derivatives for training."""
 
 from __future__ import annotations
 
-from math import isfinite
+from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from tmca.errors import SettingError
-from tmca.sensor.noise import Noise, quantise, shot_noise
+from tmca.errors import SettingError, check_range
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What a decoder has to know of a sensor's noise: variance ``read² + shot · snapshot`` per pixel.
+
+    Args:
+        read: standard deviation of the signal-independent part, snapshot units.
+        shot: variance per unit of snapshot, full scale / full well.
+
+    Raises:
+        SettingError: a negative number.
+    """
+
+    read: float = 0.0
+    shot: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.read >= 0 and self.shot >= 0):
+            raise SettingError("noise", f"read noise {self.read}, shot {self.shot}", "numbers ≥ 0")
+
+    def variance(self, snapshot: Tensor) -> Tensor:
+        """Variance of every pixel of a snapshot, snapshot units squared."""
+        return self.read**2 + self.shot * snapshot.clamp_min(0)
+
+
+class _Poisson(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, electrons: Tensor, generator: torch.Generator | None) -> Tensor:
+        mean = electrons.clamp_min(0)
+        drawn = torch.poisson(mean, generator)
+        ctx.save_for_backward(mean, drawn)
+        return drawn
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None]:
+        # pathwise derivative of mean + sqrt(mean)·z at the drawn z
+        mean, drawn = ctx.saved_tensors
+        return grads[0] * (1 + (drawn - mean) / (2 * mean.clamp_min(1.0))), None
+
+
+def shot_noise(electrons: Tensor, generator: torch.Generator | None = None) -> Tensor:
+    """Poisson counts of expected ``electrons``; the derivative is that of the Gaussian of equal mean and variance."""
+    return _Poisson.apply(electrons, generator)
+
+
+class _Round(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, values: Tensor) -> Tensor:
+        return values.round()
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> Tensor:
+        return grads[0]
+
+
+def quantise(values: Tensor, low: float, high: float, bits: int) -> Tensor:
+    """Nearest of 2^bits evenly spaced levels from ``low`` to ``high``; passes gradients straight through inside."""
+    step = (high - low) / (2**bits - 1)
+    return _Round.apply((values.clamp(low, high) - low) / step) * step + low
 
 
 class Sensor(nn.Module):
@@ -39,29 +99,17 @@ class Sensor(nn.Module):
         pedestal: float = 1 / 64,
     ) -> None:
         super().__init__()
-        for name, value in (
-            ("read_noise", read_noise),
-            ("read_noise_electrons", read_noise_electrons),
-            ("pedestal", pedestal),
-        ):
-            if not (isfinite(value) and value >= 0):
-                raise SettingError(name, str(value), "a finite number ≥ 0")
-        if full_well is not None and not (isfinite(full_well) and full_well > 0):
-            raise SettingError("full_well", str(full_well), "electrons > 0", "leave it out for no shot noise")
-        if read_noise_electrons and full_well is None:
-            raise SettingError(
-                "read_noise_electrons",
-                str(read_noise_electrons),
-                "a full_well beside it",
-                "or use read_noise",
-            )
-        if bits is not None and not 1 <= bits <= 32:
-            raise SettingError("bits", str(bits), "1 to 32")
-        self.read_noise, self.full_well, self.read_noise_electrons = (
-            read_noise,
-            full_well,
-            read_noise_electrons,
-        )
+        check_range("read_noise", read_noise, 0)
+        check_range("read_noise_electrons", read_noise_electrons, 0)
+        check_range("pedestal", pedestal, 0)
+        if full_well is not None:
+            check_range("full_well", full_well, above=0, unit="electrons")
+        elif read_noise_electrons:
+            found, expected = str(read_noise_electrons), "a full_well beside it"
+            raise SettingError("read_noise_electrons", found, expected, "or use read_noise")
+        if bits is not None:
+            check_range("bits", bits, 1, 32)
+        self.read_noise, self.full_well, self.read_noise_electrons = read_noise, full_well, read_noise_electrons
         self.bits, self.pedestal = bits, pedestal
         self.saturates = saturates if saturates is not None else (bits is not None or full_well is not None)
 
@@ -72,14 +120,11 @@ class Sensor(nn.Module):
             full_scale: level of a white scene over one exposure time, snapshot units.
             exposures: exposure times that are accumulated; they widen the converter's range.
         """
-        electron = full_scale / self.full_well if self.full_well else 0.0
-        rounding = self._step(full_scale * exposures) / 12**0.5
+        electron, rounding = full_scale / self.full_well if self.full_well else 0.0, 0.0
+        if self.bits is not None:
+            rounding = (1 + self.pedestal) * full_scale * exposures / (2**self.bits - 1) / 12**0.5
         read = (self.read_noise**2 + (self.read_noise_electrons * electron) ** 2 + rounding**2) ** 0.5
         return Noise(read=read, shot=electron)
-
-    def _step(self, top: float) -> float:
-        """Width of one level of the converter, snapshot units; 0 without one."""
-        return 0.0 if self.bits is None else (1 + self.pedestal) * top / (2**self.bits - 1)
 
     def forward(
         self,
@@ -99,15 +144,14 @@ class Sensor(nn.Module):
         Returns:
             (B, C, H, W') recorded snapshot, snapshot units.
         """
-        source = _generator(generator, irradiance.device)
-        noise, values, top = self.noise(full_scale), irradiance, full_scale * exposures
-        read = (self.read_noise**2 + (self.read_noise_electrons * noise.shot) ** 2) ** 0.5
-        if noise.shot:
-            values = shot_noise(values / noise.shot, source) * noise.shot
+        values, device, top = irradiance, irradiance.device, full_scale * exposures
+        source = torch.Generator(device).manual_seed(generator) if isinstance(generator, int) else generator
+        electron = full_scale / self.full_well if self.full_well else 0.0
+        read = (self.read_noise**2 + (self.read_noise_electrons * electron) ** 2) ** 0.5
+        if electron:
+            values = shot_noise(values / electron, source) * electron
         if read:
-            values = values + read * torch.randn(
-                values.shape, generator=source, dtype=values.dtype, device=values.device
-            )
+            values = values + read * torch.randn(values.shape, generator=source, dtype=values.dtype, device=device)
         if self.saturates:
             values = values.clamp_max(top)
         if self.bits is not None:
@@ -116,21 +160,9 @@ class Sensor(nn.Module):
 
     def settings(self) -> dict[str, float | int | bool | None]:
         """Everything that makes this sensor, for files."""
-        return {
-            "read_noise": self.read_noise,
-            "full_well": self.full_well,
-            "read_noise_electrons": self.read_noise_electrons,
-            "bits": self.bits,
-            "saturates": self.saturates,
-            "pedestal": self.pedestal,
-        }
+        names = ("read_noise", "full_well", "read_noise_electrons", "bits", "saturates", "pedestal")
+        return {name: getattr(self, name) for name in names}
 
     def extra_repr(self) -> str:
         """Shown by ``print``."""
         return ", ".join(f"{name}={value}" for name, value in self.settings().items())
-
-
-def _generator(source: torch.Generator | int | None, device: torch.device) -> torch.Generator | None:
-    if isinstance(source, int):
-        return torch.Generator(device=device).manual_seed(source)
-    return source

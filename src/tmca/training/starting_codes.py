@@ -64,4 +64,4 @@ def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
         return {name: found[name] for name in ("aperture", "shutter")}, found["period"], None
     weights = Weights.load(start)
     planes = {name: weights.codes[name] for name in ("aperture", "shutter")}
-    return planes, weights.settings.get("period"), weights.settings.get("disperser")
+    return planes, weights.period, weights.variables.attrs.get("disperser")

@@ -3,35 +3,40 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
+import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
 import tmca
-from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
+from tmca.cameras import CAMERAS
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
-from tmca.errors import DataError, SettingError, ShapeError
-from tmca.optics import PhaseMaskBench, Stroke, changed_bench, family_parameters, restored_maps
-from tmca.priors import GaussianMixturePrior, GaussianPrior, block_of, find_prior, load_prior
+from tmca.errors import DataError, SettingError, ShapeError, check_choice
+from tmca.optics import PhaseMaskBench, Stroke, changed_bench, restored_maps
+from tmca.priors import block_of, find_prior
 
-FORMAT = "tmca weights 1"
+if TYPE_CHECKING:
+    import xarray as xr
+
+FORMATS = ("tmca weights 1", "tmca weights 2")
+"""Of version 0.1, and of this one."""
 SHIPPED = ("static", "multiplexed")
 FOLDER = Path(tmca.__file__).parent / "weights"
 RENDERED = "rendered"
 """Name of the prior of the rendered scenes, which is in no file beside the weights."""
-_OPTICS = {"spectral": ("disperser", "exposure", "dispersion"), "light-field": ("shear", "exposure")}
+_OPTICS = ("disperser", "exposure", "dispersion", "shear")
 """What a network of a collapsed camera cannot be told."""
-_SHOWN = ("heights", "shutter", "filters", "cells", "response")
-_NO_MATTER = ("size", "bands", "stroke", "coefficients", "noll", "radii")
-"""What the camera behind a two-headed network may have otherwise."""
+_SHOWN = {"aperture", "heights", "shutter", "filters", "cells"}
+_NO_MATTER = {"sensor", "full_scale", "period", "tmca_version"}
+"""Attributes that the camera behind a network may have otherwise."""
 
 
 class OtherCodes(UserWarning):
@@ -44,52 +49,55 @@ class Weights:
 
     Args:
         network: a `Network`, or a `TwoHeadedUNet` of spectrum and depth.
-        kind: of the camera.
-        codes: tensors of the camera: ``aperture`` and ``shutter``, or ``heights``, ``shutter``, ``filters``, …; one
-            tile of codes that repeat.
-        settings: of the camera that are no tensors (``bands``, ``size``, ``period``, ``exposure``, …), JSON values.
+        variables: dataset of the camera (``Camera.variables``), codes that repeat as one tile, its sensor ideal.
         prior: ``"rendered"``, a file beside the weights, or ``""`` where none is needed.
         card: how it was trained and how good it is: JSON values.
         path: file it came from.
     """
 
     network: Any
-    kind: str
-    codes: dict[str, Tensor]
-    settings: dict[str, Any]
+    variables: Any
     prior: str = ""
     card: dict[str, Any] = field(default_factory=dict)
     path: Path | None = None
 
     @classmethod
     def of(cls, network: Any, camera: Any, prior: str = "", card: dict[str, Any] | None = None) -> Weights:
-        """A network with its camera as it is now; codes that repeat as one tile."""
-        return cls(network, camera.kind, *_parts(camera, tiled=True), prior, card or {})
+        """A network with its camera as it is now."""
+        return cls(network, camera.variables(tiled=True).copy(deep=True).assign_attrs(sensor="{}"), prior, card or {})
 
-    def behind(self, camera: Any) -> Weights:
-        """The same network with another camera than it was trained for, whose codes do not repeat."""
-        codes, settings = _parts(camera, tiled=False)
-        return replace(self, codes=codes, settings=settings)
+    @property
+    def kind(self) -> str:
+        """Of the camera."""
+        return str(self.variables.attrs["camera"])
+
+    @property
+    def codes(self) -> dict[str, Tensor]:
+        """``aperture`` or ``heights``, and ``shutter``, slot by slot, one tile where they repeat."""
+        shown = [name for name in ("aperture", "heights", "shutter") if name in self.variables]
+        return {name: torch.from_numpy(self.variables[name].values.astype(np.float32)) for name in shown}
 
     @property
     def slots(self) -> int:
         """K."""
-        return len(self.codes["shutter"])
+        return self.variables.sizes["slot"]
 
     @property
-    def aperture(self) -> Tensor:
-        """(K, h, w) of a collapsed camera."""
-        return self.codes["aperture"]
+    def size(self) -> tuple[int, int]:
+        """(H, W) of the camera of the training."""
+        height, width = json.loads(self.variables.attrs["size"])
+        return (height, width)
 
     @property
-    def shutter(self) -> Tensor:
-        """(K, h, w')."""
-        return self.codes["shutter"]
+    def period(self) -> tuple[int, int] | None:
+        """Of codes that repeat."""
+        sizes = self.variables.sizes
+        return (sizes["y_tile"], sizes["x_tile"]) if "y_tile" in sizes else None
 
     @property
     def wavelengths(self) -> tuple[float, ...]:
         """Of the bands, metres; none for views."""
-        return tuple(self.settings.get("bands", ()))
+        return tuple(self.variables["wavelength"].values.tolist()) if "wavelength" in self.variables else ()
 
     @property
     def camera(self) -> Any:
@@ -102,14 +110,12 @@ class Weights:
         Raises:
             ShapeError: codes without a period have another size.
         """
-        settings = {**self.settings, **changes}
-        trained = tuple(self.settings["size"])
-        if size is not None and tuple(size) != trained and settings.get("period") is None:
-            found = f"codes of {trained[0]}×{trained[1]} pixels that do not repeat"
+        wanted = self.size if size is None else tuple(size)
+        if wanted != self.size and self.period is None:
+            found = f"codes of {self.size[0]}×{self.size[1]} pixels that do not repeat"
             remedy = "crop the scene, or train with camera.size, or tiled codes (camera.period)"
-            raise ShapeError("weights", found, f"{size[0]}×{size[1]} as the scene", remedy)
-        settings["size"] = trained if size is None else tuple(size)
-        return _CAMERAS[self.kind](self.codes, settings)
+            raise ShapeError("weights", found, f"{wanted[0]}×{wanted[1]} as the scene", remedy)
+        return CAMERAS[self.kind].from_variables(self.variables, str(self.path or "weights"), size=wanted, **changes)
 
     def check_kind(self, kind: str) -> None:
         """Raises SettingError unless they are those of this kind of camera."""
@@ -127,64 +133,59 @@ class Weights:
             OtherCodes: codes that it was not trained for and is not told.
         """
         self.check_kind(camera.kind)
-        if isinstance(self.network, TwoHeadedUNet):
-            check_sizes(self.network, camera)
         if self.wavelengths and not same_bands(self.wavelengths, camera.wavelengths):
             found, wanted = (_bands(one) for one in (self.wavelengths, camera.wavelengths))
             raise SettingError("weights", found, f"the camera's {wanted}", "train a network at the camera's bands")
+        if isinstance(self.network, TwoHeadedUNet):
+            check_sizes(self.network, camera)
+            other = ", ".join(self.differences(camera)).replace("_", " ")
+            text = other and f"the network was trained for a camera with other {other} than the snapshot's"
+        else:
+            self._check_optics(camera)
+            told = getattr(self.network, "codes", True) or self.same_codes(camera)
+            text = (
+                ""
+                if told
+                else f"{self.path or 'weights'}: this network is not told the codes, and was trained for others"
+            )
+        if text:
+            warn(text, OtherCodes, stacklevel=2)
+
+    def _check_optics(self, camera: Any) -> None:
         trained = self.camera
-        if self.kind == "light-field" and trained.views != camera.views:
-            raise ShapeError("weights", f"{trained.views[0]}×{trained.views[1]} views", f"the camera's {camera.views}")
-        for name in _OPTICS.get(self.kind, ()):
-            one, other = getattr(trained, name), getattr(camera, name)
+        views, wanted = trained.scene_shape[:-2], camera.scene_shape[:-2]
+        if views != wanted:
+            raise ShapeError("weights", f"{'×'.join(map(str, views))} {camera.channel}s", f"the camera's {wanted}")
+        for name in _OPTICS:
+            one, other = getattr(trained, name, None), getattr(camera, name, None)
             if one != other:
                 shown = [getattr(value, "displacement", value) for value in (one, other)]
                 raise SettingError("weights", f"{name} {shown[0]}", f"the camera's {shown[1]}", "train for this camera")
-        if text := self._untold(camera):
-            warn(text, OtherCodes, stacklevel=2)
-
-    def _untold(self, camera: Any) -> str:
-        """What the network cannot know of a camera, in words."""
-        if isinstance(self.network, TwoHeadedUNet):
-            other = ", ".join(self.differences(camera)).replace("_", " ")
-            return other and f"the network was trained for a camera with other {other} than the snapshot's"
-        if getattr(self.network, "codes", True) or self.same_codes(camera):
-            return ""
-        return f"{self.path or 'weights'}: this network is not told the codes, and was trained for others"
 
     def same_codes(self, camera: Any) -> bool:
         """Whether a camera shows the codes that the network was trained for."""
-        if self.kind == "spectral-depth":
-            return not {*_SHOWN} & {*self.differences(camera)}
-        if tuple(camera.size) != tuple(self.settings["size"]) and not self.settings.get("period"):
-            return False
-        pairs = zip(camera.codes(), self.camera_for(camera.size).codes(), strict=True)
-        return all(torch.equal(one.detach().cpu(), other) for one, other in pairs)
+        fits = self.period is not None or tuple(camera.size) == self.size
+        return fits and not _SHOWN & {*self.differences(camera)}
 
-    def differences(self, camera: SpectralDepthCamera) -> list[str]:
-        """What a spectral-depth camera has otherwise than the one of the training, size, stroke and noise apart."""
-        trained, other = ({**codes, **settings} for codes, settings in (_parts(self.camera), _parts(camera)))
-        return [name for name, value in trained.items() if name not in _NO_MATTER and not _alike(value, other[name])]
+    def differences(self, camera: Any) -> list[str]:
+        """Variables and attributes that a camera has otherwise than the one of the training, size and sensor apart."""
+        one, other = self.camera_for(camera.size).variables(), camera.variables()
+        named = [str(name) for name in one.data_vars if name not in other or not _alike(one[name], other[name])]
+        return named + [name for name in one.attrs if name not in _NO_MATTER and one.attrs[name] != other.attrs[name]]
 
-    def load_prior(self) -> GaussianPrior | GaussianMixturePrior | None:
-        """The prior that the network starts from.
+    def load_prior(self) -> Any:
+        """The prior that the network starts from; None where it needs none.
 
         Raises:
-            DataError: the file is gone or holds a prior of the other kind.
+            DataError: the file is gone.
+            SettingError: it holds a prior of another kind.
         """
         if not self.prior:
             return None
         kind, camera = "mixture" if self.network.start == "mixture" else "gaussian", self.camera
-        if self.prior == RENDERED and isinstance(self.network, TwoHeadedUNet):
-            return find_prior(camera, block=block_of(camera, window=self.network.window))
-        if self.prior == RENDERED:
-            return cast(GaussianPrior, find_prior(camera, None, kind))
-        beside = self.path.parent / self.prior if self.path is not None else Path(self.prior)
-        prior = load_prior(beside)
-        if prior.kind != kind:
-            wanted = f"a prior to start from the {self.network.start}"
-            raise DataError(self.prior, f"a {type(prior).__name__}", wanted)
-        return cast(GaussianPrior, prior)
+        block = block_of(camera, window=self.network.window) if isinstance(self.network, TwoHeadedUNet) else None
+        beside = (Path() if self.path is None else self.path.parent) / self.prior
+        return find_prior(camera, None if self.prior == RENDERED else beside, kind, block=block)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the file, whole or not at all; the network in half precision.
@@ -194,15 +195,18 @@ class Weights:
         """
         from tmca.data import atomic_path, plain
 
-        settings, about = dict(self.settings), {"kind": self.network.kind, "settings": self.network.settings}
-        if self.kind != "spectral-depth":
-            about["wavelengths"] = list(settings.pop("bands", ()))
-        about |= {"camera": settings, "prior": self.prior, "card": self.card, "application": self.kind}
-        network = {f"network.{name}": value.half() for name, value in self.network.state_dict().items()}
-        codes = {name: _compact(code) if name in ("aperture", "shutter") else code for name, code in self.codes.items()}
-        tensors = {name: value.detach().cpu().contiguous() for name, value in {**network, **codes}.items()}
+        network = {"kind": self.network.kind, "settings": self.network.settings}
+        about = {
+            "network": network,
+            "camera": self.variables.to_dict(data=False),
+            "prior": self.prior,
+            "card": self.card,
+        }
+        tensors = {f"network.{name}": value.half() for name, value in self.network.state_dict().items()}
+        tensors |= {str(name): torch.tensor(part.values) for name, part in self.variables.variables.items()}
+        tensors = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
         with atomic_path(path, overwrite=overwrite) as temporary:
-            temporary.write_bytes(save(tensors, {"format": FORMAT, "tmca": json.dumps(plain(about))}))
+            temporary.write_bytes(save(tensors, {"format": FORMATS[-1], "tmca": json.dumps(plain(about))}))
         return Path(path)
 
     @classmethod
@@ -213,27 +217,22 @@ class Weights:
             DataError: no such file, no weights of a camera in it, or tensors that do not fit the network.
         """
         path, about, tensors = _read(path)
-        kind = about.get("application", "spectral")
-        if kind not in _CAMERAS:
-            raise DataError(path, f"weights of a {kind} camera", f"those of one of {', '.join(_CAMERAS)}")
-        network = restore_network(about["kind"], about["settings"])
+        arrays = {name: tensors.pop(name).numpy() for name in list(tensors) if "." not in name}
+        described = about.get("network", about)
+        network = restore_network(described["kind"], described["settings"])
         try:
-            learned = {n.removeprefix("network."): v.float() for n, v in tensors.items() if n.startswith("network.")}
-            network.load_state_dict(learned)
-        except RuntimeError as error:
-            raise DataError(path, f"tensors that do not fit its network ({error})", "whole weights") from error
-        codes = {n: v.float() if v.dtype == torch.uint8 else v for n, v in tensors.items() if "." not in n}
-        bands = {"bands": about["wavelengths"]} if about.get("wavelengths") else {}
-        return cls(network.eval(), kind, codes, {**bands, **about["camera"]}, about["prior"], about["card"], path)
+            network.load_state_dict({name.removeprefix("network."): v.float() for name, v in tensors.items()})
+            variables = _variables(about["camera"], arrays) if "network" in about else _of_version_0_1(about, arrays)
+        except (RuntimeError, KeyError, ValueError) as error:
+            raise DataError(
+                path, f"tensors that do not fit its network or camera ({error})", "whole weights"
+            ) from error
+        return cls(network.eval(), variables, about["prior"], about["card"], path)
 
     @classmethod
     def find(cls, name: str | Path, slots: int = 8) -> Weights:
-        """Weights by their file or the folder of their run, or those that come with the package.
-
-        Args:
-            name: file, folder, or ``"default"``: ``static.safetensors`` of the package for a camera of one slot, else
-                ``multiplexed.safetensors``; ``weights/README.md`` beside them says what they are.
-            slots: K of the camera that they are for.
+        """Weights by their file or the folder of their run, or ``"default"``: those that come with the package for a
+        camera of as many slots; ``weights/README.md`` beside them says what they are.
 
         Raises:
             DataError: no such file, or no weights of a camera in it.
@@ -266,78 +265,38 @@ def _read(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, Tensor]]:
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
         raise DataError(path, f"no readable weights ({error})", "a safetensors file", "copy it again") from error
-    if head.get("format") != FORMAT:
+    if head.get("format") not in FORMATS:
         raise DataError(path, "a safetensors file of something else", "weights from `tmca train`")
     return path, json.loads(head["tmca"]), tensors
 
 
-def _compact(codes: Tensor) -> Tensor:
-    """Binary codes as bytes, grey ones (a measured mask) as they are."""
-    return codes.float() if bool(((codes != 0) & (codes != 1)).any()) else codes.to(torch.uint8)
+def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
+    """Whether two variables of a camera are the same; heights, in metres, to a nanometre."""
+    return one.shape == other.shape and np.allclose(one.values, other.values, rtol=1e-5, atol=1e-9)
 
 
-def _alike(one: Any, other: Any) -> bool:
-    """Whether two parts of a camera are the same; heights, in metres, to a nanometre."""
-    if isinstance(one, Tensor):
-        return one.shape == other.shape and torch.allclose(one.float(), other.float(), rtol=1e-5, atol=1e-9)
-    return bool(one == other)
+def _variables(described: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.Dataset:
+    """A camera's variables of their description (``Dataset.to_dict(data=False)``) and their values."""
+    import xarray as xr
+
+    for part in ("coords", "data_vars"):
+        for name, about in described[part].items():
+            about["data"] = arrays[name]
+    check_choice("camera", described["attrs"]["camera"], CAMERAS)
+    return xr.Dataset.from_dict(described)
 
 
-@torch.no_grad()
-def _parts(camera: Any, tiled: bool = True) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Tensors and JSON settings from which a camera can be made again, sensor apart."""
-    if isinstance(camera, SpectralDepthCamera):
-        return _depth_parts(camera)
-    settings: dict[str, Any] = {"size": list(camera.size), "period": None, "exposure": camera.exposure}
-    codes = dict(zip(("aperture", "shutter"), (plane.detach().cpu().clone() for plane in camera.codes()), strict=True))
-    if tiled and camera.codes.aperture.period:
-        planes = {"aperture": camera.codes.aperture, "shutter": camera.codes.shutter}
-        codes = {name: plane.tile().detach().cpu().clone() for name, plane in planes.items()}
-        settings["period"] = list(camera.codes.aperture.period)
-    flat = bool((camera.response == 1).all())
-    if isinstance(camera, LightFieldCamera):
-        light = {} if flat else {"vignetting": camera.vignetting.cpu().tolist()}
-        shear = {"shear": list(camera.shear.step), "mask_scale": camera.shear.scale}
-        return codes, {**settings, "views": list(camera.views), **shear, **light}
-    light = {} if flat else {"response": camera.response.cpu().tolist()}
-    optics = {"dispersion": list(camera.dispersion.displacement), "disperser": camera.disperser}
-    return codes, {"bands": list(camera.wavelengths), **settings, **optics, **light}
-
-
-def _depth_parts(camera: SpectralDepthCamera) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    heights, stroke = camera.point_spread.heights, camera.point_spread.heights.stroke
-    codes = {
-        "heights": heights(), "shutter": camera.tile()[1], "filters": camera.filters.filters,
-        "cells": camera.filters.cells(), "response": camera.response, **family_parameters(heights),
-    }  # fmt: skip
-    settings = {
-        "bands": list(camera.wavelengths), "size": list(camera.size), "slots": camera.slots,
-        "depth": [camera.planes.near, camera.planes.far], "planes": camera.planes.count,
-        "bench": asdict(camera.bench), "period": camera.period, "exposure": camera.exposure,
-        "energy": camera.point_spread.energy, "image_formation": camera.image_formation,
-        "stroke": None if stroke is None else asdict(stroke),
-    }  # fmt: skip
-    return {name: value.detach().clone() for name, value in codes.items()}, settings
-
-
-def _spectral(codes: dict[str, Any], settings: dict[str, Any]) -> SpectralCamera:
-    return SpectralCamera(slots=len(codes["aperture"]), **codes, **settings)
-
-
-def _light_field(codes: dict[str, Any], settings: dict[str, Any]) -> LightFieldCamera:
-    return LightFieldCamera(slots=len(codes["aperture"]), **codes, **settings)
-
-
-def _spectral_depth(codes: dict[str, Tensor], settings: dict[str, Any]) -> SpectralDepthCamera:
-    settings = dict(settings)
-    bench, stroke = changed_bench(PhaseMaskBench(), settings.pop("bench")), settings.pop("stroke", None)
-    maps = restored_maps(codes["heights"], codes, None if stroke is None else Stroke(**stroke))
-    return SpectralDepthCamera(
-        **{**settings, "depth": tuple(settings["depth"])}, bench=bench, mask=maps, shutter=codes["shutter"],
-        filters=codes["filters"], cells=codes["cells"].long(), channels=codes["response"],
-    )  # fmt: skip
-
-
-_CAMERAS: dict[str, Callable[[dict[str, Tensor], dict[str, Any]], Any]] = {
-    "spectral": _spectral, "light-field": _light_field, "spectral-depth": _spectral_depth,
-}  # fmt: skip
+def _of_version_0_1(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.Dataset:
+    """The same of a file of version 0.1: arguments of the camera as JSON values, its codes as tensors."""
+    kind = about.get("application", "spectral")
+    check_choice("camera", kind, CAMERAS)
+    settings: dict[str, Any] = {name: torch.from_numpy(values.astype(np.float32)) for name, values in arrays.items()}
+    settings |= about["camera"] | ({"bands": about["wavelengths"]} if kind == "spectral" else {})
+    if kind == "spectral-depth":
+        stroke = settings.pop("stroke", None)
+        family = {str(name): settings.pop(name) for name in ("coefficients", "noll", "radii") if name in settings}
+        heights = restored_maps(settings.pop("heights"), family, None if stroke is None else Stroke(**stroke))
+        settings |= {"mask": heights, "channels": settings.pop("response"), "cells": settings["cells"].long()}
+        settings["bench"] = changed_bench(PhaseMaskBench(), settings["bench"])
+    settings["slots"] = len(settings["shutter"])
+    return CAMERAS[kind](**settings).variables(tiled=True)

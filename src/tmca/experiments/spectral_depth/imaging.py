@@ -14,7 +14,7 @@ from tmca.applications.imaging import NOISE_STREAM
 from tmca.applications.spectral_depth import spectral_depth_metrics
 from tmca.applications.unknown_depth import check_depth_known, unknown_depth
 from tmca.cameras import Hardware, Snapshot, SpectralDepthCamera, imperfect
-from tmca.cameras.checks import check_holds
+from tmca.cameras.sensor_tiles import check_holds
 from tmca.data.depth_scenes import depth_tensor, middle_of
 from tmca.data.fitting import FITTED
 from tmca.data.scene_names import READING

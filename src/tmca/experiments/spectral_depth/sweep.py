@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import Hardware, SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
-from tmca.cameras.presets import PROBE
+from tmca.cameras.spectral_depth import PROBE
 from tmca.data.depth_scenes import check_depth_scenes, load_any_depth_scene, with_surroundings
 from tmca.data.scene_names import identity_of
 from tmca.decoders.likelihood import check_window, usual_window

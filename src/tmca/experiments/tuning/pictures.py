@@ -42,7 +42,7 @@ def before_after(prepared: Prepared, folder: Path) -> Figure:
     tuned = Weights.load(folder)
     networks, prior = {"before": was.network, "fine-tuned": tuned.network}, tuned.load_prior()
     if isinstance(camera, SpectralDepthCamera):
-        found = {name: TwoHeadedNetwork(one, camera, prior)(pair.values) for name, one in networks.items()}  # type: ignore[arg-type]
+        found = {name: TwoHeadedNetwork(one, camera, prior)(pair.values) for name, one in networks.items()}
         camera.sensor = pair.sensor
         truth, planes = pair.truth[0], camera.planes
         real = truth[:-1], planes.depth_of(torch.from_numpy(truth[-1])).numpy()

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras import CodedCamera
+from tmca.cameras import CodedCamera, PhaseCodes
 from tmca.cameras.faulty import FaultyCodes, FaultyShutter
 from tmca.errors import DeviceError
 from tmca.lab.devices.sources import Planes
@@ -38,7 +38,7 @@ def showing(camera: Any, codes: Planes) -> Any:
     if codes.modes:
         size, modes = camera.point_spread.heights.size, [noll(int(index)) for index in codes.modes["noll"]]
         heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
-        return camera.replace(point_spread=camera.point_spread.behind(heights))
+        return camera.replace(codes=PhaseCodes(camera.point_spread.behind(heights), camera.shutter))
     return camera
 
 
@@ -82,7 +82,7 @@ def of_one_slot(camera: Any, seen: Sequence[int], shares: Tensor, share: int) ->
     if isinstance(camera, CodedCamera):
         return camera.replace(codes=_Seen(camera.codes, seen, opened), **parts)
     optics = camera.point_spread.behind(_Maps(camera.point_spread.heights, seen))
-    return camera.replace(shutter=_Opened(camera.shutter, opened), point_spread=optics, **parts)
+    return camera.replace(codes=PhaseCodes(optics, _Opened(camera.shutter, opened)), **parts)
 
 
 class _Shown(nn.Module):

@@ -93,9 +93,8 @@ def _of_weights(path: Path) -> Planes:
     weights = Weights.load(path)
     if weights.kind == SpectralDepthCamera.kind:
         return planes_of(weights.camera, str(path))
-    planes = {name: weights.codes[name] for name in ("aperture", "shutter")}
-    tiled = tuple(planes) if weights.settings.get("period") else ()
-    return Planes(str(path), weights.kind, planes, tiled, None, dict(weights.settings))
+    planes, about = weights.codes, {"size": weights.size, "exposure": weights.variables.attrs["exposure"]}
+    return Planes(str(path), weights.kind, planes, tuple(planes) if weights.period else (), None, about)
 
 
 def _of_file(path: Path) -> Planes:

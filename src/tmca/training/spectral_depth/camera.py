@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.cameras.checks import check_holds
 from tmca.cameras.phase_codes import read_phase_codes
+from tmca.cameras.sensor_tiles import check_holds
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (

@@ -42,7 +42,8 @@ class Tuning:
         """A copy of the network with the camera of the captures, as weights in this folder."""
         path = folder / "weights.safetensors"
         copied = replace(self.weights, network=deepcopy(self.weights.network), path=path)
-        return copied.behind(self.camera) if self.calibrated else copied
+        calibrated = Weights.of(copied.network, self.camera).variables if self.calibrated else copied.variables
+        return replace(copied, variables=calibrated)
 
 
 def tune(tuning: Tuning, settings: TuningSettings, folder: Path, read: ReadPair, **how: Any) -> Trained:
