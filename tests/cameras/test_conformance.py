@@ -88,6 +88,16 @@ def test_the_adjoint_is_the_transpose_and_imaging_is_linear(name, dtype):
 
 
 @each_camera
+def test_a_change_of_precision_keeps_complex_fields_whole(name):
+    one, other = (CAMERAS_UNDER_TEST[name]() for _ in range(2))
+    given = inputs(one, dtype=torch.float64)
+    torch.testing.assert_close(one.to(torch.float64)(*given), other.double()(*given))
+    assert {n for n, t in one.named_buffers() if t.is_complex()} == {
+        n for n, t in other.named_buffers() if t.is_complex()
+    }
+
+
+@each_camera
 def test_a_scene_that_stands_still_is_the_same_slot_by_slot(name):
     camera = CAMERAS_UNDER_TEST[name]()
     if camera.kind == "spectral" and camera.disperser == "dual":
@@ -155,6 +165,16 @@ def test_a_snapshot_file_brings_back_capture_and_camera(name, tmp_path):
     assert loaded.camera.noise == camera.noise
     assert loaded.notes == {"scene": "random"}
     torch.testing.assert_close(loaded.camera.exact(*given), camera.exact(*given), atol=1e-5, rtol=1e-5)
+
+
+@each_camera
+def test_variables_of_one_tile_make_the_camera_at_another_size(name):
+    make = CAMERAS_UNDER_TEST[name]
+    camera, bigger = make(period=3, shutter="random"), make(period=3, shutter="random", size=(12, 13))
+    given = inputs(bigger)
+    made = type(camera).from_variables(camera.variables(tiled=True), "a file", size=(12, 13))
+    torch.testing.assert_close(made.exact(*given), bigger.exact(*given), atol=1e-5, rtol=1e-5)
+    assert made.size == (12, 13)
 
 
 @each_camera

@@ -1,5 +1,4 @@
-"""The spectral-depth camera: a phase mask that changes K times within one exposure, filters and shutter on the sensor
-(thesis section 5)."""
+"""The spectral-depth camera: a phase mask that changes K times within one exposure, filters, shutter (thesis 5)."""
 
 from __future__ import annotations
 

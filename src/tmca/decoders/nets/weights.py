@@ -78,6 +78,16 @@ class Weights:
         return {name: torch.from_numpy(self.variables[name].values.astype(np.float32)) for name in shown}
 
     @property
+    def aperture(self) -> Tensor:
+        """(K, h, w) of a collapsed camera."""
+        return self.codes["aperture"]
+
+    @property
+    def shutter(self) -> Tensor:
+        """(K, h, w')."""
+        return self.codes["shutter"]
+
+    @property
     def slots(self) -> int:
         """K."""
         return self.variables.sizes["slot"]
