@@ -186,14 +186,8 @@ class SpectralDepthCamera(BandCamera):
         self.image_formation = image_formation
         self.register_buffer("response", channel_response(channels, self.wavelengths))
         if codes is None:
-            drawn: dict[str, Any] = {
-                "rms": rms,
-                "modes": modes,
-                "seed": seed,
-                "stroke": stroke,
-                "learnable": "mask" in learned,
-            }
-            heights = _mask_maps(mask, slots, self.bench, **drawn)
+            drawn: dict[str, Any] = {"rms": rms, "modes": modes, "seed": seed, "stroke": stroke}
+            heights = _mask_maps(mask, slots, self.bench, learnable="mask" in learned, **drawn)
             optics = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
         self.point_spread = optics if codes is None else codes.optics
         given = shutter if codes is None else codes.shutter
