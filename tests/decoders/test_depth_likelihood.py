@@ -161,7 +161,7 @@ def test_how_much_is_worked_on_together_changes_nothing(sensor, monkeypatch):
     decoder, taken = textured((26, 31), sensor)
     found = []
     for together in (1, 25, 2048):
-        monkeypatch.setattr("tmca.decoders.overlap._BATCH", together)
+        monkeypatch.setattr("tmca.decoders.windows._BATCH", together)
         found.append(decoder(taken))
         alone = decoder(taken[1:])
         torch.testing.assert_close(alone.depth, found[-1].depth[1:], atol=1e-6, rtol=1e-6)

@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from tmca.decoders.blocks import (
+from tmca.decoders.decoder import Progress, one_by_one, part_of
+from tmca.decoders.lmmse import (
+    LMMSE,
     Blend,
     Blended,
     Layout,
     Places,
     blend_weights,
-    block_solver,
-    check_snapshot,
     equal_windows,
     spread_out,
     usual_stride,
 )
-from tmca.decoders.decoder import Decoder, Progress, Raw, part_of
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors.adaptation import error_moments, refitted
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.posterior import BlockPosterior, sufficient_precision
+from tmca.priors.posterior import BlockPosterior, GaussianSolver, sufficient_precision
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128
@@ -79,11 +78,8 @@ class AdaptedEstimator:
             uncertainty: also return the standard deviation of every entry under the fitted priors.
             progress: called with the share that is done.
         """
-        check_snapshot(snapshot, self.taps)
-        parts = [
-            self._adapted(one, uncertainty, part_of(progress, place / len(snapshot), (place + 1) / len(snapshot)))
-            for place, one in enumerate(snapshot.split(1))
-        ]
+        check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
+        parts = [self._adapted(one, uncertainty, report) for one, report in one_by_one(snapshot, progress)]
         deviations = [part.deviation for part in parts if part.deviation is not None]
         return Blended(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
 
@@ -152,10 +148,8 @@ class Frame:
     ) -> Blended:
         """The whole scene, every block under the prior of its tile."""
         blend = self._blend(snapshot, priors, uncertainty=uncertainty)
-        parts = self.tiling.places(self.layout.grid)
-        for done, (tile, places) in enumerate(parts.items(), start=1):
-            blend.lay(self._solver(priors[tile]), self._groups(places))
-            progress(done / len(parts))
+        for _ in self._solved(blend, priors, progress):
+            pass
         return blend.result()
 
     def refitted(
@@ -163,15 +157,11 @@ class Frame:
     ) -> dict[Tile, GaussianPrior]:
         """The priors of the next iteration."""
         blend, unknown = self._blend(snapshot, priors, scatter=True), dict[Tile, _Unknown]()
-        parts = self.tiling.places(self.layout.grid)
-        for done, (tile, places) in enumerate(parts.items(), start=1):
-            solver = self._solver(priors[tile])
-            blend.lay(solver, self._groups(places))
+        for tile, places, solver in self._solved(blend, priors, progress):
             windows = self.layout.grid.code_windows(self.layout.code, spread_out(places, _SAMPLES))
             unknown[tile] = _Unknown.of(priors[tile], solver.posterior(windows))
-            progress(done / len(parts))
         scene = blend.result()
-        return priors | {tile: self._fitted(tile, priors[tile], scene, unknown[tile]) for tile in parts}
+        return priors | {tile: self._fitted(tile, priors[tile], scene, unknown[tile]) for tile in unknown}
 
     def _fitted(self, tile: Tile, prior: GaussianPrior, scene: Blended, unknown: _Unknown) -> GaussianPrior:
         assert scene.scatter is not None
@@ -180,15 +170,23 @@ class Frame:
         moments = unknown.blended(float(scene.scatter[0][inside].mean()))
         return refitted(prior, scene.estimate[0][around].clamp_min(0), moments)
 
-    def _blend(self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], **asked: bool) -> Blend:
+    def _blend(self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], **more: bool) -> Blend:
         middle = self._solver(priors[self.tiling.tiles[len(self.tiling.tiles) // 2]])
-        return Blend(self.layout, self.layout.window(middle), snapshot, self.dtype, **asked)
+        return Blend(self.layout, self.layout.window(middle), snapshot, self.dtype, **more)
 
-    def _groups(self, places: Places) -> list[Places]:
-        return equal_windows(self.layout.grid, self.layout.code, places)
+    def _solved(
+        self, blend: Blend, priors: dict[Tile, GaussianPrior], progress: Callable[[float], None]
+    ) -> Iterator[tuple[Tile, Places, GaussianSolver]]:
+        """Lay the blocks of tile after tile, each solved under its own prior."""
+        parts = self.tiling.places(self.layout.grid)
+        for done, (tile, places) in enumerate(parts.items(), start=1):
+            solver = self._solver(priors[tile])
+            blend.lay(solver, equal_windows(self.layout.grid, self.layout.code, places))
+            yield tile, places, solver
+            progress(done / len(parts))
 
-    def _solver(self, prior: GaussianPrior) -> Any:
-        return block_solver(prior, self.layout.grid.model, self.noise, self.dtype)
+    def _solver(self, prior: GaussianPrior) -> GaussianSolver:
+        return GaussianSolver(prior, self.layout.grid.model, self.noise, self.dtype)
 
 
 @dataclass(frozen=True)
@@ -213,7 +211,7 @@ class _Unknown:
 
 
 @dataclass
-class AdaptedLMMSE(Decoder):
+class AdaptedLMMSE(LMMSE):
     """The patch LMMSE under priors that are refitted to the scene behind the snapshot itself.
 
     Args:
@@ -223,14 +221,8 @@ class AdaptedLMMSE(Decoder):
     """
 
     name, label, cameras = "lmmse-adapted", "LMMSE adapted", frozenset({"spectral"})
-    prior_kind, deviation = "gaussian", True
-    uncertainty: bool = False
     iterations: int = ITERATIONS
     tile: int | None = TILE
 
     def setup(self, camera: Any, prior: Any) -> AdaptedEstimator:
         return AdaptedEstimator(prior, camera.taps(), camera.noise, self.iterations, self.tile)
-
-    def reconstruct(self, prepared: AdaptedEstimator, values: Tensor, progress: Progress | None) -> Raw:
-        blended = prepared(values, uncertainty=self.uncertainty, progress=progress)
-        return Raw(blended.estimate, blended.deviation)

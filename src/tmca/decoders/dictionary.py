@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
-from tmca.decoders.blocks import check_snapshot, equal_windows
 from tmca.decoders.decoder import Decoder, Progress
-from tmca.decoders.overlap import MERGES, MergedPatches
+from tmca.decoders.lmmse import Places, equal_windows
 from tmca.decoders.sparse import batch_omp, lasso_admm
-from tmca.errors import SettingError
+from tmca.decoders.windows import RowBuffer
+from tmca.errors import SettingError, check_choice, check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.sensor import Noise
 
-METHODS = ("omp", "lasso")
+METHODS, MERGES = ("omp", "lasso"), ("median", "mean")
 # Bytes of the dictionaries as patches see them that are held at once; more would leave the processor's cache.
 _MEMORY = 2**25
 _FLOOR = 1e-6
@@ -69,12 +70,10 @@ class DictionaryEstimator:
         max_iterations: int = 200,
         dtype: torch.dtype = torch.float32,
     ) -> None:
-        for name, word, choices in (("method", method, METHODS), ("merge", merge, MERGES)):
-            if word not in choices:
-                raise SettingError(name, repr(word), f"one of {', '.join(choices)}")
+        check_choice("method", method, METHODS)
+        check_choice("merge", merge, MERGES)
         for name, value, least in (("stride", min(stride), 1), ("sparsity", sparsity or 1, 1), ("slack", slack, 0)):
-            if not value >= least:
-                raise SettingError(name, f"{value}", f"at least {least}")
+            check_range(name, value, least)
         model = BlockModel.of(taps, dictionary.block)
         if model.span:
             raise SettingError("camera", f"a dispersion of {model.span} pixels", "none, for a dictionary", "use lmmse")
@@ -93,7 +92,7 @@ class DictionaryEstimator:
         Raises:
             ShapeError: a snapshot that does not fit the taps.
         """
-        check_snapshot(snapshot, self.taps)
+        check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         values = self.grid.pad_snapshot(snapshot[:, 0].to(self.dtype))
         patches, image = MergedPatches(self.grid, len(snapshot), self.merge, values), []
         for row, top in enumerate(self.grid.tops):
@@ -102,7 +101,7 @@ class DictionaryEstimator:
                 progress((row + 1) / len(self.grid.tops))
         return torch.cat(image, -2).to(snapshot.dtype)
 
-    def _row(self, snapshot: Tensor, places: list[tuple[int, int]]) -> Tensor:
+    def _row(self, snapshot: Tensor, places: Places) -> Tensor:
         """(P, B, L, h, w) patches at places in one row."""
         row = snapshot.new_empty(len(places), len(snapshot), *self.sight.model.block)
         index = {place: i for i, place in enumerate(places)}
@@ -122,6 +121,59 @@ class DictionaryEstimator:
             return batch_omp(atoms, measured, min(self.sparsity or m // 4, m), self.slack * m, forced=1)
         most, tolerance = self.max_iterations, self.tolerance
         return lasso_admm(atoms, measured, self.weight, 1, max_iterations=most, tolerance=tolerance).codes
+
+
+class MergedPatches:
+    """Patches merged by the median or the mean of all that cover a pixel, row of patches by row of patches.
+
+    Patches that may overlap lie in layers of their own, so the memory is that of the patches which cover one row of the
+    image, whatever its height.
+
+    Args:
+        grid: of the patches.
+        batch: B.
+        merge: ``"median"`` or ``"mean"``.
+        like: tensor whose type and device the image gets.
+
+    Raises:
+        SettingError: another merge.
+    """
+
+    def __init__(self, grid: BlockGrid, batch: int, merge: str, like: Tensor) -> None:
+        check_choice("merge", merge, MERGES)
+        self.grid, self.merge = grid, merge
+        channels, h, w = grid.model.block
+        self.layers = (_layers(grid.tops, h), _layers(grid.lefts, w))
+        self.buffer = RowBuffer(like.new_full((*self.layers, batch, channels, h, max(grid.lefts) + w), inf))
+        self.row = 0
+
+    def add(self, patches: Tensor) -> Tensor:
+        """Lay the next row of patches (P, B, L, h, w); returns (B, L, rows, W) finished rows of the image."""
+        slot, tops = self.row % self.layers[0], (*self.grid.tops, self.grid.frame[0])
+        for i, (left, patch) in enumerate(zip(self.grid.lefts, patches, strict=True)):
+            self.buffer.values[slot, i % self.layers[1], ..., left : left + patch.shape[-1]] = patch
+        self.row += 1
+        covers = self.buffer.leave(tops[self.row] - tops[self.row - 1])
+        return merged(covers[..., : self.grid.frame[1]].flatten(0, 1), self.merge)
+
+
+def merged(covers: Tensor, merge: str) -> Tensor:
+    """(...) median or mean over the finite values along the first axis of covers (N, ...); ``inf`` marks gaps."""
+    there = covers.isfinite()
+    count = there.sum(0)
+    if merge == "mean":
+        return torch.where(there, covers, 0).sum(0) / count
+    ranked = covers.sort(0).values
+    lower, upper = (ranked.gather(0, (rank // 2)[None])[0] for rank in (count - 1, count))
+    return (lower + upper) / 2
+
+
+def _layers(starts: tuple[int, ...], length: int) -> int:
+    """Layers so that patches of a length, dealt out in turn, never overlap in a layer."""
+    for layers in range(1, len(starts)):
+        if all(late - early >= length for early, late in zip(starts, starts[layers:], strict=False)):
+            return layers
+    return len(starts)
 
 
 class _Sight:
@@ -149,9 +201,9 @@ class _Sight:
         return codes @ self.atoms
 
 
-def _batches(groups: list[list[tuple[int, int]]], most: int) -> Iterator[list[list[tuple[int, int]]]]:
+def _batches(groups: list[Places], most: int) -> Iterator[list[Places]]:
     """Groups of equal size together, at most so many at once."""
-    sizes: dict[int, list[list[tuple[int, int]]]] = {}
+    sizes: dict[int, list[Places]] = {}
     for group in groups:
         sizes.setdefault(len(group), []).append(group)
     for same in sizes.values():

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.decoders.overlap import RowBlend, RowMean, WindowRows
+from tmca.decoders.windows import RowBlend, RowMean, WindowRows
 from tmca.errors import SettingError, ShapeError
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior, block_of, find_prior

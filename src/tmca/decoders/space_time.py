@@ -16,11 +16,12 @@ from torch import Tensor
 from torch.nn.functional import fold, pad, unfold
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.data_step import DataStep, Operator, noise_level
-from tmca.decoders.decoder import Decoder, Progress, part_of
+from tmca.decoders.decoder import Decoder, Progress, one_by_one
+from tmca.decoders.least_squares import DataStep, noise_level
 from tmca.decoders.tv import cosines
 from tmca.errors import SettingError
 from tmca.operators import SlotwiseDisperser
+from tmca.operators.linear import LinearOperator
 
 _FRAMES, _SIDE, _STRIDE = 16, 16, 4
 _TOGETHER = 64  # blocks that the processor's cache holds
@@ -95,7 +96,7 @@ class BlockThreshold:
 
 @torch.no_grad()
 def space_time_dct(
-    operator: Operator,
+    operator: LinearOperator,
     snapshot: Tensor,
     *,
     last: float,
@@ -138,7 +139,7 @@ def space_time_dct(
     return movie
 
 
-def local_means(operator: Operator, snapshot: Tensor) -> Tensor:
+def local_means(operator: LinearOperator, snapshot: Tensor) -> Tensor:
     """(B, K, L, H, W): the light that came from around every place and frame, over that of an even scene.
 
     Both are backprojected and smoothed by a Gaussian; where no light came from, the mean of all is taken.
@@ -158,7 +159,7 @@ def _smoothed(movie: Tensor) -> Tensor:
     return torch.from_numpy(gaussian_filter(movie.cpu().numpy(), sigma, mode="nearest")).to(movie)
 
 
-def _energy(operator: Operator, snapshot: Tensor) -> float:
+def _energy(operator: LinearOperator, snapshot: Tensor) -> float:
     """What ``A Aᵀ`` does to the snapshot of an even scene, on average."""
     seen = operator.A(torch.ones(1, *operator.scene_shape, dtype=snapshot.dtype, device=snapshot.device))
     back = operator.A(operator.A_adjoint(seen))
@@ -239,10 +240,7 @@ class SpaceTimeDecoder(Decoder):
         return frame_operator(camera, self.frames or camera.slots), camera
 
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Tensor:
-        count = len(values)
-        parts = [part_of(progress, place / count, (place + 1) / count) for place in range(count)]
-        scenes = [self._frames(*prepared, one, part) for one, part in zip(values.split(1), parts, strict=True)]
-        return torch.cat(scenes)
+        return torch.cat([self._frames(*prepared, one, report) for one, report in one_by_one(values, progress)])
 
     def _frames(
         self, operator: FrameOperator, camera: SpectralCamera, values: Tensor, progress: Progress | None

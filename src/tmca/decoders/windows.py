@@ -1,55 +1,17 @@
-"""Overlapping pieces of an image laid over each other: whole, or row by row in the memory of a few rows of pieces."""
+"""Windows of an image laid over each other row by row, in the memory of a few rows of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, pi
+from math import pi
 
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError
-from tmca.priors.blocks import BlockGrid
-
-MERGES = ("median", "mean")
 _SHARPNESS = 4
 _BATCH = 2048
-
-
-@dataclass
-class Canvas:
-    """Weighted sums of what blocks say about the padded frame.
-
-    Args:
-        total: (B, L, H, W) sum.
-        weight: (L, H, W) sum of weights.
-        window: (L, h, w) weight of each place in a block.
-    """
-
-    total: Tensor
-    weight: Tensor
-    window: Tensor
-
-    @classmethod
-    def blank(cls, grid: BlockGrid, batch: int, window: Tensor) -> Canvas:
-        left, right, above, below = grid.padding
-        shape = (window.shape[0], grid.frame[0] + above + below, grid.frame[1] + left + right)
-        return cls(window.new_zeros(batch, *shape), window.new_zeros(shape), window)
-
-    def add(self, top: int, left: int, values: Tensor) -> None:
-        """Lay one block's values (B, L·h·w) with its corner at (top, left) of the padded frame."""
-        _, h, w = self.window.shape
-        area = (..., slice(top, top + h), slice(left, left + w))
-        self.total[area] += self.window * values.unflatten(-1, self.window.shape)
-        self.weight[area] += self.window
-
-    def mean(self, grid: BlockGrid) -> Tensor:
-        """(B, L, H, W) weighted mean on the frame."""
-        left, _, above, _ = grid.padding
-        frame = (..., slice(above, above + grid.frame[0]), slice(left, left + grid.frame[1]))
-        return self.total[frame] / self.weight[frame]
 
 
 class RowBuffer:
@@ -68,60 +30,6 @@ class RowBuffer:
         self.values = self.values.roll(-count, -2)
         self.values[..., self.values.shape[-2] - count :, :] = self._blank
         return done
-
-
-class MergedPatches:
-    """Patches merged by the median or the mean of all that cover a pixel, row of patches by row of patches.
-
-    Patches that may overlap lie in layers of their own, so the memory is that of the patches which cover one row of the
-    image, whatever its height.
-
-    Args:
-        grid: of the patches.
-        batch: B.
-        merge: ``"median"`` or ``"mean"``.
-        like: tensor whose type and device the image gets.
-
-    Raises:
-        SettingError: another merge.
-    """
-
-    def __init__(self, grid: BlockGrid, batch: int, merge: str, like: Tensor) -> None:
-        if merge not in MERGES:
-            raise SettingError("merge", repr(merge), f"one of {', '.join(MERGES)}")
-        self.grid, self.merge = grid, merge
-        channels, h, w = grid.model.block
-        self.layers = (_layers(grid.tops, h), _layers(grid.lefts, w))
-        self.buffer = RowBuffer(like.new_full((*self.layers, batch, channels, h, max(grid.lefts) + w), inf))
-        self.row = 0
-
-    def add(self, patches: Tensor) -> Tensor:
-        """Lay the next row of patches (P, B, L, h, w); returns (B, L, rows, W) finished rows of the image."""
-        slot, tops = self.row % self.layers[0], (*self.grid.tops, self.grid.frame[0])
-        for i, (left, patch) in enumerate(zip(self.grid.lefts, patches, strict=True)):
-            self.buffer.values[slot, i % self.layers[1], ..., left : left + patch.shape[-1]] = patch
-        self.row += 1
-        covers = self.buffer.leave(tops[self.row] - tops[self.row - 1])
-        return merged(covers[..., : self.grid.frame[1]].flatten(0, 1), self.merge)
-
-
-def merged(covers: Tensor, merge: str) -> Tensor:
-    """(...) median or mean over the finite values along the first axis of covers (N, ...); ``inf`` marks gaps."""
-    there = covers.isfinite()
-    count = there.sum(0)
-    if merge == "mean":
-        return torch.where(there, covers, 0).sum(0) / count
-    ranked = covers.sort(0).values
-    lower, upper = (ranked.gather(0, (rank // 2)[None])[0] for rank in (count - 1, count))
-    return (lower + upper) / 2
-
-
-def _layers(starts: tuple[int, ...], length: int) -> int:
-    """Layers so that patches of a length, dealt out in turn, never overlap in a layer."""
-    for layers in range(1, len(starts)):
-        if all(late - early >= length for early, late in zip(starts, starts[layers:], strict=False)):
-            return layers
-    return len(starts)
 
 
 @dataclass(frozen=True)
