@@ -85,7 +85,7 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(SettingError, match="window"):
         PatchLikelihood(prior, made, 5)
     for odd in ({"temperature": 0.0}, {"reach": -1}, {"contamination": 1.5}, {"contamination": float("nan")}):
-        with pytest.raises(SettingError, match="temperature, reach, contamination"):
+        with pytest.raises(SettingError, match=next(iter(odd))):
             PatchLikelihood(prior, made, 4, **odd)
     with pytest.raises(SettingError, match="480 nm"):
         PatchLikelihood(replace(prior, wavelengths=(480e-9, 600e-9)), made, 4)

@@ -19,7 +19,7 @@ from tmca.cameras import SpectralCamera
 from tmca.decoders.decoder import Decoder, Progress, one_by_one
 from tmca.decoders.least_squares import DataStep, noise_level
 from tmca.decoders.tv import cosines
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 from tmca.operators import SlotwiseDisperser
 from tmca.operators.linear import LinearOperator
 
@@ -76,11 +76,11 @@ class BlockThreshold:
         blocks = unfold(laid, self.sides, stride=self.stride)[0].T.reshape(-1, self.depth, *self.sides)
         parts = [self._thresholded(few, threshold) for few in blocks.split(_TOGETHER)]
         blocks, weights = (torch.cat(both) for both in zip(*parts, strict=True))
-        flat = blocks.reshape(len(blocks), -1).T[None]
-        area = weights.expand(-1, math.prod(self.sides)).T[None]
-        size = laid.shape[-2:]
-        both = (fold(one, size, self.sides, stride=self.stride)[0, :, :rows, :columns] for one in (flat, area))
-        total, weight = both
+        area = weights.expand(-1, math.prod(self.sides))
+        total, weight = (
+            fold(one.T[None], laid.shape[-2:], self.sides, stride=self.stride)[0, :, :rows, :columns]
+            for one in (blocks.flatten(1), area)
+        )
         return total, weight
 
     def _thresholded(self, blocks: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
@@ -127,8 +127,7 @@ def space_time_dct(
     first = max(0.5 * float(movie.max()), 2 * last) if first is None else first
     if not (0 < last < first and math.isfinite(first)):
         raise SettingError("threshold", f"from {first:g} to {last:g}", "falling, finite and above 0")
-    if iterations < 2:
-        raise SettingError("iterations", str(iterations), "at least 2")
+    check_range("iterations", iterations, 2)
     energy = _energy(operator, snapshot)
     denoise = BlockThreshold(movie.shape[1], (movie.shape[3], movie.shape[4]))
     for iteration in range(iterations):
@@ -216,7 +215,21 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
 
 
 @dataclass
-class SpaceTimeDecoder(Decoder):
+class FrameDecoder(Decoder):
+    """What decoders of scenes that change during the exposure share: frames, and the operator that images them."""
+
+    cameras, moving = frozenset({"spectral"}), True
+    frames: int | None = None
+
+    def scene_shape(self, camera: Any) -> tuple[int, ...]:
+        return (self.frames or camera.slots, *camera.scene_shape)
+
+    def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
+        return frame_operator(camera, self.frames or camera.slots), camera
+
+
+@dataclass
+class SpaceTimeDecoder(FrameDecoder):
     """Frames of a scene that changes during the exposure, sparse in the cosine transform of blocks of space and time.
 
     It takes any shutter before an aperture that stays as it is.
@@ -228,16 +241,9 @@ class SpaceTimeDecoder(Decoder):
         iterations: over which the threshold falls to it.
     """
 
-    name, label, cameras, moving = "space-time-dct", "space-time DCT", frozenset({"spectral"}), True
-    frames: int | None = None
+    name, label = "space-time-dct", "space-time DCT"
     threshold: float | None = None
     iterations: int = 40
-
-    def scene_shape(self, camera: Any) -> tuple[int, ...]:
-        return (self.frames or camera.slots, *camera.scene_shape)
-
-    def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
-        return frame_operator(camera, self.frames or camera.slots), camera
 
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Tensor:
         return torch.cat([self._frames(*prepared, one, report) for one, report in one_by_one(values, progress)])
@@ -245,11 +251,8 @@ class SpaceTimeDecoder(Decoder):
     def _frames(
         self, operator: FrameOperator, camera: SpectralCamera, values: Tensor, progress: Progress | None
     ) -> Tensor:
-        last = _last_threshold(operator, camera, values) if self.threshold is None else self.threshold
+        last = self.threshold
+        if last is None:
+            gain = float(operator.energy().max().sqrt())
+            last = max(0.5 * noise_level(camera, values), 0.005 * float(values.max()), 1e-9) / max(gain, 1e-12)
         return space_time_dct(operator, values, last=last, iterations=self.iterations, progress=progress)
-
-
-def _last_threshold(operator: FrameOperator, camera: SpectralCamera, values: Tensor) -> float:
-    """Half the noise of a sample in scene units, and no less than 0.5 % of the brightest."""
-    gain = float(operator.energy().max().sqrt())
-    return max(0.5 * noise_level(camera, values), 0.005 * float(values.max()), 1e-9) / max(gain, 1e-12)

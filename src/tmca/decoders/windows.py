@@ -64,57 +64,72 @@ class WindowRows:
         """How many windows of a row are a step apart; at most one more is flush with the right edge."""
         return len(range(0, self.size[1] - self.window + 1, self.step))
 
-    def batches(self) -> Iterator[list[int]]:
-        """Rows of windows of equal phase, from top to bottom, as many together as are worth a matrix product."""
+    def batches(self) -> Iterator[tuple[list[int], list[tuple[tuple[int, int], slice]]]]:
+        """Rows of windows of equal phase, from top to bottom, as many together as are worth a matrix product; and the
+        phases (row, column) of their windows, with which of a row have them."""
         together, batch = max(1, _BATCH // len(self.lefts)), list[int]()
         for top in self.tops:
             if batch and (len(batch) == together or (top - batch[0]) % self.step):
-                yield batch
+                yield batch, self._phases(batch[0])
                 batch = []
             batch.append(top)
-        yield batch
+        yield batch, self._phases(batch[0])
 
-    def columns(self) -> Iterator[tuple[int, slice]]:
-        """Phase of the windows of a row, and which of them have it."""
-        yield 0, slice(0, self.regular)
-        if self.regular < len(self.lefts):
-            yield self.lefts[-1] % self.step, slice(self.regular, None)
+    def _phases(self, top: int) -> list[tuple[tuple[int, int], slice]]:
+        row = top % self.step
+        phases = [((row, 0), slice(0, self.regular)), ((row, self.lefts[-1] % self.step), slice(self.regular, None))]
+        return phases if self.regular < len(self.lefts) else phases[:1]
 
-    def cut(self, image: Tensor, top: int, which: slice) -> Tensor:
-        """(B, P, C·m·m) windows of an image (B, C, H, W) that begin in this row, some of its columns, float64."""
-        strip = image[:, :, top : top + self.window].unfold(3, self.window, 1)
-        return strip[:, :, :, self.lefts[which]].permute(0, 3, 1, 2, 4).flatten(2).double()
+    def cut(self, image: Tensor, tops: list[int], which: slice) -> Tensor:
+        """(B, R, P, C·m·m) windows of an image (B, C, H, W) that begin in some rows and columns, float64."""
+        strips = torch.stack([image[:, :, top : top + self.window] for top in tops], 1)
+        windows = strips.unfold(4, self.window, 1)[:, :, :, :, self.lefts[which]]
+        return windows.permute(0, 1, 4, 2, 3, 5).flatten(3).double()
 
 
-class RowBlend:
-    """Windows laid over each other with weights that fall to their rims, row of windows by row of windows.
+class _RowSum:
+    """A sum of windows that is filled and left row of windows by row of windows.
 
     Args:
         rows: where the windows are.
         like: a tensor (B, …) of the type that is summed in.
         channels: C.
+        reach: pixels beyond its rim at which a window still counts.
+        width: columns of the sum.
     """
 
+    def __init__(self, rows: WindowRows, like: Tensor, channels: int, reach: int, width: int) -> None:
+        self.rows, self.reach, self.next, height = rows, reach, 0, rows.window + 2 * reach
+        self.ramp = _ramp(height, like)
+        self.weights = _total(self.ramp, rows.tops, rows.size[0] + 2 * reach).to(like)
+        self.buffer = RowBuffer(like.new_zeros(len(like), channels, height, width))
+
+    def _leave(self) -> tuple[slice, Tensor]:
+        """The rows that no later window reaches, and what they are, (B, C, rows, width)."""
+        tops, height = (*self.rows.tops, self.rows.size[0] + 2 * self.reach), self.rows.size[0]
+        top, end = tops[self.next : self.next + 2]
+        self.next += 1
+        first = max(top, self.reach)
+        last = max(first, min(end, height + self.reach))
+        image = self.buffer.leave(end - top)[..., first - top : last - top, :] / self.weights[first:last, None]
+        return slice(first - self.reach, last - self.reach), image
+
+
+class RowBlend(_RowSum):
+    """Windows laid over each other with weights that fall to their rims; arguments as in `_RowSum`."""
+
     def __init__(self, rows: WindowRows, like: Tensor, channels: int) -> None:
-        self.rows, self.next, window = rows, 0, rows.window
-        ramp = _ramp(window, like)
-        self.share = torch.outer(ramp, ramp).to(like)
-        covered = (rows.regular + -(-window // rows.step) - 1) * rows.step
-        self.buffer = RowBuffer(like.new_zeros(len(like), channels, window, max(covered, rows.size[1])))
-        self.weights = [
-            _total(ramp, starts, length).to(like)
-            for starts, length in zip((rows.tops, rows.lefts), rows.size, strict=True)
-        ]
+        covered = (rows.regular + -(-rows.window // rows.step) - 1) * rows.step
+        super().__init__(rows, like, channels, 0, max(covered, rows.size[1]))
+        self.share = torch.outer(self.ramp, self.ramp).to(like)
+        self.across = _total(self.ramp, rows.lefts, rows.size[1]).to(like)
 
     def add(self, values: Tensor) -> tuple[slice, Tensor]:
         """Lay the next row of windows (B, P, C, m, m); returns the rows that are done and what they are,
         (B, C, rows, W)."""
         self._lay((values * self.share).permute(0, 2, 3, 1, 4))
-        tops = (*self.rows.tops, self.rows.size[0])
-        done = slice(tops[self.next], tops[self.next + 1])
-        self.next += 1
-        weight = self.weights[0][done, None] * self.weights[1]
-        return done, self.buffer.leave(done.stop - done.start)[..., : self.rows.size[1]] / weight
+        done, image = self._leave()
+        return done, image[..., : self.rows.size[1]] / self.across
 
     def _lay(self, values: Tensor) -> None:
         """Add (B, C, m, P, m): equal parts of all windows that are a step apart lie side by side."""
@@ -127,36 +142,20 @@ class RowBlend:
             self.buffer.values[..., self.rows.lefts[-1] : self.rows.lefts[-1] + window] += values[..., -1, :]
 
 
-class RowMean:
-    """Mean of what windows say as a whole, with weights that fall with their distance from a pixel, row by row.
-
-    Args:
-        rows: where the windows are.
-        like: a tensor (B, …) of the type that is summed in.
-        channels: C.
-        reach: pixels beyond its rim at which a window still counts.
-    """
+class RowMean(_RowSum):
+    """Mean of what windows say as a whole, with weights that fall with their distance from a pixel; as `_RowSum`."""
 
     def __init__(self, rows: WindowRows, like: Tensor, channels: int, reach: int = 0) -> None:
-        self.rows, self.reach, self.next, height = rows, reach, 0, rows.window + 2 * reach
-        self.ramp = _ramp(height, like)
+        super().__init__(rows, like, channels, reach, rows.size[1])
         lefts, across = (torch.tensor(rows.lefts), torch.arange(rows.size[1]))
         place = (across - lefts[:, None] + reach).to(like.device)
-        share = self.ramp[place.clamp(0, height - 1)] * ((place >= 0) & (place < height))
+        share = self.ramp[place.clamp(0, len(self.ramp) - 1)] * ((place >= 0) & (place < len(self.ramp)))
         self.share = (share / share.sum(0)).to(like)
-        self.weights = _total(self.ramp, rows.tops, rows.size[0] + 2 * reach).to(like)
-        self.buffer = RowBuffer(like.new_zeros(len(like), channels, height, rows.size[1]))
 
     def add(self, values: Tensor) -> tuple[slice, Tensor]:
         """Take the next row of windows, (B, P, C); returns the rows that are done and their means, (B, C, rows, W)."""
         self.buffer.values += (values.transpose(1, 2) @ self.share)[:, :, None] * self.ramp.to(values)[:, None]
-        tops, height = (*self.rows.tops, self.rows.size[0] + 2 * self.reach), self.rows.size[0]
-        top, end = tops[self.next : self.next + 2]
-        self.next += 1
-        first = max(top, self.reach)
-        last = max(first, min(end, height + self.reach))
-        image = self.buffer.leave(end - top)[..., first - top : last - top, :] / self.weights[first:last, None]
-        return slice(first - self.reach, last - self.reach), image
+        return self._leave()
 
 
 def _ramp(length: int, like: Tensor) -> Tensor:
