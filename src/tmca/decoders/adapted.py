@@ -21,7 +21,7 @@ from tmca.decoders.lmmse import (
     spread_out,
     usual_stride,
 )
-from tmca.errors import SettingError, check_shape
+from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors.adaptation import error_moments, refitted
 from tmca.priors.blocks import BlockGrid, BlockModel
@@ -34,6 +34,8 @@ _MARGIN = 16  # pixels around a tile that its prior learns from too
 _SAMPLES = 4  # blocks of a tile whose posterior is looked into
 _LEAST_READ_NOISE = 5e-4  # snapshot units: while the prior is still unknown, single precision is enough above it
 Tile = tuple[int, int]
+Priors = dict[Tile, GaussianPrior]
+Report = Callable[[float], None]
 
 
 class AdaptedEstimator:
@@ -45,21 +47,20 @@ class AdaptedEstimator:
 
     Args:
         prior: stationary, to start from.
-        taps: of the camera.
-        noise: of its sensor.
+        taps, noise: of the camera and its sensor.
         iterations: how often the priors are refitted; 0 is the patch LMMSE.
         tile: side of the tiles, pixels; None fits one prior to the whole image.
 
     Raises:
-        SettingError: a negative number, or a prior that is not stationary.
-        ShapeError: a prior of other bands, or of a larger block than the image.
+        SettingError, ShapeError: a number out of range, or a prior that is not stationary or does not fit.
     """
 
     def __init__(
         self, prior: GaussianPrior, taps: Taps, noise: Noise, iterations: int = ITERATIONS, tile: int | None = TILE
     ) -> None:
-        if iterations < 0 or (tile is not None and tile < 1):
-            raise SettingError("adapted", f"{iterations} iterations, tiles of {tile}", "≥ 0 iterations, tiles of ≥ 1")
+        check_range("iterations", iterations, 0)
+        if tile is not None:
+            check_range("tile", tile, 1)
         self.prior, self.taps, self.iterations = prior.to(taps.code.device), taps, iterations
         self.tiling = Tiling.of((taps.code.shape[1], taps.code.shape[2]), tile)
         model = BlockModel.of(taps, prior.block)
@@ -71,19 +72,13 @@ class AdaptedEstimator:
         self.fine = Frame(fine, self.tiling, noise, precision)
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), each under priors of its own.
-
-        Args:
-            snapshot: in snapshot units.
-            uncertainty: also return the standard deviation of every entry under the fitted priors.
-            progress: called with the share that is done.
-        """
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), each under priors of its own; their deviation too."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         parts = [self._adapted(one, uncertainty, report) for one, report in one_by_one(snapshot, progress)]
         deviations = [part.deviation for part in parts if part.deviation is not None]
         return Blended(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
 
-    def _adapted(self, snapshot: Tensor, uncertainty: bool, progress: Callable[[float], None]) -> Blended:
+    def _adapted(self, snapshot: Tensor, uncertainty: bool, progress: Report) -> Blended:
         priors, share = dict.fromkeys(self.tiling.tiles, self.prior), 1 / (self.iterations + 1)
         for step in range(self.iterations):
             priors = self.coarse.refitted(snapshot, priors, part_of(progress, step * share, (step + 1) * share))
@@ -105,7 +100,6 @@ class Tiling:
 
     @property
     def tiles(self) -> list[Tile]:
-        """All of them."""
         return [(i, j) for i in range(self.counts[0]) for j in range(self.counts[1])]
 
     def places(self, grid: BlockGrid) -> dict[Tile, Places]:
@@ -139,22 +133,14 @@ class Frame:
     noise: Noise
     dtype: torch.dtype
 
-    def estimate(
-        self,
-        snapshot: Tensor,
-        priors: dict[Tile, GaussianPrior],
-        uncertainty: bool,
-        progress: Callable[[float], None],
-    ) -> Blended:
+    def estimate(self, snapshot: Tensor, priors: Priors, uncertainty: bool, progress: Report) -> Blended:
         """The whole scene, every block under the prior of its tile."""
         blend = self._blend(snapshot, priors, uncertainty=uncertainty)
         for _ in self._solved(blend, priors, progress):
             pass
         return blend.result()
 
-    def refitted(
-        self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], progress: Callable[[float], None]
-    ) -> dict[Tile, GaussianPrior]:
+    def refitted(self, snapshot: Tensor, priors: Priors, progress: Report) -> Priors:
         """The priors of the next iteration."""
         blend, unknown = self._blend(snapshot, priors, scatter=True), dict[Tile, _Unknown]()
         for tile, places, solver in self._solved(blend, priors, progress):
@@ -170,13 +156,11 @@ class Frame:
         moments = unknown.blended(float(scene.scatter[0][inside].mean()))
         return refitted(prior, scene.estimate[0][around].clamp_min(0), moments)
 
-    def _blend(self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], **more: bool) -> Blend:
+    def _blend(self, snapshot: Tensor, priors: Priors, **more: bool) -> Blend:
         middle = self._solver(priors[self.tiling.tiles[len(self.tiling.tiles) // 2]])
         return Blend(self.layout, self.layout.window(middle), snapshot, self.dtype, **more)
 
-    def _solved(
-        self, blend: Blend, priors: dict[Tile, GaussianPrior], progress: Callable[[float], None]
-    ) -> Iterator[tuple[Tile, Places, GaussianSolver]]:
+    def _solved(self, blend: Blend, priors: Priors, progress: Report) -> Iterator[tuple[Tile, Places, GaussianSolver]]:
         """Lay the blocks of tile after tile, each solved under its own prior."""
         parts = self.tiling.places(self.layout.grid)
         for done, (tile, places) in enumerate(parts.items(), start=1):
@@ -202,10 +186,7 @@ class _Unknown:
         return cls(error_moments(prior, posterior), (blend_weights(single) * single).mean())
 
     def blended(self, scatter: float) -> Tensor:
-        """Moments of the blended estimate's error.
-
-        The blend errs less than single blocks, by just the variance of what they say of the same pixel.
-        """
+        """Those of the blend, which errs less than single blocks, by the variance of what they say of a pixel."""
         single = self.moments[:, :, 0, 0].diagonal().mean()
         return self.moments * ((self.variance - scatter) / single).clamp_min(0)
 

@@ -1,22 +1,6 @@
 """One face for every decoder: a class with a name, whose fields are its settings, found by `decode` and every command.
 
-The smallest decoder is a name, a label, the cameras it decodes, its settings, and ``reconstruct``::
-
-    @dataclass
-    class Backprojection(Decoder):
-        \"\"\"The adjoint, as bright as asked for.
-
-        Args:
-            gain: factor.
-        \"\"\"
-
-        name, label, cameras = "backprojection", "backprojection", frozenset({"spectral", "light-field"})
-        gain: float = 1.0
-
-        def reconstruct(self, prepared, values, progress):
-            return self.gain * prepared.operator().A_adjoint(values)
-
-Packages of others name theirs in the entry-point group ``tmca.decoders``.
+CONTRIBUTING shows the smallest one. Packages of others name theirs in the entry-point group ``tmca.decoders``.
 """
 
 from __future__ import annotations
@@ -43,11 +27,9 @@ from tmca.priors import Prior, find_prior
 
 DECODERS: dict[str, type[Decoder]] = {}
 """Every decoder by its name; `decoders` also has those of plug-ins."""
-GROUP = "tmca.decoders"
-"""Of the entry points in which packages name their decoders."""
 Progress = Callable[..., None]
 """Takes the share that is done and, while a prior is learned, what is done next."""
-_USUAL = {"spectral-depth": "likelihood"}
+_USUAL = ("lmmse", "likelihood")
 
 
 def part_of(progress: Progress | None, first: float, last: float) -> Callable[[float], None]:
@@ -106,15 +88,12 @@ class Decoder(ABC):
 
     @abstractmethod
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor | Raw:
-        """The scenes behind snapshots (B, *snapshot_shape), whose shape and values are checked; no gradient flows.
+        """The scenes (B, *scene_shape), or the same entries in another shape; no gradient flows.
 
         Args:
             prepared: what ``setup`` returned, the camera unless it is overridden.
-            values: of the snapshots.
+            values: (B, *snapshot_shape) of the snapshots, checked.
             progress: called with the share that is done.
-
-        Returns:
-            (B, *scene_shape), or the same entries in another shape.
         """
 
     def setup(self, camera: Any, prior: Any) -> Any:
@@ -122,11 +101,7 @@ class Decoder(ABC):
         return camera
 
     def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:
-        """The prior of ``setup``: given, a file's, or the rendered scenes'.
-
-        Raises:
-            SettingError, DataError: one that is of no use, cannot be read, or does not fit the camera.
-        """
+        """The prior of ``setup``: given, a file's, or the rendered scenes'."""
         if self.prior_kind is not None:
             return find_prior(camera, given, self.prior_kind, progress)
         if given is not None:
@@ -171,14 +146,7 @@ class Decoder(ABC):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A decoder with all that it needs of a camera: ``prepared(snapshot) -> Estimate``, frame after frame.
-
-    Args:
-        decoder: and its settings.
-        camera: of the snapshots.
-        state: what the decoder computed.
-        seconds: that took.
-    """
+    """A decoder with what it computed for a camera: ``prepared(snapshot) -> Estimate``, frame after frame."""
 
     decoder: Decoder
     camera: Any
@@ -203,11 +171,12 @@ class Prepared:
         raw = raw if isinstance(raw, Raw) else Raw(raw)
         shape = (len(values), *self.decoder.scene_shape(self.camera))
         scenes = _checked(self.decoder.name, raw.values, shape).reshape(shape).to(values.dtype)
+        if self.decoder.clips:
+            scenes = scenes.clamp_min(0)
         deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
-        return Estimate(
-            scenes.clamp_min(0) if self.decoder.clips else scenes, self.camera, self.decoder.name, deviation,
-            raw.depth, raw.confidence, raw.planes, time.perf_counter() - start, {**notes, **raw.notes},
-        )  # fmt: skip
+        more = (deviation, raw.depth, raw.confidence, raw.planes)
+        seconds = time.perf_counter() - start
+        return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, {**notes, **raw.notes})
 
 
 def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:
@@ -260,11 +229,7 @@ def decode(
 def make_decoder(
     decoder: str | type[Decoder] | Decoder, kind: str, settings: Mapping[str, Any] | None = None
 ) -> Decoder:
-    """A decoder of snapshots of a kind of camera, with some settings.
-
-    Raises:
-        SettingError: unknown decoder or setting, named.
-    """
+    """A decoder of snapshots of a kind of camera, with some settings; unknown ones are named in a SettingError."""
     if isinstance(decoder, str):
         choices = decoders_for(kind, moving=None)
         check_choice("decoder", decoder, choices)
@@ -279,17 +244,11 @@ def make_decoder(
 def usual_decoder(kind: str) -> str:
     """Name of the decoder that a kind of camera has where none is asked for."""
     choices = decoders_for(kind)
-    usual = _USUAL.get(kind, "lmmse")
-    return usual if usual in choices else next(iter(choices), usual)
+    return next((name for name in (*_USUAL, *choices) if name in choices), _USUAL[0])
 
 
 def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decoder]]:
-    """Decoders of a kind of camera by name.
-
-    Args:
-        kind: of the camera.
-        moving: those of scenes that change from slot to slot, the others, or both with None.
-    """
+    """Decoders of a kind of camera by name: of still scenes, of ``moving`` ones, or with None of both."""
     return {name: cls for name, cls in decoders().items() if kind in cls.cameras and moving in (None, cls.moving)}
 
 
@@ -302,7 +261,7 @@ def decoders() -> Mapping[str, type[Decoder]]:
 @cache
 def load_plugins() -> None:
     """Import what other packages name in the entry-point group ``tmca.decoders``; what fails is warned of."""
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group="tmca.decoders"):
         try:
             point.load()
         except Exception as error:

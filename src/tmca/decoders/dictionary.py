@@ -38,8 +38,7 @@ class DictionaryEstimator:
 
     Args:
         dictionary: of patches (L, h, w).
-        taps: of the camera, all without offset.
-        noise: of its sensor.
+        taps, noise: of the camera, all without offset, and its sensor.
         method: ``"lasso"`` (by ADMM) or ``"omp"``.
         stride: rows and columns from patch to patch.
         merge: ``"median"`` or ``"mean"`` of the patches that cover a pixel.
@@ -87,11 +86,7 @@ class DictionaryEstimator:
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W).
-
-        Raises:
-            ShapeError: a snapshot that does not fit the taps.
-        """
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W)."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         values = self.grid.pad_snapshot(snapshot[:, 0].to(self.dtype))
         patches, image = MergedPatches(self.grid, len(snapshot), self.merge, values), []
@@ -109,7 +104,7 @@ class DictionaryEstimator:
             windows = self.grid.code_windows(self.code, [group[0] for group in groups])
             measured = torch.stack([self.grid.snapshot_windows(snapshot, group) for group in groups])
             atoms, weighed = self.sight.weigh(windows, measured.flatten(1, 2))
-            patches = self.sight.compose(self._codes(atoms, weighed))
+            patches = self._codes(atoms, weighed) @ self.sight.atoms
             where = torch.tensor([index[place] for group in groups for place in group], device=row.device)
             row[where] = patches.reshape(len(where), len(snapshot), *self.sight.model.block)
         return row
@@ -127,20 +122,10 @@ class MergedPatches:
     """Patches merged by the median or the mean of all that cover a pixel, row of patches by row of patches.
 
     Patches that may overlap lie in layers of their own, so the memory is that of the patches which cover one row of the
-    image, whatever its height.
-
-    Args:
-        grid: of the patches.
-        batch: B.
-        merge: ``"median"`` or ``"mean"``.
-        like: tensor whose type and device the image gets.
-
-    Raises:
-        SettingError: another merge.
+    image, whatever its height. The image is ``like`` a tensor in type and device.
     """
 
     def __init__(self, grid: BlockGrid, batch: int, merge: str, like: Tensor) -> None:
-        check_choice("merge", merge, MERGES)
         self.grid, self.merge = grid, merge
         channels, h, w = grid.model.block
         self.layers = (_layers(grid.tops, h), _layers(grid.lefts, w))
@@ -191,14 +176,9 @@ class _Sight:
         """(G, m, 1 + K) atoms behind code windows (G, L, h, w) and measurements (G, P, m), by their deviation."""
         seen = self.model.cross_covariance(windows, self.rows).transpose(0, 1)
         energy = windows.square().sum(1).flatten(1)
-        signal = measured.clamp_min(0).mean(1)
-        variance = self.noise.variance(signal) + self.left * energy + _FLOOR**2
-        weights = variance.rsqrt()
+        noise = self.noise.variance(measured.clamp_min(0).mean(1))
+        weights = (noise + self.left * energy + _FLOOR**2).rsqrt()
         return seen * weights[..., None], measured * weights[:, None]
-
-    def compose(self, codes: Tensor) -> Tensor:
-        """(..., L·h·w) patches of codes (..., 1 + K)."""
-        return codes @ self.atoms
 
 
 def _batches(groups: list[Places], most: int) -> Iterator[list[Places]]:

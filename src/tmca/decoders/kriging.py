@@ -44,9 +44,6 @@ class Covariance:
         lifetime: over which a part of it changes in time, in the unit of the samples' times.
         changing: share of the variance that changes in time, 0 to 1.
         noise: variance of a sample's noise.
-
-    Raises:
-        SettingError: an impossible number.
     """
 
     length: float
@@ -75,12 +72,8 @@ def _matern(distance: Tensor) -> Tensor:
 class Samples:
     """Values that were measured at single places and times.
 
-    Args:
-        points: (N, 3) row, column, time, float64; one sample at most at a place.
-        values: (N,) float64.
-
-    Raises:
-        SettingError: other shapes, or fewer than three samples.
+    ``points`` (N, 3) are row, column and time, float64, one sample at most at a place; ``values`` (N,) float64. There
+    are three at least.
     """
 
     points: Tensor
@@ -121,15 +114,7 @@ class Kriged:
 
 @torch.no_grad()
 def krige(samples: Samples, places: Tensor, times: Tensor, covariance: Covariance, neighbours: int = 36) -> Kriged:
-    """The scene at some places and times.
-
-    Args:
-        samples: that were measured.
-        places: (P, 2) row, column, float64.
-        times: (T,) float64.
-        covariance: of the scene.
-        neighbours: samples nearest in space, that a place is estimated from.
-    """
+    """The scene at places (P, 2), row and column, and times (T,), each place from its nearest samples in space."""
     nearest, parts = samples.nearest(places, neighbours), []
     for where, near in zip(places.split(_CHUNK), nearest.split(_CHUNK), strict=True):
         points = samples.points[near]
@@ -142,11 +127,8 @@ def krige(samples: Samples, places: Tensor, times: Tensor, covariance: Covarianc
 
 
 def _conditional(points: Tensor, values: Tensor, wanted: Tensor, covariance: Covariance) -> tuple[Tensor, ...]:
-    """Estimates at points (B, T, 3) given values (B, n) at points (B, n, 3), and the first value left out.
-
-    Returns:
-        Mean, variance and squared weights, (B, T); residual and its variance, (B,).
-    """
+    """Mean, variance and squared weights (B, T) at points (B, T, 3), given values (B, n) at points (B, n, 3); and the
+    residual (B,) of the first value, left out, with its variance."""
     gram = covariance.between(points, points)
     gram.diagonal(dim1=-2, dim2=-1).add_(covariance.noise)
     cross = covariance.between(points, wanted)
@@ -179,6 +161,8 @@ def fitted_covariance(
 ) -> Covariance:
     """The covariance under which single samples are predicted best by their neighbours: least squares, one left out.
 
+    It is the best of a grid, number by number from its middle until none changes.
+
     Args:
         samples: that were measured.
         span: of the times, in their unit; lifetimes that are tried are shares of it.
@@ -186,9 +170,6 @@ def fitted_covariance(
         least_noise: least variance of a sample's noise, in units of the scene's variance.
         neighbours: as in `krige`.
         shown: samples that are left out in turn, drawn with a fixed seed.
-
-    Returns:
-        The best of a grid, found number by number from its middle until none changes.
     """
     drawn = torch.randperm(len(samples.values), generator=torch.Generator().manual_seed(0))[:shown]
     near = samples.nearest(samples.points[drawn, :2], neighbours)

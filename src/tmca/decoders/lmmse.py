@@ -31,11 +31,8 @@ Solver = GaussianSolver | MixtureSolver
 class Blended(NamedTuple):
     """Scenes (B, L, H, W) and, where asked for, more of the same shape.
 
-    Args:
-        estimate: the scenes.
-        deviation: standard deviation of every entry.
-        scatter: variance of what the blocks over a pixel say: the mean square error of single blocks less that of
-            their blend, whatever the errors are.
+    ``scatter`` is the variance of what the blocks over a pixel say: the mean square error of single blocks less that of
+    their blend, whatever the errors are.
     """
 
     estimate: Tensor
@@ -52,8 +49,7 @@ class PatchEstimator:
 
     Args:
         prior: of blocks (L, h, w).
-        taps: of the camera.
-        noise: of its sensor.
+        taps, noise: of the camera and its sensor.
         stride: rows and columns from block to block; None takes two thirds of its rows, and its valid columns but no
             more than two thirds of all, so that blocks overlap; for tiled codes the next smaller divisors of the
             period, so that blocks under the same part of the tile share their matrices.
@@ -86,11 +82,7 @@ class PatchEstimator:
         self.window = self.layout.window(self.solver)
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with every entry's standard deviation if asked for.
-
-        Raises:
-            ShapeError: a snapshot that does not fit the taps.
-        """
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         blend = Blend(self.layout, self.window, snapshot, self.solver.dtype, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
@@ -124,13 +116,7 @@ def _period(code: Tensor, axis: int) -> int | None:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where blocks lie over the code of a camera, the same for all its snapshots.
-
-    Args:
-        grid: of the blocks.
-        code: (taps, H, W) padded.
-        groups: positions of blocks under equal windows of the code.
-    """
+    """Where blocks lie over the padded code (taps, H, W) of a camera, in groups that see equal windows of it."""
 
     grid: BlockGrid
     code: Tensor
@@ -151,13 +137,7 @@ class Layout:
 
 
 class Canvas:
-    """Weighted sums of what blocks say about the padded frame.
-
-    Args:
-        grid: of the blocks.
-        batch: B.
-        window: (L, h, w) weight of each place in a block.
-    """
+    """Sums of what blocks say about the padded frame, weighted by a window (L, h, w)."""
 
     def __init__(self, grid: BlockGrid, batch: int, window: Tensor) -> None:
         left, right, above, below = grid.padding

@@ -29,7 +29,7 @@ from tmca.decoders.least_squares import (
     noise_level,
     of_iterations,
 )
-from tmca.decoders.tv import tv_prox
+from tmca.decoders.tv import norm, tv_prox
 from tmca.errors import SettingError, check_choice, check_range, check_shape
 from tmca.operators.linear import LinearOperator
 
@@ -53,11 +53,7 @@ def tv_denoiser(strength: float = 20.0, *, joint: bool = True, max_iterations: i
 
 
 def per_band(denoise_image: ImageDenoiser) -> Denoiser:
-    """A denoiser of NumPy images applied to every band of every cube.
-
-    Args:
-        denoise_image: takes an (H, W) image and sigma, returns the image denoised.
-    """
+    """A denoiser of NumPy images (H, W) applied to every band of every cube."""
 
     def denoise(cube: Tensor, sigma: float) -> Tensor:
         bands = cube.detach().cpu().flatten(0, 1).numpy()
@@ -123,9 +119,6 @@ def subspace_denoiser(denoise: Denoiser, rank: int = 6) -> Denoiser:
         denoise: takes components (B, rank, H, W) for bands; white noise keeps its sigma in every one, for the basis is
             orthonormal.
         rank: dimensions of the subspace; all bands where there are fewer.
-
-    Raises:
-        SettingError: a rank below 1.
     """
     check_range("rank", rank, 1)
 
@@ -138,12 +131,7 @@ def subspace_denoiser(denoise: Denoiser, rank: int = 6) -> Denoiser:
 
 
 def sigma_schedule(sigma: float | tuple[float, float], iterations: int) -> list[float]:
-    """The denoiser's sigma at every iteration.
-
-    Args:
-        sigma: constant, or (first, last): in equal ratios over the first half of the iterations, then held.
-        iterations: length of the list.
-    """
+    """The denoiser's sigma at every iteration: constant, or from first to last in equal ratios over half of them."""
     first, last = (sigma, sigma) if isinstance(sigma, (int, float)) else sigma
     if not (0 < last <= first and math.isfinite(first)):
         raise SettingError("sigma", f"{sigma}", "a finite number > 0, or (first, last) with first ≥ last > 0")
@@ -185,8 +173,7 @@ def pnp_admm(
         initial: (B, L, H, W) to start from, see `DataStep.start`.
 
     Raises:
-        ShapeError: a snapshot, initial estimate or denoised cube of the wrong shape.
-        SettingError: an impossible noise level, schedule, tolerance or number of iterations.
+        ShapeError, SettingError: a tensor of another shape, or a number out of range.
     """
     check_iteration(max_iterations, tolerance)
     check_range("noise_sigma", noise_sigma, above=0)
@@ -194,28 +181,22 @@ def pnp_admm(
     data = DataStep(operator, snapshot)
     clean = data.start(initial, (noise_sigma / sigmas[0]) ** 2)
     dual, previous = torch.zeros_like(clean), sigmas[0]
-    primals: list[float] = []
-    changes: list[float] = []
-    converged = False
+    primals, changes, converged = list[float](), list[float](), False
     for iteration, now in enumerate(sigmas, 1):
         dual *= (now / previous) ** 2  # the multiplier is ρ · dual, and ρ goes with 1/sigma²
         copy = data(clean - dual, (noise_sigma / now) ** 2)
         before, clean = clean, denoise(copy + dual, now)
         check_shape("denoise", clean, before.shape, "a denoiser returns the shape that it is given")
         dual, previous = dual + copy - clean, now
-        size = _norm(clean)
-        primals.append(_norm(copy - clean) / max(size, 1e-30))
-        changes.append(_norm(clean - before) / max(_norm(dual), tolerance * size, 1e-30))
+        size = norm([clean])
+        primals.append(norm([copy - clean]) / max(size, 1e-30))
+        changes.append(norm([clean - before]) / max(norm([dual]), tolerance * size, 1e-30))
         if progress is not None:
             progress(iteration, primals[-1], changes[-1])
         converged = now == sigmas[-1] and max(primals[-1], changes[-1]) <= tolerance
         if converged:
             break
-    return Result(clean, tuple(range(1, len(primals) + 1)), (), tuple(primals), tuple(changes), len(primals), converged)
-
-
-def _norm(cube: Tensor) -> float:
-    return float(torch.linalg.vector_norm(cube))
+    return Result(clean, tuple(range(1, iteration + 1)), (), tuple(primals), tuple(changes), iteration, converged)
 
 
 @dataclass

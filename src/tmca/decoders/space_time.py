@@ -23,7 +23,7 @@ from tmca.errors import SettingError, check_range
 from tmca.operators import SlotwiseDisperser
 from tmca.operators.linear import LinearOperator
 
-_FRAMES, _SIDE, _STRIDE = 16, 16, 4
+_BLOCK, _STRIDE = (16, 16, 16), 4
 _TOGETHER = 64  # blocks that the processor's cache holds
 _NEAR = (1.0, 1.5, 1.5)  # standard deviations of the first estimate's kernel: frames, rows, columns
 _FAINT = 1e-6  # share of the most light below which nothing is said of a place
@@ -37,18 +37,13 @@ class BlockThreshold:
     Every block counts by the inverse number of coefficients that it keeps; its mean is always kept.
 
     Args:
-        frames: K of the movie.
-        size: (H, W).
+        frames, size: K and (H, W) of the movie.
         block: frames, rows and columns of a block at most.
         stride: rows and columns from one block to the next; blocks of frames overlap by half.
     """
 
     def __init__(
-        self,
-        frames: int,
-        size: tuple[int, int],
-        block: tuple[int, int, int] = (_FRAMES, _SIDE, _SIDE),
-        stride: int = _STRIDE,
+        self, frames: int, size: tuple[int, int], block: tuple[int, int, int] = _BLOCK, stride: int = _STRIDE
     ) -> None:
         self.size, self.stride = size, stride
         self.sides = (min(block[1], size[0]), min(block[2], size[1]))
@@ -104,23 +99,15 @@ def space_time_dct(
     iterations: int = 40,
     progress: Progress | None = None,
 ) -> Tensor:
-    """A scene per frame from one snapshot.
+    """A scene per frame, (B, K, L, H, W), from snapshots (B, 1, H, W').
 
     Args:
-        operator: of scenes (B, K, L, H, W), such as `tmca.operators.SlotwiseDisperser` with ``moving=True``.
-        snapshot: (B, 1, H, W').
+        operator: of such scenes, as `tmca.operators.SlotwiseDisperser` with ``moving=True``.
+        snapshot: that it took.
         last: threshold at the end, > 0, scene units: about the noise of a sample.
         first: threshold at the beginning, above the last; without it half the largest value of the first estimate.
         iterations: over which it falls geometrically, at least 2.
         progress: called with the share that is done.
-
-    Returns:
-        (B, K, L, H, W).
-
-    Raises:
-        ShapeError: a snapshot that does not fit the operator.
-        DataError: NaN or infinite values in it.
-        SettingError: thresholds or iterations out of range.
     """
     data = DataStep(operator, snapshot)
     movie = local_means(operator, snapshot)
@@ -197,8 +184,7 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
     aperture does not change.
 
     Raises:
-        SettingError: frames that do not divide the slots, an aperture that changes, displacements by
-            parts of pixels.
+        SettingError: frames that do not divide the slots, or a camera that cannot be so collapsed.
     """
     aperture, shutter = camera.codes()
     slots = len(aperture)

@@ -19,7 +19,6 @@ from typing import Any, ClassVar
 import scipy.fft
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
 
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.least_squares import (
@@ -44,35 +43,18 @@ _IMBALANCE, _RESCALE = 10.0, 2.0
 Bounds = tuple[float, float]
 
 
-def gradient(cube: Tensor, out: Tensor | None = None) -> Tensor:
-    """Forward differences along y and x.
-
-    Args:
-        cube: (B, L, H, W).
-        out: (2, B, L, H, W) to write to.
-
-    Returns:
-        (2, B, L, H, W), differences along H first; zero in the last row and the last column respectively.
-    """
-    if out is None:
-        pads = ((0, 0, 0, 1), (0, 1))
-        return torch.stack([pad(cube.diff(dim=axis), room) for axis, room in zip((-2, -1), pads, strict=True)])
-    torch.sub(cube[..., 1:, :], cube[..., :-1, :], out=out[0, ..., :-1, :])
-    torch.sub(cube[..., 1:], cube[..., :-1], out=out[1, ..., :-1])
-    out[0, ..., -1, :] = 0
-    out[1, ..., -1] = 0
-    return out
+def gradient(cube: Tensor) -> Tensor:
+    """Forward differences (2, B, L, H, W) of a cube (B, L, H, W), along H first; zero in the last row or column."""
+    field = cube.new_zeros((2, *cube.shape))
+    field[0, ..., :-1, :] = cube.diff(dim=-2)
+    field[1, ..., :-1] = cube.diff(dim=-1)
+    return field
 
 
-def divergence(field: Tensor, out: Tensor | None = None) -> Tensor:
-    """The negative adjoint of `gradient`: ``⟨∇x, p⟩ = −⟨x, div p⟩`` for every x and p.
-
-    Args:
-        field: (2, B, L, H, W).
-        out: (B, L, H, W) to write to.
-    """
+def divergence(field: Tensor) -> Tensor:
+    """The negative adjoint of `gradient`, (2, B, L, H, W) → (B, L, H, W): ``⟨∇x, p⟩ = −⟨x, div p⟩``."""
     rows, columns = field[0, ..., :-1, :], field[1, ..., :-1]
-    div = torch.empty_like(field[0]) if out is None else out
+    div = torch.empty_like(field[0])
     div[..., :-1, :] = rows
     div[..., -1, :] = 0
     div[..., 1:, :] -= rows
@@ -92,25 +74,24 @@ def field_norm(field: Tensor, joint: bool = False) -> Tensor:
 
 
 def total_variation(cube: Tensor, joint: bool = False) -> Tensor:
-    """Isotropic total variation of every cube of a batch.
+    """Isotropic total variation (B,) of cubes (B, L, H, W), summed over pixels (and bands, unless joint).
 
-    Args:
-        cube: (B, L, H, W).
-        joint: one gradient norm over all bands instead of one per band.
-
-    Returns:
-        (B,) sums over pixels (and bands, unless joint), in the units of the cube; differentiable, with
-        derivative zero where the cube is flat.
+    It is differentiable, with derivative zero where the cube is flat.
     """
     check_shape("cube", cube, ("B", "L", "H", "W"))
     norm = torch.linalg.vector_norm(gradient(cube), dim=(0, 2) if joint else (0,))
     return norm.flatten(1).sum(1)
 
 
-def project(field: Tensor, radius: float, joint: bool = False, out: Tensor | None = None) -> Tensor:
+def project(field: Tensor, radius: float, joint: bool = False) -> Tensor:
     """Projection of a (2, B, L, H, W) field onto lengths up to ``radius``."""
-    norm = field_norm(field, joint).clamp_min_(max(radius, torch.finfo(field.dtype).tiny))
-    return torch.mul(field, norm.reciprocal_().mul_(radius), out=out)
+    return field * _cut(field, radius, joint)
+
+
+def _cut(field: Tensor, radius: float, joint: bool) -> Tensor:
+    """What brings the lengths of a field down to ``radius``, at most one."""
+    length = field_norm(field, joint).clamp_min_(max(radius, torch.finfo(field.dtype).tiny))
+    return length.reciprocal_().mul_(radius)
 
 
 @torch.no_grad()
@@ -123,13 +104,10 @@ def tv_prox(
 
     Args:
         cube: (B, L, H, W).
-        weight: weight of the total variation, ≥ 0, in the units of the cube.
+        weight: ≥ 0, in the units of the cube.
         joint: one gradient norm over all bands instead of one per band.
         max_iterations: most steps taken.
         tolerance: stop when a step changes the estimate by less than this share of its norm.
-
-    Raises:
-        SettingError: a negative weight or fewer than one iteration.
     """
     check_range("weight", weight, 0)
     check_iteration(max_iterations, tolerance)
@@ -159,12 +137,8 @@ class NeumannSolver:
     """Solves ``(shift·I + ∇ᵀ∇) x = b`` with the gradient of this file, exactly.
 
     The DCT-II diagonalises ∇ᵀ∇ (forward differences, Neumann boundary) with the eigenvalues 2 − 2 cos(πk/N)
-    per axis (Strang 1999). On the CPU the transform is SciPy's, elsewhere two matrix products.
-
-    Args:
-        like: (…, H, W) tensor whose size, type and device the right-hand sides have.
-        shift: > 0.
-        by_matrices: transform by matrix products, by default wherever the tensors are not on the CPU.
+    per axis (Strang 1999). On the CPU the transform is SciPy's, elsewhere (or ``by_matrices``) two matrix products.
+    The right-hand sides (…, H, W) are ``like`` a tensor in size, type and device.
     """
 
     def __init__(self, like: Tensor, shift: float, *, by_matrices: bool | None = None) -> None:
@@ -212,9 +186,9 @@ class _Split:
     def step(self, rho: float) -> None:
         """x from all copies, then every copy and its multiplier from x."""
         x = self.solve(adjoint_of_copies([copy - dual for copy, dual in zip(self.copies, self.duals, strict=True)]))
-        self.images = [x, gradient(x, out=self.images[1]), x][: len(self.images)]
+        self.images = [x, gradient(x), x][: len(self.images)]
         for index, image in enumerate(self.images):
-            point = torch.lerp(self.copies[index], image, _RELAXATION).add_(self.duals[index])
+            point = self.copies[index].lerp_(image, _RELAXATION).add_(self.duals[index])
             self.copies[index] = self._nearest(index, point, rho)
             self.duals[index] = point.sub_(self.copies[index])
 
@@ -223,16 +197,16 @@ class _Split:
         if index == 0:
             return self.data(point, rho)
         if index == 1:
-            return point - project(point, self.weight / rho, self.joint)
+            return point * (1 - _cut(point, self.weight / rho, self.joint))
         assert self.bounds is not None
         return point.clamp(*self.bounds)
 
     def residuals(self, before: Tensor, rho: float, floor: float) -> tuple[float, float]:
         """Relative primal and dual residuals, ``before`` being `adjoint_of_copies` one iteration ago."""
-        gap = _norm([image - copy for image, copy in zip(self.images, self.copies, strict=True)])
-        primal = gap / max(_norm(self.images), _norm(self.copies), 1e-30)
-        change = _norm([adjoint_of_copies(self.copies).sub_(before)])
-        return primal, rho * change / max(rho * _norm(self.duals), floor, 1e-30)
+        gap = norm([image - copy for image, copy in zip(self.images, self.copies, strict=True)])
+        primal = gap / max(norm(self.images), norm(self.copies), 1e-30)
+        change = norm([adjoint_of_copies(self.copies).sub_(before)])
+        return primal, rho * change / max(rho * norm(self.duals), floor, 1e-30)
 
     def estimate(self) -> Tensor:
         return self.images[0] if self.bounds is None else self.images[0].clamp(*self.bounds)
@@ -249,7 +223,8 @@ def adjoint_of_copies(copies: Sequence[Tensor]) -> Tensor:
     return total.add_(copies[2]) if len(copies) > 2 else total
 
 
-def _norm(parts: list[Tensor]) -> float:
+def norm(parts: list[Tensor]) -> float:
+    """Euclidean norm of all together."""
     return math.hypot(*(float(torch.linalg.vector_norm(part)) for part in parts))
 
 
@@ -295,8 +270,7 @@ def admm_tv(
         initial: (B, L, H, W) to start from, see `DataStep.start`.
 
     Raises:
-        ShapeError: a snapshot or initial estimate that does not fit the operator.
-        SettingError: an impossible weight, bound, penalty, tolerance or number of iterations.
+        ShapeError, SettingError: a snapshot or initial estimate that does not fit, or a number out of range.
     """
     check_range("weight", weight, 0)
     check_iteration(max_iterations, tolerance)
@@ -307,7 +281,7 @@ def admm_tv(
     data = DataStep(operator, snapshot)
     rho = _first_rho(data, weight) if rho is None else rho
     split = _Split(data, data.start(initial, rho), weight, joint, bounds)
-    floor = tolerance * _norm([operator.A_adjoint(snapshot)])
+    floor = tolerance * norm([operator.A_adjoint(snapshot)])
     history: list[tuple[int, float, float, float]] = []
     converged = False
     for iteration in range(1, max_iterations + 1):
