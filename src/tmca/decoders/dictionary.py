@@ -76,19 +76,23 @@ class DictionaryEstimator:
         model = BlockModel.of(taps, dictionary.block)
         if model.span:
             raise SettingError("camera", f"a dispersion of {model.span} pixels", "none, for a dictionary", "use lmmse")
-        self.taps, self.method, self.merge, self.dtype = taps, method, merge, dtype
+        self.taps, self.noise, self.method, self.merge = taps, noise, method, merge
         self.sparsity, self.slack, self.weight = sparsity, slack, weight
         self.tolerance, self.max_iterations = tolerance, max_iterations
         step = (min(stride[0], model.block[1]), min(stride[1], model.block[2]))
         self.grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), step)
         self.code = self.grid.pad_code(taps.code.to(dtype))
-        self.sight = _Sight(dictionary.to(taps.code.device), model, noise, dtype)
+        dictionary = dictionary.to(taps.code.device)
+        scales = dictionary.scales.clamp_min(1e-3 * dictionary.scales.mean())[:, None, None, None]
+        atoms = torch.cat([torch.ones_like(dictionary.atoms[:1]), dictionary.atoms * scales])
+        self.atoms, self.left = atoms.flatten(1).to(dtype), dictionary.residual
+        self.rows = self.atoms.mT[model.pixels()]
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W)."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
-        values = self.grid.pad_snapshot(snapshot[:, 0].to(self.dtype))
+        values = self.grid.pad_snapshot(snapshot[:, 0].to(self.atoms.dtype))
         patches, image = MergedPatches(self.grid, len(snapshot), self.merge, values), []
         for row, top in enumerate(self.grid.tops):
             image.append(patches.add(self._row(values, [(top, left) for left in self.grid.lefts])))
@@ -98,16 +102,25 @@ class DictionaryEstimator:
 
     def _row(self, snapshot: Tensor, places: Places) -> Tensor:
         """(P, B, L, h, w) patches at places in one row."""
-        row = snapshot.new_empty(len(places), len(snapshot), *self.sight.model.block)
+        model = self.grid.model
+        row = snapshot.new_empty(len(places), len(snapshot), *model.block)
         index = {place: i for i, place in enumerate(places)}
-        for groups in _batches(equal_windows(self.grid, self.code, places), self.sight.batch):
+        most = max(1, _MEMORY // (model.measurements * len(self.atoms) * self.atoms.dtype.itemsize))
+        for groups in _batches(equal_windows(self.grid, self.code, places), most):
             windows = self.grid.code_windows(self.code, [group[0] for group in groups])
             measured = torch.stack([self.grid.snapshot_windows(snapshot, group) for group in groups])
-            atoms, weighed = self.sight.weigh(windows, measured.flatten(1, 2))
-            patches = self._codes(atoms, weighed) @ self.sight.atoms
+            patches = self._codes(*self._weighed(windows, measured.flatten(1, 2))) @ self.atoms
             where = torch.tensor([index[place] for group in groups for place in group], device=row.device)
-            row[where] = patches.reshape(len(where), len(snapshot), *self.sight.model.block)
+            row[where] = patches.reshape(len(where), len(snapshot), *model.block)
         return row
+
+    def _weighed(self, windows: Tensor, measured: Tensor) -> tuple[Tensor, Tensor]:
+        """(G, m, 1 + K) atoms behind code windows (G, L, h, w) and measurements (G, P, m), by their deviation."""
+        seen = self.grid.model.cross_covariance(windows, self.rows).transpose(0, 1)
+        energy = windows.square().sum(1).flatten(1)
+        noise = self.noise.variance(measured.clamp_min(0).mean(1))
+        weights = (noise + self.left * energy + _FLOOR**2).rsqrt()
+        return seen * weights[..., None], measured * weights[:, None]
 
     def _codes(self, atoms: Tensor, measured: Tensor) -> Tensor:
         """(G, P, 1 + K) codes of measurements (G, P, m) in units of their deviation."""
@@ -159,26 +172,6 @@ def _layers(starts: tuple[int, ...], length: int) -> int:
         if all(late - early >= length for early, late in zip(starts, starts[layers:], strict=False)):
             return layers
     return len(starts)
-
-
-class _Sight:
-    """The dictionary as patches see it behind their codes, in units of typical coefficients and of the noise."""
-
-    def __init__(self, dictionary: PatchDictionary, model: BlockModel, noise: Noise, dtype: torch.dtype) -> None:
-        self.model, self.noise, self.left = model, noise, dictionary.residual
-        scales = dictionary.scales.clamp_min(1e-3 * dictionary.scales.mean())
-        constant = torch.ones_like(dictionary.atoms[:1])
-        self.atoms = torch.cat([constant, dictionary.atoms * scales[:, None, None, None]]).flatten(1).to(dtype)
-        self.rows = self.atoms.mT[model.pixels()]
-        self.batch = max(1, _MEMORY // (model.measurements * len(self.atoms) * dtype.itemsize))
-
-    def weigh(self, windows: Tensor, measured: Tensor) -> tuple[Tensor, Tensor]:
-        """(G, m, 1 + K) atoms behind code windows (G, L, h, w) and measurements (G, P, m), by their deviation."""
-        seen = self.model.cross_covariance(windows, self.rows).transpose(0, 1)
-        energy = windows.square().sum(1).flatten(1)
-        noise = self.noise.variance(measured.clamp_min(0).mean(1))
-        weights = (noise + self.left * energy + _FLOOR**2).rsqrt()
-        return seen * weights[..., None], measured * weights[:, None]
 
 
 def _batches(groups: list[Places], most: int) -> Iterator[list[Places]]:

@@ -35,8 +35,7 @@ def batch_omp(
         forced: the first so many columns are taken before any other.
 
     Raises:
-        ShapeError: matrices and signals that do not fit each other.
-        SettingError: a sparsity beyond m or K, or a negative tolerance.
+        ShapeError, SettingError: matrices and signals that do not fit each other, or a number out of range.
     """
     _check_shapes(matrices, measured)
     check_range("forced", forced, 0)
@@ -104,13 +103,7 @@ class _Pursuit:
 
 
 class LassoResult(NamedTuple):
-    """Outcome of `lasso_admm`.
-
-    Args:
-        codes: (G, P, K), with exact zeros.
-        iterations: done.
-        converged: whether the largest relative residuals over all signals are within the tolerance.
-    """
+    """Codes (G, P, K), with exact zeros, and whether the residuals of all signals are within the tolerance."""
 
     codes: Tensor
     iterations: int
@@ -140,8 +133,7 @@ def lasso_admm(
         tolerance: of the relative primal and dual residuals, for every signal.
 
     Raises:
-        ShapeError: matrices, signals or weights that do not fit each other.
-        SettingError: a negative weight or tolerance, or no iteration.
+        ShapeError, SettingError: tensors that do not fit each other, or a number out of range.
     """
     _check_shapes(matrices, measured)
     check_iteration(max_iterations, tolerance)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
 from math import pi
 
 import torch
@@ -15,11 +13,7 @@ _BATCH = 2048
 
 
 class RowBuffer:
-    """The rows of an image that later rows of pieces still reach.
-
-    Args:
-        values: (..., h, W) what an untouched row holds, as many rows as a piece has.
-    """
+    """The rows (..., h, W) of an image that later rows of pieces, each of h rows, still reach."""
 
     def __init__(self, values: Tensor) -> None:
         self.values, self._blank = values, values[..., :1, :].clone()
@@ -32,9 +26,11 @@ class RowBuffer:
         return done
 
 
-@dataclass(frozen=True)
 class WindowRows:
     """Windows of m pixels that cover an image, a step apart, the last ones flush with its far edges.
+
+    ``tops`` and ``lefts`` are their first rows and columns; ``regular`` windows of a row are a step apart, and at most
+    one more is flush with the right edge.
 
     Args:
         size: (H, W) of the image, at least a window.
@@ -42,27 +38,10 @@ class WindowRows:
         step: pixels between windows, at most m; windows of equal corner modulo the step see equal codes.
     """
 
-    size: tuple[int, int]
-    window: int
-    step: int
-
-    @cached_property
-    def tops(self) -> list[int]:
-        """First rows, from top to bottom."""
-        return self._starts(self.size[0])
-
-    @cached_property
-    def lefts(self) -> list[int]:
-        """First columns, the same in every row of windows."""
-        return self._starts(self.size[1])
-
-    def _starts(self, length: int) -> list[int]:
-        return sorted({*range(0, length - self.window + 1, self.step), length - self.window})
-
-    @cached_property
-    def regular(self) -> int:
-        """How many windows of a row are a step apart; at most one more is flush with the right edge."""
-        return len(range(0, self.size[1] - self.window + 1, self.step))
+    def __init__(self, size: tuple[int, int], window: int, step: int) -> None:
+        self.size, self.window, self.step = size, window, step
+        self.tops, self.lefts = (sorted({*range(0, n - window + 1, step), n - window}) for n in size)
+        self.regular = len(range(0, size[1] - window + 1, step))
 
     def batches(self) -> Iterator[tuple[list[int], list[tuple[tuple[int, int], slice]]]]:
         """Rows of windows of equal phase, from top to bottom, as many together as are worth a matrix product; and the
@@ -90,12 +69,7 @@ class WindowRows:
 class _RowSum:
     """A sum of windows that is filled and left row of windows by row of windows.
 
-    Args:
-        rows: where the windows are.
-        like: a tensor (B, …) of the type that is summed in.
-        channels: C.
-        reach: pixels beyond its rim at which a window still counts.
-        width: columns of the sum.
+    It is ``like`` a tensor (B, …) in batch and type; a window still counts ``reach`` pixels beyond its rim.
     """
 
     def __init__(self, rows: WindowRows, like: Tensor, channels: int, reach: int, width: int) -> None:
@@ -116,7 +90,7 @@ class _RowSum:
 
 
 class RowBlend(_RowSum):
-    """Windows laid over each other with weights that fall to their rims; arguments as in `_RowSum`."""
+    """Windows laid over each other with weights that fall to their rims."""
 
     def __init__(self, rows: WindowRows, like: Tensor, channels: int) -> None:
         covered = (rows.regular + -(-rows.window // rows.step) - 1) * rows.step
@@ -143,7 +117,7 @@ class RowBlend(_RowSum):
 
 
 class RowMean(_RowSum):
-    """Mean of what windows say as a whole, with weights that fall with their distance from a pixel; as `_RowSum`."""
+    """Mean of what windows say as a whole, with weights that fall with their distance from a pixel."""
 
     def __init__(self, rows: WindowRows, like: Tensor, channels: int, reach: int = 0) -> None:
         super().__init__(rows, like, channels, reach, rows.size[1])
