@@ -94,6 +94,12 @@ class DataStep:
         return self.operator.A_dagger(self.snapshot).clone()
 
 
+def energy(operator: LinearOperator, snapshot: Tensor) -> float:
+    """What ``A Aᵀ`` does to a snapshot on average, ``‖Aᵀ y‖² / ‖y‖²``; 0 of darkness."""
+    back, light = (part.square().sum() for part in (operator.A_adjoint(snapshot), snapshot))
+    return float(back / light.clamp_min(torch.finfo(light.dtype).tiny))
+
+
 def check_iteration(max_iterations: int, tolerance: float) -> None:
     """Raises SettingError unless there is at least one iteration and the tolerance is a finite number ≥ 0."""
     check_range("max_iterations", max_iterations, 1)

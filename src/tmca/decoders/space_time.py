@@ -17,7 +17,7 @@ from torch.nn.functional import fold, pad, unfold
 
 from tmca.cameras import SpectralCamera
 from tmca.decoders.decoder import Decoder, Progress, one_by_one
-from tmca.decoders.least_squares import DataStep, noise_level
+from tmca.decoders.least_squares import DataStep, energy, noise_level
 from tmca.decoders.tv import cosines
 from tmca.errors import SettingError, check_range
 from tmca.operators import SlotwiseDisperser
@@ -109,17 +109,16 @@ def space_time_dct(
         iterations: over which it falls geometrically, at least 2.
         progress: called with the share that is done.
     """
-    data = DataStep(operator, snapshot)
-    movie = local_means(operator, snapshot)
+    data, movie = DataStep(operator, snapshot), local_means(operator, snapshot)
     first = max(0.5 * float(movie.max()), 2 * last) if first is None else first
     if not (0 < last < first and math.isfinite(first)):
         raise SettingError("threshold", f"from {first:g} to {last:g}", "falling, finite and above 0")
     check_range("iterations", iterations, 2)
-    energy = _energy(operator, snapshot)
+    penalty = _PENALTY * energy(operator, operator.A(torch.ones_like(movie[:1])))
     denoise = BlockThreshold(movie.shape[1], (movie.shape[3], movie.shape[4]))
     for iteration in range(iterations):
         threshold = first * (last / first) ** (iteration / (iterations - 1))
-        movie = _by_band(denoise, data(movie, _PENALTY * energy), threshold)
+        movie = _by_band(denoise, data(movie, penalty), threshold)
         if progress is not None:
             progress((iteration + 1) / iterations)
     return movie
@@ -143,13 +142,6 @@ def _smoothed(movie: Tensor) -> Tensor:
 
     sigma = (0.0, _NEAR[0], 0.0, *_NEAR[1:])
     return torch.from_numpy(gaussian_filter(movie.cpu().numpy(), sigma, mode="nearest")).to(movie)
-
-
-def _energy(operator: LinearOperator, snapshot: Tensor) -> float:
-    """What ``A Aᵀ`` does to the snapshot of an even scene, on average."""
-    seen = operator.A(torch.ones(1, *operator.scene_shape, dtype=snapshot.dtype, device=snapshot.device))
-    back = operator.A(operator.A_adjoint(seen))
-    return float((back * seen).sum() / seen.square().sum().clamp_min(torch.finfo(seen.dtype).tiny))
 
 
 def _by_band(denoise: BlockThreshold, movie: Tensor, threshold: float) -> Tensor:

@@ -27,6 +27,7 @@ from tmca.decoders.least_squares import (
     Result,
     channel_operator,
     check_iteration,
+    energy,
     exposure_gain,
     noise_level,
     of_iterations,
@@ -228,15 +229,6 @@ def norm(parts: list[Tensor]) -> float:
     return math.hypot(*(float(torch.linalg.vector_norm(part)) for part in parts))
 
 
-def _first_rho(data: DataStep, weight: float) -> float:
-    """Penalty whose first threshold is a typical edge; without a weight, a share of the operator's energy."""
-    if weight > 0:
-        return weight / _EDGE
-    energy = float(data.snapshot.square().sum())
-    back = float(data.operator.A_adjoint(data.snapshot).square().sum())
-    return 1e-2 * back / energy if energy > 0 and back > 0 else 1.0
-
-
 @torch.no_grad()
 def admm_tv(
     operator: LinearOperator,
@@ -279,7 +271,8 @@ def admm_tv(
     if bounds is not None and not bounds[0] < bounds[1]:
         raise SettingError("bounds", f"{bounds}", "lower < upper")
     data = DataStep(operator, snapshot)
-    rho = _first_rho(data, weight) if rho is None else rho
+    if rho is None:  # its first threshold is a typical edge; without a weight, a share of the operator's energy
+        rho = weight / _EDGE if weight > 0 else 1e-2 * energy(operator, snapshot) or 1.0
     split = _Split(data, data.start(initial, rho), weight, joint, bounds)
     floor = tolerance * norm([operator.A_adjoint(snapshot)])
     history: list[tuple[int, float, float, float]] = []
