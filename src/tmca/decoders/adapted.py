@@ -158,7 +158,7 @@ class Frame:
 
     def _blend(self, snapshot: Tensor, priors: Priors, **more: bool) -> Blend:
         middle = self._solver(priors[self.tiling.tiles[len(self.tiling.tiles) // 2]])
-        return Blend(self.layout, self.layout.window(middle), snapshot, self.dtype, **more)
+        return Blend(self.layout, self.layout.window(middle), snapshot, **more)
 
     def _solved(self, blend: Blend, priors: Priors, progress: Report) -> Iterator[tuple[Tile, Places, GaussianSolver]]:
         """Lay the blocks of tile after tile, each solved under its own prior."""

@@ -84,7 +84,7 @@ class PatchEstimator:
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
-        blend = Blend(self.layout, self.window, snapshot, self.solver.dtype, uncertainty=uncertainty)
+        blend = Blend(self.layout, self.window, snapshot, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
             blend.lay(self.solver, progress=progress)
         return blend.result()
@@ -162,20 +162,13 @@ class Blend:
     """Snapshots, and the canvases of their estimate, its variance and its square on which blocks are laid."""
 
     def __init__(
-        self,
-        layout: Layout,
-        window: Tensor,
-        snapshot: Tensor,
-        dtype: torch.dtype,
-        *,
-        uncertainty: bool = False,
-        scatter: bool = False,
+        self, layout: Layout, window: Tensor, snapshot: Tensor, *, uncertainty: bool = False, scatter: bool = False
     ) -> None:
         self.layout, grid = layout, layout.grid
         first, last = grid.model.valid
         parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
         self.canvases = [None if part is None else Canvas(grid, len(snapshot), part) for part in parts]
-        self.snapshot = grid.pad_snapshot(snapshot[:, 0].to(dtype))
+        self.snapshot = grid.pad_snapshot(snapshot[:, 0].to(window.dtype))
 
     def lay(
         self, solver: Solver, groups: list[Places] | None = None, progress: Callable[[float], None] | None = None
