@@ -23,8 +23,8 @@ from tmca.data import read_split
 from tmca.data.scenes import load_scene
 from tmca.decoders import admm_tv, decode, default_weight, pnp_admm, tv_denoiser
 from tmca.decoders.adapted import AdaptedEstimator
-from tmca.decoders.denoisers import subspace_denoiser
 from tmca.decoders.least_squares import tikhonov
+from tmca.decoders.pnp import subspace_denoiser
 from tmca.metrics import psnr
 from tmca.priors import learn_prior
 from tmca.sensor import Noise, Sensor

@@ -3,7 +3,7 @@
 import torch
 
 from tmca.decoders.adapted import AdaptedEstimator
-from tmca.decoders.blocks import PatchEstimator
+from tmca.decoders.lmmse import PatchEstimator
 from tmca.operators.taps import Taps
 from tmca.sensor import Noise
 

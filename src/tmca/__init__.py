@@ -18,10 +18,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tmca.applications import evaluate, reconstruct, simulate
+    from tmca.applications import evaluate, simulate
     from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
     from tmca.data import read_scene as read
     from tmca.decoders import Decoder, Estimate
+    from tmca.decoders import decode as reconstruct
     from tmca.experiments.face import design_codes, train
     from tmca.sensor import Sensor
 
@@ -30,7 +31,7 @@ __version__ = "0.1.0"
 _FACE = {
     "read": "data:read_scene",
     "simulate": "applications:simulate",
-    "reconstruct": "applications:reconstruct",
+    "reconstruct": "decoders:decode",
     "evaluate": "applications:evaluate",
     "design_codes": "experiments.face:design_codes",
     "train": "experiments.face:train",

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from tmca.operators.linear import LinearOperator
 from tmca.operators.taps import Taps
 
 
-class TapCamera(nn.Module):
+class TapCamera(LinearOperator):
     """The camera that `Taps` describes, tap by tap; offsets are integer, so its Gram matrix is diagonal."""
 
     def __init__(self, taps: Taps) -> None:
         super().__init__()
-        self.taps = taps
-
-    scene_shape = property(lambda self: self.taps.scene_shape)
-    snapshot_shape = property(lambda self: self.taps.snapshot_shape)
+        self.taps, self.scene_shape, self.snapshot_shape = taps, taps.scene_shape, taps.snapshot_shape
 
     def _window(self, y: Tensor, tap: int) -> Tensor:
         offset = self.taps.offsets[tap]
@@ -40,7 +38,7 @@ class TapCamera(nn.Module):
             self._window(energy, tap).add_(self.taps.code[tap] ** 2)
         return energy
 
-    def gram_solve(self, y: Tensor, shift: float) -> Tensor:
+    def gram_solve(self, y: Tensor, shift: float, **iteration: object) -> Tensor:
         return y / (self.gram() + shift)
 
     def A_dagger(self, y: Tensor) -> Tensor:
@@ -48,8 +46,8 @@ class TapCamera(nn.Module):
         return self.A_adjoint(torch.where(gram > 0, y / gram.clamp_min(1e-12), 0))
 
 
-class BlurredCamera(nn.Module):
-    """A blur along y before a camera: its Gram matrix is not diagonal, and it has no ``gram_solve``."""
+class BlurredCamera(LinearOperator):
+    """A blur along y before a camera: its Gram matrix is not diagonal: ``gram_solve`` iterates."""
 
     def __init__(self, camera: TapCamera) -> None:
         super().__init__()
@@ -69,7 +67,7 @@ class BlurredCamera(nn.Module):
         return (y.flatten(1) @ inverse.mT).reshape(-1, *self.scene_shape)
 
 
-def matrix(camera: nn.Module, dtype: torch.dtype = torch.float64) -> Tensor:
+def matrix(camera: LinearOperator, dtype: torch.dtype = torch.float64) -> Tensor:
     """The explicit matrix of a camera, a column per scene entry in (L, H, W) order."""
     size = int(torch.tensor(camera.scene_shape).prod())
     units = torch.eye(size, dtype=dtype).reshape(size, *camera.scene_shape)

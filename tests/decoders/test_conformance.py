@@ -2,11 +2,13 @@
 
 import pytest
 import torch
-from conformance import CHECKS, camera_for, case, values_for
+import xarray as xr
+from conformance import CHECKS, SIZE, camera_for, case, values_for
 
-from tmca.cameras import Snapshot
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.cameras.camera import CAMERAS
 from tmca.data import read_dataset
-from tmca.decoders import DECODERS, Weights, decode, decoders_for, settings_of, usual_decoder
+from tmca.decoders import DECODERS, Estimate, Weights, decode, decoders_for, settings_of, usual_decoder
 from tmca.errors import DataError, SettingError, ShapeError, TmcaError
 
 CASES = [(name, kind) for name, cls in sorted(DECODERS.items()) for kind in sorted(cls.cameras)]
@@ -39,6 +41,37 @@ def test_an_estimate_is_labelled_saved_and_drawn(kind, variables, tmp_path):
     assert stored[next(iter(stored.data_vars))].shape == tuple(camera.scene_shape)
     assert estimate.plot(truth=estimate.to_xarray()).axes
     assert "<img" in estimate._repr_html_()
+
+
+def test_estimates_of_several_snapshots_and_slots_are_labelled():
+    camera = camera_for(DECODERS["dagger"], "spectral")
+    values = torch.rand(2, 4, *camera.scene_shape)
+    labelled = Estimate(values, camera, "dagger").to_xarray()["estimate"]
+    assert labelled.dims == ("snapshot", "slot", "wavelength", "y", "x")
+    assert torch.equal(torch.from_numpy(labelled.values), values)
+    assert labelled["wavelength_nm"].dims == ("wavelength",)
+
+
+def test_a_camera_of_a_new_kind_is_labelled_and_drawn_by_what_it_says_of_its_scenes():
+    class Slabs(SpectralCamera):
+        kind = "slabs"
+
+        def label(self, scenes, name="", unit="relative irradiance"):
+            return xr.DataArray(scenes[0].numpy(force=True), dims=("slab", "y", "x"))
+
+    try:
+        camera = Slabs(3, SIZE, slots=2)
+        estimate = Estimate(torch.rand(1, *camera.scene_shape), camera, "dagger")
+        assert estimate.to_xarray()["estimate"].dims == ("slab", "y", "x")
+        assert estimate.plot().axes
+    finally:
+        CAMERAS.pop("slabs")
+
+
+def test_a_snapshot_file_is_decoded(tmp_path):
+    camera = camera_for(DECODERS["dagger"], "spectral")
+    file = Snapshot(values_for(camera)[:1], camera).save(tmp_path / "s.nc")
+    assert torch.equal(decode(file, "dagger").values, decode(Snapshot.load(file), "dagger").values)
 
 
 @pytest.mark.parametrize("returned", ["nothing", "too few", "NaN"])

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tmca.decoders import DictionaryEstimator
-from tmca.decoders.overlap import MergedPatches, merged
+from tmca.decoders.dictionary import MergedPatches, merged
 from tmca.errors import SettingError, ShapeError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockGrid, BlockModel, PatchDictionary

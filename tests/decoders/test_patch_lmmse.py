@@ -87,7 +87,7 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
     decoder = patches(narrower(4, 12), stride=(3, 4), dtype=torch.float64)
     shared = decoder(y, taps, 0.02, uncertainty=True)
     monkeypatch.setattr(
-        "tmca.decoders.blocks.equal_windows",
+        "tmca.decoders.lmmse.equal_windows",
         lambda grid, code, places=None: [[p] for p in grid.positions],
     )
     alone = decoder(y, taps, 0.02, uncertainty=True)
@@ -96,7 +96,7 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
 
 
 def test_a_tiled_code_is_factored_once_per_phase():
-    from tmca.decoders.blocks import equal_windows
+    from tmca.decoders.lmmse import equal_windows
     from tmca.priors import BlockGrid
 
     taps = camera("single disperser", 12, 100, period=(3, 4))
@@ -154,7 +154,7 @@ def test_its_derivative_by_code_and_snapshot_is_exact_on_one_block(name, shot):
 def test_impossible_input_is_refused():
     taps = camera("single disperser", 8, 40)
     y, decoder = torch.zeros(1, 1, 8, 42), patches(narrower(4, 12))
-    with pytest.raises(ShapeError, match=r"snapshot: found \(1, 1, 8, 40\), expected \(B, 1, 8, 42\)"):
+    with pytest.raises(ShapeError, match=r"snapshot: found shape \(1, 1, 8, 40\), expected \(B, 1, 8, 42\)"):
         decoder(y[..., :40], taps)
     with pytest.raises(SettingError, match="shot -1"):
         decoder(y, taps, 0.0, -1.0)

@@ -124,7 +124,7 @@ def test_a_strict_weight_leaves_nothing_and_none_fits_all():
 
 def test_what_cannot_be_is_refused():
     matrices, _, measured = problem()
-    with pytest.raises(ShapeError, match=r"\(G, m, K\)"):
+    with pytest.raises(ShapeError, match="measured"):
         batch_omp(matrices, measured[..., 1:], 3)
     with pytest.raises(SettingError, match="sparsity"):
         batch_omp(matrices, measured, 21)

@@ -5,7 +5,7 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import decode
-from tmca.decoders.denoisers import subspace, subspace_denoiser
+from tmca.decoders.pnp import subspace, subspace_denoiser
 from tmca.errors import SettingError
 from tmca.sensor import Sensor
 

@@ -120,12 +120,12 @@ def test_a_smooth_scene_comes_back_better_than_by_the_least_norm(kind, decoder):
 def test_what_it_refuses():
     operator = operator_of("odd")
     snapshot = random_snapshots(operator)
-    with pytest.raises(SettingError, match="weight: found 0, expected a finite number > 0"):
+    with pytest.raises(SettingError, match="weight: found 0, expected above 0"):
         tikhonov(operator, snapshot, weight=0.0)
     for weight in (float("nan"), float("inf")):
         with pytest.raises(SettingError, match=f"weight: found {weight:g}"):
             tikhonov(operator, snapshot, weight=weight)
-    with pytest.raises(SettingError, match="iterations: found 0, expected at least 1"):
+    with pytest.raises(SettingError, match="iterations: found 0"):
         tikhonov(operator, snapshot, iterations=0)
     with pytest.raises(ShapeError, match="snapshot"):
         tikhonov(operator, snapshot[..., 1:])

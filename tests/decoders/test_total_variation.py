@@ -23,15 +23,6 @@ def test_divergence_is_the_negative_adjoint_of_the_gradient(bands: int, height: 
     assert torch.allclose((gradient(cube) * field).sum(), -(cube * divergence(field)).sum(), atol=1e-12)
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_gradient_and_divergence_write_into_the_tensors_they_are_given(dtype: torch.dtype) -> None:
-    cube = random(2, 3, 5, 4, dtype=dtype)
-    field, back = torch.full((2, 2, 3, 5, 4), 7.0, dtype=dtype), torch.full_like(cube, 7.0)
-    assert torch.equal(gradient(cube, out=field), gradient(cube))
-    assert torch.equal(divergence(field, out=back), divergence(gradient(cube)))
-    assert field.dtype == back.dtype == dtype
-
-
 @pytest.mark.parametrize("joint", [False, True])
 def test_variation_equals_a_slow_loop(joint: bool) -> None:
     cube = random(1, 3, 4, 5)

@@ -1,10 +1,11 @@
 """What each camera is to the rest of the package: how its scenes are read, imaged and measured."""
 
 from tmca.applications.base import APPLICATIONS, Application, application_of
-from tmca.applications.imaging import evaluate, reconstruct, simulate
+from tmca.applications.imaging import evaluate, simulate
 from tmca.applications.light_field import LightFieldApplication
 from tmca.applications.spectral import SpectralApplication
 from tmca.applications.spectral_depth import SpectralDepthApplication
+from tmca.decoders import decode as reconstruct
 
 __all__ = [
     "APPLICATIONS",

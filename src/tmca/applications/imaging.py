@@ -14,7 +14,7 @@ from torch import Tensor
 from tmca.applications.base import Application, application_of
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, moving_scenes
 from tmca.cameras.motion import check_displacement
-from tmca.decoders import Estimate, decode
+from tmca.decoders import Estimate
 from tmca.decoders.estimate import PLANES
 from tmca.errors import DataError, SettingError
 from tmca.optics import DepthPlanes
@@ -83,27 +83,6 @@ def _slots(scenes: Sequence[tuple[Tensor, ...]], camera: Camera, motion: tuple[f
         both = f"{motion[0]:g},{motion[1]:g} of {len(scenes)} scenes"
         raise SettingError("motion", both, "one scene that moves, or one for each slot, at rest in it")
     return tuple(torch.stack(parts, 1) for parts in zip(*scenes, strict=True))
-
-
-def reconstruct(
-    snapshot: Snapshot[Any] | str | Path,
-    decoder: Any = None,
-    *,
-    prior: Any = None,
-    progress: Callable[..., None] | None = None,
-    **settings: Any,
-) -> Estimate:
-    """Recover the scene of a snapshot; `tmca.decoders.decode` says what the arguments are.
-
-    Args:
-        snapshot: or its file.
-        decoder: a name, a `Decoder`; the camera's usual one if None.
-        prior: a prior or its file; that of the rendered scenes if None, learned on first use.
-        progress: called with the share that is done.
-        settings: of the decoder.
-    """
-    taken = Snapshot.load(snapshot) if isinstance(snapshot, str | Path) else snapshot
-    return decode(taken, decoder, prior=prior, progress=progress, **settings)
 
 
 def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene) -> dict[str, float]:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 def table() -> list[dict[str, Any]]:
     """A row for every decoder: name, label, cameras, prior, uncertainty, settings."""
-    from tmca.decoders.decoder import decoders, settings_of
+    from tmca.decoders import decoders, settings_of
 
     return [
         {

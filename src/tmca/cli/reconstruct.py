@@ -92,7 +92,8 @@ def reconstruct(
 
 def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     """Settings of a decoder from ``NAME=VALUE``."""
-    from tmca.decoders.decoder import decoders_for, settings_from_text
+    from tmca.decoders import decoders_for
+    from tmca.decoders.settings import checked_settings
 
     pairs = [text.partition("=") for text in texts]
     for name, equals, _ in pairs:
@@ -100,7 +101,7 @@ def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
             raise SettingError("--set", repr(name), "NAME=VALUE, such as iterations=50")
     named = {name.strip(): value.strip() for name, _, value in pairs}
     known = decoders_for(kind, moving=None)
-    return settings_from_text(known[decoder], named) if decoder in known else dict(named)
+    return checked_settings(known[decoder], named, texts=True) if decoder in known else dict(named)
 
 
 def _spectral(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:

@@ -1,10 +1,7 @@
 """From a snapshot and its codes back to the scene."""
 
-from tmca.decoders.adapted import AdaptedLMMSE
-from tmca.decoders.admm import VariationDecoder, admm_tv, default_weight
+from tmca.decoders import adapted, kriging, network, space_time  # noqa: F401  (importing a decoder registers it)
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
-from tmca.decoders.blocks import LMMSE, MixtureLMMSE, PatchEstimator
-from tmca.decoders.data_step import Result
 from tmca.decoders.decoder import (
     DECODERS,
     Decoder,
@@ -14,58 +11,44 @@ from tmca.decoders.decoder import (
     decoders,
     decoders_for,
     make_decoder,
-    settings_of,
     usual_decoder,
 )
-from tmca.decoders.denoisers import (
-    chambolle_denoiser,
-    module_denoiser,
-    nl_means_denoiser,
-    per_band,
-    subspace_denoiser,
-    tv_denoiser,
-)
-from tmca.decoders.dictionary import DictionaryDecoder, DictionaryEstimator
+from tmca.decoders.dictionary import DictionaryEstimator
 from tmca.decoders.estimate import Estimate
-from tmca.decoders.kriging import KrigingDecoder
-from tmca.decoders.least_squares import LeastNorm, TikhonovDecoder, tikhonov
-from tmca.decoders.likelihood import LikelihoodDecoder, PatchLikelihood
+from tmca.decoders.least_squares import Result, tikhonov
+from tmca.decoders.likelihood import PatchLikelihood
+from tmca.decoders.lmmse import LMMSE, PatchEstimator
 from tmca.decoders.nets.build import build_network
 from tmca.decoders.nets.network import Network
 from tmca.decoders.nets.tiles import first_estimate
 from tmca.decoders.nets.weights import OtherCodes, Weights
-from tmca.decoders.network import NetworkDecoder
-from tmca.decoders.pnp import PlugAndPlay, pnp_admm
-from tmca.decoders.space_time import SpaceTimeDecoder
-from tmca.decoders.sparse import LassoResult, batch_omp, lasso_admm
-from tmca.decoders.tv import total_variation, tv_prox
+from tmca.decoders.pnp import (
+    chambolle_denoiser,
+    module_denoiser,
+    nl_means_denoiser,
+    per_band,
+    pnp_admm,
+    subspace_denoiser,
+    tv_denoiser,
+)
+from tmca.decoders.settings import settings_of
+from tmca.decoders.sparse import batch_omp, lasso_admm
+from tmca.decoders.tv import admm_tv, default_weight, total_variation, tv_prox
 
 __all__ = [
     "DECODERS",
     "LMMSE",
-    "AdaptedLMMSE",
     "Decoded",
     "Decoder",
-    "DictionaryDecoder",
     "DictionaryEstimator",
     "Estimate",
-    "KrigingDecoder",
-    "LassoResult",
-    "LeastNorm",
-    "LikelihoodDecoder",
-    "MixtureLMMSE",
     "Network",
-    "NetworkDecoder",
     "OtherCodes",
     "PatchEstimator",
     "PatchLikelihood",
-    "PlugAndPlay",
     "Prepared",
     "Raw",
     "Result",
-    "SpaceTimeDecoder",
-    "TikhonovDecoder",
-    "VariationDecoder",
     "Weights",
     "admm_tv",
     "batch_omp",

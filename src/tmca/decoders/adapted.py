@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from tmca.decoders.blocks import (
+from tmca.decoders.decoder import Progress, one_by_one, part_of
+from tmca.decoders.lmmse import (
+    LMMSE,
     Blend,
     Blended,
     Layout,
     Places,
     blend_weights,
-    block_solver,
-    check_snapshot,
     equal_windows,
     spread_out,
     usual_stride,
 )
-from tmca.decoders.decoder import Decoder, Progress, Raw, part_of
-from tmca.errors import SettingError
+from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors.adaptation import error_moments, refitted
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.posterior import BlockPosterior, sufficient_precision
+from tmca.priors.posterior import BlockPosterior, GaussianSolver, sufficient_precision
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128
@@ -35,6 +34,8 @@ _MARGIN = 16  # pixels around a tile that its prior learns from too
 _SAMPLES = 4  # blocks of a tile whose posterior is looked into
 _LEAST_READ_NOISE = 5e-4  # snapshot units: while the prior is still unknown, single precision is enough above it
 Tile = tuple[int, int]
+Priors = dict[Tile, GaussianPrior]
+Report = Callable[[float], None]
 
 
 class AdaptedEstimator:
@@ -46,21 +47,20 @@ class AdaptedEstimator:
 
     Args:
         prior: stationary, to start from.
-        taps: of the camera.
-        noise: of its sensor.
+        taps, noise: of the camera and its sensor.
         iterations: how often the priors are refitted; 0 is the patch LMMSE.
         tile: side of the tiles, pixels; None fits one prior to the whole image.
 
     Raises:
-        SettingError: a negative number, or a prior that is not stationary.
-        ShapeError: a prior of other bands, or of a larger block than the image.
+        SettingError, ShapeError: a number out of range, or a prior that is not stationary or does not fit.
     """
 
     def __init__(
         self, prior: GaussianPrior, taps: Taps, noise: Noise, iterations: int = ITERATIONS, tile: int | None = TILE
     ) -> None:
-        if iterations < 0 or (tile is not None and tile < 1):
-            raise SettingError("adapted", f"{iterations} iterations, tiles of {tile}", "≥ 0 iterations, tiles of ≥ 1")
+        check_range("iterations", iterations, 0)
+        if tile is not None:
+            check_range("tile", tile, 1)
         self.prior, self.taps, self.iterations = prior.to(taps.code.device), taps, iterations
         self.tiling = Tiling.of((taps.code.shape[1], taps.code.shape[2]), tile)
         model = BlockModel.of(taps, prior.block)
@@ -72,22 +72,13 @@ class AdaptedEstimator:
         self.fine = Frame(fine, self.tiling, noise, precision)
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), each under priors of its own.
-
-        Args:
-            snapshot: in snapshot units.
-            uncertainty: also return the standard deviation of every entry under the fitted priors.
-            progress: called with the share that is done.
-        """
-        check_snapshot(snapshot, self.taps)
-        parts = [
-            self._adapted(one, uncertainty, part_of(progress, place / len(snapshot), (place + 1) / len(snapshot)))
-            for place, one in enumerate(snapshot.split(1))
-        ]
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), each under priors of its own; their deviation too."""
+        check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
+        parts = [self._adapted(one, uncertainty, report) for one, report in one_by_one(snapshot, progress)]
         deviations = [part.deviation for part in parts if part.deviation is not None]
         return Blended(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
 
-    def _adapted(self, snapshot: Tensor, uncertainty: bool, progress: Callable[[float], None]) -> Blended:
+    def _adapted(self, snapshot: Tensor, uncertainty: bool, progress: Report) -> Blended:
         priors, share = dict.fromkeys(self.tiling.tiles, self.prior), 1 / (self.iterations + 1)
         for step in range(self.iterations):
             priors = self.coarse.refitted(snapshot, priors, part_of(progress, step * share, (step + 1) * share))
@@ -109,7 +100,6 @@ class Tiling:
 
     @property
     def tiles(self) -> list[Tile]:
-        """All of them."""
         return [(i, j) for i in range(self.counts[0]) for j in range(self.counts[1])]
 
     def places(self, grid: BlockGrid) -> dict[Tile, Places]:
@@ -143,35 +133,21 @@ class Frame:
     noise: Noise
     dtype: torch.dtype
 
-    def estimate(
-        self,
-        snapshot: Tensor,
-        priors: dict[Tile, GaussianPrior],
-        uncertainty: bool,
-        progress: Callable[[float], None],
-    ) -> Blended:
+    def estimate(self, snapshot: Tensor, priors: Priors, uncertainty: bool, progress: Report) -> Blended:
         """The whole scene, every block under the prior of its tile."""
         blend = self._blend(snapshot, priors, uncertainty=uncertainty)
-        parts = self.tiling.places(self.layout.grid)
-        for done, (tile, places) in enumerate(parts.items(), start=1):
-            blend.lay(self._solver(priors[tile]), self._groups(places))
-            progress(done / len(parts))
+        for _ in self._solved(blend, priors, progress):
+            pass
         return blend.result()
 
-    def refitted(
-        self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], progress: Callable[[float], None]
-    ) -> dict[Tile, GaussianPrior]:
+    def refitted(self, snapshot: Tensor, priors: Priors, progress: Report) -> Priors:
         """The priors of the next iteration."""
         blend, unknown = self._blend(snapshot, priors, scatter=True), dict[Tile, _Unknown]()
-        parts = self.tiling.places(self.layout.grid)
-        for done, (tile, places) in enumerate(parts.items(), start=1):
-            solver = self._solver(priors[tile])
-            blend.lay(solver, self._groups(places))
+        for tile, places, solver in self._solved(blend, priors, progress):
             windows = self.layout.grid.code_windows(self.layout.code, spread_out(places, _SAMPLES))
             unknown[tile] = _Unknown.of(priors[tile], solver.posterior(windows))
-            progress(done / len(parts))
         scene = blend.result()
-        return priors | {tile: self._fitted(tile, priors[tile], scene, unknown[tile]) for tile in parts}
+        return priors | {tile: self._fitted(tile, priors[tile], scene, unknown[tile]) for tile in unknown}
 
     def _fitted(self, tile: Tile, prior: GaussianPrior, scene: Blended, unknown: _Unknown) -> GaussianPrior:
         assert scene.scatter is not None
@@ -180,15 +156,21 @@ class Frame:
         moments = unknown.blended(float(scene.scatter[0][inside].mean()))
         return refitted(prior, scene.estimate[0][around].clamp_min(0), moments)
 
-    def _blend(self, snapshot: Tensor, priors: dict[Tile, GaussianPrior], **asked: bool) -> Blend:
+    def _blend(self, snapshot: Tensor, priors: Priors, **more: bool) -> Blend:
         middle = self._solver(priors[self.tiling.tiles[len(self.tiling.tiles) // 2]])
-        return Blend(self.layout, self.layout.window(middle), snapshot, self.dtype, **asked)
+        return Blend(self.layout, self.layout.window(middle), snapshot, **more)
 
-    def _groups(self, places: Places) -> list[Places]:
-        return equal_windows(self.layout.grid, self.layout.code, places)
+    def _solved(self, blend: Blend, priors: Priors, progress: Report) -> Iterator[tuple[Tile, Places, GaussianSolver]]:
+        """Lay the blocks of tile after tile, each solved under its own prior."""
+        parts = self.tiling.places(self.layout.grid)
+        for done, (tile, places) in enumerate(parts.items(), start=1):
+            solver = self._solver(priors[tile])
+            blend.lay(solver, equal_windows(self.layout.grid, self.layout.code, places))
+            yield tile, places, solver
+            progress(done / len(parts))
 
-    def _solver(self, prior: GaussianPrior) -> Any:
-        return block_solver(prior, self.layout.grid.model, self.noise, self.dtype)
+    def _solver(self, prior: GaussianPrior) -> GaussianSolver:
+        return GaussianSolver(prior, self.layout.grid.model, self.noise, self.dtype)
 
 
 @dataclass(frozen=True)
@@ -204,16 +186,13 @@ class _Unknown:
         return cls(error_moments(prior, posterior), (blend_weights(single) * single).mean())
 
     def blended(self, scatter: float) -> Tensor:
-        """Moments of the blended estimate's error.
-
-        The blend errs less than single blocks, by just the variance of what they say of the same pixel.
-        """
+        """Those of the blend, which errs less than single blocks, by the variance of what they say of a pixel."""
         single = self.moments[:, :, 0, 0].diagonal().mean()
         return self.moments * ((self.variance - scatter) / single).clamp_min(0)
 
 
 @dataclass
-class AdaptedLMMSE(Decoder):
+class AdaptedLMMSE(LMMSE):
     """The patch LMMSE under priors that are refitted to the scene behind the snapshot itself.
 
     Args:
@@ -223,14 +202,8 @@ class AdaptedLMMSE(Decoder):
     """
 
     name, label, cameras = "lmmse-adapted", "LMMSE adapted", frozenset({"spectral"})
-    prior_kind, deviation = "gaussian", True
-    uncertainty: bool = False
     iterations: int = ITERATIONS
     tile: int | None = TILE
 
     def setup(self, camera: Any, prior: Any) -> AdaptedEstimator:
         return AdaptedEstimator(prior, camera.taps(), camera.noise, self.iterations, self.tile)
-
-    def reconstruct(self, prepared: AdaptedEstimator, values: Tensor, progress: Progress | None) -> Raw:
-        blended = prepared(values, uncertainty=self.uncertainty, progress=progress)
-        return Raw(blended.estimate, blended.deviation)

@@ -1,37 +1,19 @@
 """One face for every decoder: a class with a name, whose fields are its settings, found by `decode` and every command.
 
-The smallest decoder is a name, a label, the cameras it decodes, its settings, and ``reconstruct``::
-
-    @dataclass
-    class Backprojection(Decoder):
-        \"\"\"The adjoint, as bright as asked for.
-
-        Args:
-            gain: factor.
-        \"\"\"
-
-        name, label, cameras = "backprojection", "backprojection", frozenset({"spectral", "light-field"})
-        gain: float = 1.0
-
-        def reconstruct(self, prepared, values, progress):
-            return self.gain * prepared.operator().A_adjoint(values)
-
-Packages of others name theirs in the entry-point group ``tmca.decoders``.
+CONTRIBUTING shows the smallest one. Packages of others name theirs in the entry-point group ``tmca.decoders``.
 """
 
 from __future__ import annotations
 
-import inspect
-import re
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import entry_points
 from math import prod
 from pathlib import Path
-from typing import Any, ClassVar, get_type_hints
+from typing import Any, ClassVar
 from warnings import warn
 
 import torch
@@ -39,21 +21,26 @@ from torch import Tensor
 
 from tmca.cameras import Camera, Snapshot
 from tmca.decoders.estimate import Estimate
-from tmca.errors import DataError, SettingError, ShapeError, check_choice
+from tmca.decoders.settings import checked_settings
+from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
 from tmca.priors import Prior, find_prior
 
 DECODERS: dict[str, type[Decoder]] = {}
 """Every decoder by its name; `decoders` also has those of plug-ins."""
-GROUP = "tmca.decoders"
-"""Of the entry points in which packages name their decoders."""
 Progress = Callable[..., None]
 """Takes the share that is done and, while a prior is learned, what is done next."""
-_USUAL = {"spectral-depth": "likelihood"}
+_USUAL = ("lmmse", "likelihood")
 
 
 def part_of(progress: Progress | None, first: float, last: float) -> Callable[[float], None]:
     """Turn the share of a part that is done into the share of all, from ``first`` to ``last``."""
     return lambda share: progress(first + (last - first) * share) if progress else None
+
+
+def one_by_one(values: Tensor, progress: Progress | None) -> Iterator[tuple[Tensor, Callable[[float], None]]]:
+    """The snapshots of a batch alone, each with what takes the share of it that is done."""
+    for place, one in enumerate(values.split(1)):
+        yield one, part_of(progress, place / len(values), (place + 1) / len(values))
 
 
 class BrokenPlugin(UserWarning):
@@ -101,15 +88,12 @@ class Decoder(ABC):
 
     @abstractmethod
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor | Raw:
-        """The scenes behind snapshots (B, *snapshot_shape), whose shape and values are checked; no gradient flows.
+        """The scenes (B, *scene_shape), or the same entries in another shape; no gradient flows.
 
         Args:
             prepared: what ``setup`` returned, the camera unless it is overridden.
-            values: of the snapshots.
+            values: (B, *snapshot_shape) of the snapshots, checked.
             progress: called with the share that is done.
-
-        Returns:
-            (B, *scene_shape), or the same entries in another shape.
         """
 
     def setup(self, camera: Any, prior: Any) -> Any:
@@ -117,11 +101,7 @@ class Decoder(ABC):
         return camera
 
     def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:
-        """The prior of ``setup``: given, a file's, or the rendered scenes'.
-
-        Raises:
-            SettingError, DataError: one that is of no use, cannot be read, or does not fit the camera.
-        """
+        """The prior of ``setup``: given, a file's, or the rendered scenes'."""
         if self.prior_kind is not None:
             return find_prior(camera, given, self.prior_kind, progress)
         if given is not None:
@@ -166,14 +146,7 @@ class Decoder(ABC):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A decoder with all that it needs of a camera: ``prepared(snapshot) -> Estimate``, frame after frame.
-
-    Args:
-        decoder: and its settings.
-        camera: of the snapshots.
-        state: what the decoder computed.
-        seconds: that took.
-    """
+    """A decoder with what it computed for a camera: ``prepared(snapshot) -> Estimate``, frame after frame."""
 
     decoder: Decoder
     camera: Any
@@ -188,40 +161,37 @@ class Prepared:
             DataError: values that are not finite.
         """
         values, notes = (snapshot, {}) if isinstance(snapshot, Tensor) else (snapshot.values, snapshot.notes)
-        _check_values(values, tuple(self.camera.snapshot_shape))
+        check_shape("snapshot", values, ("B", *self.camera.snapshot_shape))
+        if not bool(torch.isfinite(values).all()):
+            remedy = "mask or replace the bad pixels first"
+            raise DataError("snapshot", "NaN or infinite values", "finite values", remedy)
         start = time.perf_counter()
         with torch.no_grad():
             raw = self.decoder.reconstruct(self.state, values, progress)
         raw = raw if isinstance(raw, Raw) else Raw(raw)
         shape = (len(values), *self.decoder.scene_shape(self.camera))
-        _check_estimate(self.decoder.name, raw.values, shape)
-        scenes = raw.values.reshape(shape).to(values.dtype)
+        scenes = _checked(self.decoder.name, raw.values, shape).reshape(shape).to(values.dtype)
+        if self.decoder.clips:
+            scenes = scenes.clamp_min(0)
         deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
-        return Estimate(
-            scenes.clamp_min(0) if self.decoder.clips else scenes, self.camera, self.decoder.name, deviation,
-            raw.depth, raw.confidence, raw.planes, time.perf_counter() - start, {**notes, **raw.notes},
-        )  # fmt: skip
+        more = (deviation, raw.depth, raw.confidence, raw.planes)
+        seconds = time.perf_counter() - start
+        return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, {**notes, **raw.notes})
 
 
-def _check_values(values: Tensor, shape: tuple[int, ...]) -> None:
-    if values.ndim != len(shape) + 1 or tuple(values.shape[1:]) != shape:
-        raise ShapeError("snapshot", f"shape {tuple(values.shape)}", f"(B, {', '.join(map(str, shape))})")
-    if not bool(torch.isfinite(values).all()):
-        raise DataError("snapshot", "NaN or infinite values", "finite values", "mask or replace the bad pixels first")
-
-
-def _check_estimate(name: str, values: Any, shape: tuple[int, ...]) -> None:
-    """Refuse what a decoder must not return: no tensor, other entries, or values that are not finite."""
+def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:
+    """What a decoder returns; refused if it is no tensor, has other entries, or values that are not finite."""
     if not isinstance(values, Tensor) or values.numel() != prod(shape):
         found = f"shape {tuple(values.shape)}" if isinstance(values, Tensor) else f"a {type(values).__name__}"
         raise ShapeError("decoder", f"{found} from {name}", f"the entries of {shape}")
     if not bool(torch.isfinite(values).all()):
-        raise SettingError("decoder", f"an estimate of {name} with NaN or infinite values", "finite ones",
-                           "change its settings")  # fmt: skip
+        found = f"an estimate of {name} with NaN or infinite values"
+        raise SettingError("decoder", found, "finite ones", "change its settings")
+    return values
 
 
 def decode(
-    snapshot: Snapshot[Any],
+    snapshot: Snapshot[Any] | str | Path,
     decoder: str | type[Decoder] | Decoder | None = None,
     *,
     prior: str | Path | Prior | None = None,
@@ -231,7 +201,7 @@ def decode(
     """Recover the scene of a snapshot of any camera.
 
     Args:
-        snapshot: values and camera.
+        snapshot: values and camera, or the file that holds them.
         decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one.
         prior: a prior, its file, or None for that of the rendered scenes, learned on first use.
         progress: called with the share that is done.
@@ -239,6 +209,7 @@ def decode(
 
     Raises:
         SettingError: an unknown decoder or setting, or a camera or prior that does not fit.
+        DataError: a file that holds no snapshot.
 
     >>> import torch, tmca.cameras
     >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
@@ -247,6 +218,8 @@ def decode(
     """
     if decoder is None and "method" in settings:
         decoder = settings.pop("method")  # its name in version 0.1
+    if isinstance(snapshot, str | Path):
+        snapshot = Snapshot.load(snapshot)
     if not isinstance(snapshot, Snapshot):
         raise SettingError("snapshot", f"a {type(snapshot).__name__}", "a Snapshot", "take Snapshot(values, camera)")
     kind = snapshot.camera.kind
@@ -256,12 +229,7 @@ def decode(
 def make_decoder(
     decoder: str | type[Decoder] | Decoder, kind: str, settings: Mapping[str, Any] | None = None
 ) -> Decoder:
-    """A decoder of snapshots of a kind of camera, with some settings.
-
-    Raises:
-        SettingError: unknown decoder or setting, named.
-    """
-    asked = dict(settings or {})
+    """A decoder of snapshots of a kind of camera, with some settings; unknown ones are named in a SettingError."""
     if isinstance(decoder, str):
         choices = decoders_for(kind, moving=None)
         check_choice("decoder", decoder, choices)
@@ -269,52 +237,18 @@ def make_decoder(
     cls = decoder if isinstance(decoder, type) else type(decoder)
     if not issubclass(cls, Decoder):
         raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
-    _check_names(cls, asked)
-    asked = _checked_types(cls, asked)
-    return replace(decoder, **asked) if isinstance(decoder, Decoder) else decoder(**asked)
-
-
-def _check_names(decoder: type[Decoder], asked: Mapping[str, Any]) -> None:
-    names = [setting.name for setting in fields(decoder)]
-    for name in asked:
-        if name not in names:
-            found = f"a setting of {decoder.name}" if asked[name] is None else f"{asked[name]} for {decoder.name}"
-            remedy = "put @dataclass above its class" if name in vars(decoder) else "leave it out"
-            raise SettingError(name, found, f"one of {', '.join(names)}" if names else "no settings", remedy)
-
-
-def _checked_types(decoder: type[Decoder], asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings, each a value of its type; refused by name where it is not."""
-    from pydantic import ConfigDict, TypeAdapter, ValidationError
-
-    types, checked = get_type_hints(decoder), dict[str, Any]()
-    for name, value in asked.items():
-        try:
-            adapter = TypeAdapter[Any](types[name], config=ConfigDict(arbitrary_types_allowed=True))
-            checked[name] = adapter.validate_python(value)
-        except ValidationError:
-            raise SettingError(name, repr(value), _type_of(decoder, name)) from None
-    return checked
-
-
-def _type_of(decoder: type[Decoder], name: str) -> str:
-    return next(setting.type for setting in settings_of(decoder) if setting.name == name)
+    checked = checked_settings(cls, settings) if settings else {}
+    return replace(decoder, **checked) if isinstance(decoder, Decoder) else decoder(**checked)
 
 
 def usual_decoder(kind: str) -> str:
     """Name of the decoder that a kind of camera has where none is asked for."""
     choices = decoders_for(kind)
-    usual = _USUAL.get(kind, "lmmse")
-    return usual if usual in choices else next(iter(choices), usual)
+    return next((name for name in (*_USUAL, *choices) if name in choices), _USUAL[0])
 
 
 def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decoder]]:
-    """Decoders of a kind of camera by name.
-
-    Args:
-        kind: of the camera.
-        moving: those of scenes that change from slot to slot, the others, or both with None.
-    """
+    """Decoders of a kind of camera by name: of still scenes, of ``moving`` ones, or with None of both."""
     return {name: cls for name, cls in decoders().items() if kind in cls.cameras and moving in (None, cls.moving)}
 
 
@@ -327,55 +261,8 @@ def decoders() -> Mapping[str, type[Decoder]]:
 @cache
 def load_plugins() -> None:
     """Import what other packages name in the entry-point group ``tmca.decoders``; what fails is warned of."""
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group="tmca.decoders"):
         try:
             point.load()
         except Exception as error:
             warn(f"decoder {point.name} ({point.value}) cannot be loaded: {error}", BrokenPlugin, stacklevel=2)
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A setting of a decoder, as commands and documents show it."""
-
-    name: str
-    type: str
-    default: Any
-    help: str
-
-
-def settings_of(decoder: type[Decoder]) -> list[Setting]:
-    """The fields of a decoder, with what its docstring's ``Args`` say of them."""
-    said = _arguments(inspect.getdoc(decoder) or "")
-    return [
-        Setting(f.name, getattr(f.type, "__name__", str(f.type)), _default(f), said.get(f.name, ""))
-        for f in fields(decoder)
-    ]
-
-
-def _default(setting: Field[Any]) -> Any:
-    return setting.default_factory() if setting.default_factory is not MISSING else setting.default
-
-
-def _arguments(text: str) -> dict[str, str]:
-    """Name → help of the section ``Args:`` of a docstring."""
-    section = re.search(r"^Args:\n((?:    .*\n?|\n)+)", text, re.MULTILINE)
-    entries = re.findall(r"^    (\w+): ((?:.*\n?)(?:^        .*\n?)*)", section[1] if section else "", re.MULTILINE)
-    return {name: " ".join(words.split()) for name, words in entries}
-
-
-def settings_from_text(decoder: type[Decoder], texts: Mapping[str, str]) -> dict[str, Any]:
-    """Settings of a decoder from words, such as ``{"tv_weight": "0.01"}``; names are checked by `make_decoder`.
-
-    Raises:
-        SettingError: words that are no value of the setting's type.
-    """
-    from pydantic import TypeAdapter, ValidationError
-
-    types, settings = get_type_hints(decoder), dict[str, Any]()
-    for name, text in texts.items():
-        try:
-            settings[name] = TypeAdapter(types[name]).validate_strings(text) if name in types else text
-        except ValidationError:
-            raise SettingError(name, repr(text), _type_of(decoder, name)) from None
-    return settings

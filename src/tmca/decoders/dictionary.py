@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
-from tmca.decoders.blocks import check_snapshot, equal_windows
 from tmca.decoders.decoder import Decoder, Progress
-from tmca.decoders.overlap import MERGES, MergedPatches
+from tmca.decoders.lmmse import Places, equal_windows
 from tmca.decoders.sparse import batch_omp, lasso_admm
-from tmca.errors import SettingError
+from tmca.decoders.windows import RowBuffer
+from tmca.errors import SettingError, check_choice, check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.sensor import Noise
 
-METHODS = ("omp", "lasso")
+METHODS, MERGES = ("omp", "lasso"), ("median", "mean")
 # Bytes of the dictionaries as patches see them that are held at once; more would leave the processor's cache.
 _MEMORY = 2**25
 _FLOOR = 1e-6
@@ -37,8 +38,7 @@ class DictionaryEstimator:
 
     Args:
         dictionary: of patches (L, h, w).
-        taps: of the camera, all without offset.
-        noise: of its sensor.
+        taps, noise: of the camera, all without offset, and its sensor.
         method: ``"lasso"`` (by ADMM) or ``"omp"``.
         stride: rows and columns from patch to patch.
         merge: ``"median"`` or ``"mean"`` of the patches that cover a pixel.
@@ -69,32 +69,30 @@ class DictionaryEstimator:
         max_iterations: int = 200,
         dtype: torch.dtype = torch.float32,
     ) -> None:
-        for name, word, choices in (("method", method, METHODS), ("merge", merge, MERGES)):
-            if word not in choices:
-                raise SettingError(name, repr(word), f"one of {', '.join(choices)}")
+        check_choice("method", method, METHODS)
+        check_choice("merge", merge, MERGES)
         for name, value, least in (("stride", min(stride), 1), ("sparsity", sparsity or 1, 1), ("slack", slack, 0)):
-            if not value >= least:
-                raise SettingError(name, f"{value}", f"at least {least}")
+            check_range(name, value, least)
         model = BlockModel.of(taps, dictionary.block)
         if model.span:
             raise SettingError("camera", f"a dispersion of {model.span} pixels", "none, for a dictionary", "use lmmse")
-        self.taps, self.method, self.merge, self.dtype = taps, method, merge, dtype
+        self.taps, self.noise, self.method, self.merge = taps, noise, method, merge
         self.sparsity, self.slack, self.weight = sparsity, slack, weight
         self.tolerance, self.max_iterations = tolerance, max_iterations
         step = (min(stride[0], model.block[1]), min(stride[1], model.block[2]))
         self.grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), step)
         self.code = self.grid.pad_code(taps.code.to(dtype))
-        self.sight = _Sight(dictionary.to(taps.code.device), model, noise, dtype)
+        dictionary = dictionary.to(taps.code.device)
+        scales = dictionary.scales.clamp_min(1e-3 * dictionary.scales.mean())[:, None, None, None]
+        atoms = torch.cat([torch.ones_like(dictionary.atoms[:1]), dictionary.atoms * scales])
+        self.atoms, self.left = atoms.flatten(1).to(dtype), dictionary.residual
+        self.rows = self.atoms.mT[model.pixels()]
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W).
-
-        Raises:
-            ShapeError: a snapshot that does not fit the taps.
-        """
-        check_snapshot(snapshot, self.taps)
-        values = self.grid.pad_snapshot(snapshot[:, 0].to(self.dtype))
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W)."""
+        check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
+        values = self.grid.pad_snapshot(snapshot[:, 0].to(self.atoms.dtype))
         patches, image = MergedPatches(self.grid, len(snapshot), self.merge, values), []
         for row, top in enumerate(self.grid.tops):
             image.append(patches.add(self._row(values, [(top, left) for left in self.grid.lefts])))
@@ -102,18 +100,27 @@ class DictionaryEstimator:
                 progress((row + 1) / len(self.grid.tops))
         return torch.cat(image, -2).to(snapshot.dtype)
 
-    def _row(self, snapshot: Tensor, places: list[tuple[int, int]]) -> Tensor:
+    def _row(self, snapshot: Tensor, places: Places) -> Tensor:
         """(P, B, L, h, w) patches at places in one row."""
-        row = snapshot.new_empty(len(places), len(snapshot), *self.sight.model.block)
+        model = self.grid.model
+        row = snapshot.new_empty(len(places), len(snapshot), *model.block)
         index = {place: i for i, place in enumerate(places)}
-        for groups in _batches(equal_windows(self.grid, self.code, places), self.sight.batch):
+        most = max(1, _MEMORY // (model.measurements * len(self.atoms) * self.atoms.dtype.itemsize))
+        for groups in _batches(equal_windows(self.grid, self.code, places), most):
             windows = self.grid.code_windows(self.code, [group[0] for group in groups])
             measured = torch.stack([self.grid.snapshot_windows(snapshot, group) for group in groups])
-            atoms, weighed = self.sight.weigh(windows, measured.flatten(1, 2))
-            patches = self.sight.compose(self._codes(atoms, weighed))
+            patches = self._codes(*self._weighed(windows, measured.flatten(1, 2))) @ self.atoms
             where = torch.tensor([index[place] for group in groups for place in group], device=row.device)
-            row[where] = patches.reshape(len(where), len(snapshot), *self.sight.model.block)
+            row[where] = patches.reshape(len(where), len(snapshot), *model.block)
         return row
+
+    def _weighed(self, windows: Tensor, measured: Tensor) -> tuple[Tensor, Tensor]:
+        """(G, m, 1 + K) atoms behind code windows (G, L, h, w) and measurements (G, P, m), by their deviation."""
+        seen = self.grid.model.cross_covariance(windows, self.rows).transpose(0, 1)
+        energy = windows.square().sum(1).flatten(1)
+        noise = self.noise.variance(measured.clamp_min(0).mean(1))
+        weights = (noise + self.left * energy + _FLOOR**2).rsqrt()
+        return seen * weights[..., None], measured * weights[:, None]
 
     def _codes(self, atoms: Tensor, measured: Tensor) -> Tensor:
         """(G, P, 1 + K) codes of measurements (G, P, m) in units of their deviation."""
@@ -124,34 +131,52 @@ class DictionaryEstimator:
         return lasso_admm(atoms, measured, self.weight, 1, max_iterations=most, tolerance=tolerance).codes
 
 
-class _Sight:
-    """The dictionary as patches see it behind their codes, in units of typical coefficients and of the noise."""
+class MergedPatches:
+    """Patches merged by the median or the mean of all that cover a pixel, row of patches by row of patches.
 
-    def __init__(self, dictionary: PatchDictionary, model: BlockModel, noise: Noise, dtype: torch.dtype) -> None:
-        self.model, self.noise, self.left = model, noise, dictionary.residual
-        scales = dictionary.scales.clamp_min(1e-3 * dictionary.scales.mean())
-        constant = torch.ones_like(dictionary.atoms[:1])
-        self.atoms = torch.cat([constant, dictionary.atoms * scales[:, None, None, None]]).flatten(1).to(dtype)
-        self.rows = self.atoms.mT[model.pixels()]
-        self.batch = max(1, _MEMORY // (model.measurements * len(self.atoms) * dtype.itemsize))
+    Patches that may overlap lie in layers of their own, so the memory is that of the patches which cover one row of the
+    image, whatever its height. The image is ``like`` a tensor in type and device.
+    """
 
-    def weigh(self, windows: Tensor, measured: Tensor) -> tuple[Tensor, Tensor]:
-        """(G, m, 1 + K) atoms behind code windows (G, L, h, w) and measurements (G, P, m), by their deviation."""
-        seen = self.model.cross_covariance(windows, self.rows).transpose(0, 1)
-        energy = windows.square().sum(1).flatten(1)
-        signal = measured.clamp_min(0).mean(1)
-        variance = self.noise.variance(signal) + self.left * energy + _FLOOR**2
-        weights = variance.rsqrt()
-        return seen * weights[..., None], measured * weights[:, None]
+    def __init__(self, grid: BlockGrid, batch: int, merge: str, like: Tensor) -> None:
+        self.grid, self.merge = grid, merge
+        channels, h, w = grid.model.block
+        self.layers = (_layers(grid.tops, h), _layers(grid.lefts, w))
+        self.buffer = RowBuffer(like.new_full((*self.layers, batch, channels, h, max(grid.lefts) + w), inf))
+        self.row = 0
 
-    def compose(self, codes: Tensor) -> Tensor:
-        """(..., L·h·w) patches of codes (..., 1 + K)."""
-        return codes @ self.atoms
+    def add(self, patches: Tensor) -> Tensor:
+        """Lay the next row of patches (P, B, L, h, w); returns (B, L, rows, W) finished rows of the image."""
+        slot, tops = self.row % self.layers[0], (*self.grid.tops, self.grid.frame[0])
+        for i, (left, patch) in enumerate(zip(self.grid.lefts, patches, strict=True)):
+            self.buffer.values[slot, i % self.layers[1], ..., left : left + patch.shape[-1]] = patch
+        self.row += 1
+        covers = self.buffer.leave(tops[self.row] - tops[self.row - 1])
+        return merged(covers[..., : self.grid.frame[1]].flatten(0, 1), self.merge)
 
 
-def _batches(groups: list[list[tuple[int, int]]], most: int) -> Iterator[list[list[tuple[int, int]]]]:
+def merged(covers: Tensor, merge: str) -> Tensor:
+    """(...) median or mean over the finite values along the first axis of covers (N, ...); ``inf`` marks gaps."""
+    there = covers.isfinite()
+    count = there.sum(0)
+    if merge == "mean":
+        return torch.where(there, covers, 0).sum(0) / count
+    ranked = covers.sort(0).values
+    lower, upper = (ranked.gather(0, (rank // 2)[None])[0] for rank in (count - 1, count))
+    return (lower + upper) / 2
+
+
+def _layers(starts: tuple[int, ...], length: int) -> int:
+    """Layers so that patches of a length, dealt out in turn, never overlap in a layer."""
+    for layers in range(1, len(starts)):
+        if all(late - early >= length for early, late in zip(starts, starts[layers:], strict=False)):
+            return layers
+    return len(starts)
+
+
+def _batches(groups: list[Places], most: int) -> Iterator[list[Places]]:
     """Groups of equal size together, at most so many at once."""
-    sizes: dict[int, list[list[tuple[int, int]]]] = {}
+    sizes: dict[int, list[Places]] = {}
     for group in groups:
         sizes.setdefault(len(group), []).append(group)
     for same in sizes.values():

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from html import escape
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from torch import Tensor
 
 if TYPE_CHECKING:
@@ -61,10 +61,33 @@ class Estimate:
         import xarray as xr
 
         attrs = {**self.notes, "decoder": self.decoder, "seconds": self.seconds}
+        by = f"estimated by {self.decoder}"
+        parts = {"estimate" if self.depth is None else "radiance": self._label(self.values, f"scene {by}")}
+        if self.deviation is not None:
+            parts["deviation"] = self._label(self.deviation, "predicted standard deviation")
         if self.depth is not None:
             attrs[PLANES] = json.dumps(asdict(self.camera.planes))
-        parts = _with_depth(self) if self.depth is not None else _LABELS.get(self.camera.kind, _plain)(self)
-        return xr.Dataset({name: part for name, part in parts.items() if part is not None}, attrs=attrs)
+        for name, plane, unit in (("depth", self.depth, "m"), ("confidence", self.confidence, "1")):
+            if plane is not None:
+                maps, about = plane[:, 0].numpy(force=True), {"long_name": by, "units": unit}
+                several = len(maps) > 1
+                dims = ("snapshot", "y", "x") if several else ("y", "x")
+                parts[name] = xr.DataArray(maps if several else maps[0], dims=dims, attrs=about)
+        return xr.Dataset(parts, attrs=attrs)
+
+    def _label(self, values: Tensor, meaning: str) -> xr.DataArray:
+        """Values (B, *scene_shape), or (B, K, *scene_shape), as the camera labels them."""
+        import xarray as xr
+
+        def stacked(parts: Iterable[xr.DataArray], axis: str) -> xr.DataArray:
+            return xr.concat(parts, axis, coords="minimal", compat="override", join="override")
+
+        if len(values) > 1 and "colour" not in self.camera.snapshot_axes(values):
+            return stacked((self._label(one, meaning) for one in values.split(1)), "snapshot")
+        if values.ndim > 1 + len(self.camera.scene_shape):
+            return stacked((self.camera.label(slot, meaning) for slot in values.unbind(1)), "slot")
+        labelled: xr.DataArray = self.camera.label(values, meaning)
+        return labelled
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write `to_xarray` as NetCDF, whole or not at all.
@@ -86,8 +109,10 @@ class Estimate:
         Raises:
             DataError: a truth of another kind, or a smaller one.
         """
-        draw = _draw_depth if self.depth is not None else _DRAWINGS.get(self.camera.kind, _draw_plain)
-        return draw(self, truth)
+        from tmca.plots.estimates import estimate_figure
+
+        limits = None if self.depth is None else (self.camera.planes.near, self.camera.planes.far)
+        return estimate_figure(self.to_xarray(), truth, limits)
 
     def __repr__(self) -> str:
         sides = "×".join(str(side) for side in self.values.shape)
@@ -99,123 +124,3 @@ class Estimate:
         picture = BytesIO()
         self.plot().savefig(picture, format="png", dpi=50)
         return f'{escape(repr(self))}<br><img src="data:image/png;base64,{b64encode(picture.getvalue()).decode()}"/>'
-
-
-def _array(values: Tensor) -> np.ndarray:
-    """As NumPy, without the axis of a batch of one."""
-    array = values.detach().cpu().numpy()
-    return array[0] if len(array) == 1 else array
-
-
-def _cube(estimate: Estimate) -> dict[str, xr.DataArray | None]:
-    import xarray as xr
-
-    waves = np.array(estimate.camera.wavelengths)
-    coords = {
-        "wavelength": ("wavelength", waves, {"units": "m"}),
-        "wavelength_nm": ("wavelength", waves * 1e9, {"units": "nm"}),
-    }
-    leading = (*(("snapshot",) if len(estimate.values) > 1 else ()), *(("slot",) if estimate.values.ndim == 5 else ()))
-
-    def labelled(values: Tensor, meaning: str) -> xr.DataArray:
-        attrs = {"quantity": "relative irradiance", "units": "1", "long_name": meaning}
-        return xr.DataArray(_array(values), dims=(*leading, "wavelength", "y", "x"), coords=coords, attrs=attrs)
-
-    return _both(estimate, "scene", labelled)
-
-
-def _light_field(estimate: Estimate) -> dict[str, xr.DataArray | None]:
-    from tmca.data import label_light_field
-
-    def labelled(values: Tensor, meaning: str) -> xr.DataArray:
-        return label_light_field(_array(values), {"long_name": meaning})
-
-    return _both(estimate, "light field", labelled)
-
-
-def _plain(estimate: Estimate) -> dict[str, xr.DataArray | None]:
-    """Of a camera that this file does not know."""
-    import xarray as xr
-
-    def labelled(values: Tensor, meaning: str) -> xr.DataArray:
-        return xr.DataArray(_array(values), attrs={"long_name": meaning})
-
-    return _both(estimate, "scene", labelled)
-
-
-def _both(estimate: Estimate, scene: str, labelled: Any) -> dict[str, xr.DataArray | None]:
-    deviation = estimate.deviation
-    return {
-        "estimate": labelled(estimate.values, f"{scene} estimated by {estimate.decoder}"),
-        "deviation": None if deviation is None else labelled(deviation, "predicted standard deviation"),
-    }
-
-
-def _with_depth(estimate: Estimate) -> dict[str, xr.DataArray | None]:
-    import xarray as xr
-
-    assert estimate.depth is not None
-    assert estimate.confidence is not None
-    leading = ("snapshot",) if len(estimate.values) > 1 else ()
-    waves = ("wavelength", np.array(estimate.camera.wavelengths), {"units": "m"})
-    name = {"long_name": f"estimated by {estimate.decoder}"}
-    plane = (*leading, "y", "x")
-    return {
-        "radiance": xr.DataArray(
-            _array(estimate.values), dims=(*leading, "wavelength", "y", "x"), coords={"wavelength": waves}, attrs=name
-        ),
-        "depth": xr.DataArray(_array(estimate.depth[:, 0]), dims=plane, attrs={**name, "units": "m"}),
-        "confidence": xr.DataArray(_array(estimate.confidence[:, 0]), dims=plane, attrs={**name, "units": "1"}),
-    }
-
-
-def _first(truth: xr.DataArray | xr.Dataset) -> xr.DataArray:
-    import xarray as xr
-
-    return next(iter(truth.data_vars.values())) if isinstance(truth, xr.Dataset) else truth
-
-
-def _draw_cube(estimate: Estimate, truth: Any) -> Figure:
-    from tmca.data.fitting import fit_cube
-    from tmca.plots.cube import reconstruction_figure
-
-    camera, name, deviation = estimate.camera, estimate.decoder, estimate.deviation
-    scene = None if truth is None else fit_cube(_first(truth), camera.wavelengths, camera.size, "truth").values
-    deviations = {} if deviation is None else {name: deviation[0].numpy(force=True)}
-    cube = estimate.values[0].numpy(force=True)
-    shown = cube if cube.ndim == 3 else cube.mean(0)
-    return reconstruction_figure({name: shown}, list(camera.wavelengths), scene, deviations)
-
-
-def _draw_views(estimate: Estimate, truth: Any) -> Figure:
-    from tmca.data.fitting import fit_views
-    from tmca.plots.light_field import light_field_figure
-
-    camera = estimate.camera
-    scene = None if truth is None else fit_views(_first(truth), camera.views, camera.size, "truth").values
-    return light_field_figure({estimate.decoder: _array(estimate.values)}, scene)
-
-
-def _draw_depth(estimate: Estimate, truth: Any) -> Figure:
-    from tmca.data.fitting import fit_depth_scene
-    from tmca.plots.depth import depth_figure
-
-    assert estimate.depth is not None
-    assert estimate.confidence is not None
-    camera, near, far = estimate.camera, estimate.camera.planes.near, estimate.camera.planes.far
-    pair = estimate.values[0].numpy(force=True), estimate.depth[0, 0].numpy(force=True)
-    scene = None if truth is None else fit_depth_scene(truth, camera.wavelengths, camera.size, near, far, "truth")
-    real = None if scene is None else (scene["radiance"].values, scene["depth"].values)
-    confidence = estimate.confidence[0, 0].numpy(force=True)
-    return depth_figure(estimate.decoder, pair, confidence, list(camera.wavelengths), (near, far), real)
-
-
-def _draw_plain(estimate: Estimate, truth: Any) -> Figure:
-    from tmca.plots.style import image_figure
-
-    values = estimate.values[0].numpy(force=True)
-    return image_figure(values.reshape(-1, *values.shape[-2:]).mean(0), estimate.decoder)
-
-
-_DRAWINGS = {"spectral": _draw_cube, "light-field": _draw_views}
-_LABELS = {"spectral": _cube, "light-field": _light_field}

@@ -19,9 +19,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.decoders.space_time import FrameOperator, frame_operator
-from tmca.errors import SettingError
+from tmca.decoders.decoder import Progress, Raw
+from tmca.decoders.space_time import FrameDecoder, FrameOperator
+from tmca.errors import SettingError, check_range
 
 _CHUNK = 4096
 _POOLED = 5.0  # pixels, standard deviation of the Gaussian over which errors are pooled
@@ -44,9 +44,6 @@ class Covariance:
         lifetime: over which a part of it changes in time, in the unit of the samples' times.
         changing: share of the variance that changes in time, 0 to 1.
         noise: variance of a sample's noise.
-
-    Raises:
-        SettingError: an impossible number.
     """
 
     length: float
@@ -56,11 +53,8 @@ class Covariance:
 
     def __post_init__(self) -> None:
         for name in ("length", "lifetime", "noise"):
-            value = getattr(self, name)
-            if not (value > 0 and math.isfinite(value)):
-                raise SettingError(name, f"{value:g}", "a finite number above 0")
-        if not 0 <= self.changing <= 1:
-            raise SettingError("changing", f"{self.changing:g}", "a share from 0 to 1")
+            check_range(name, getattr(self, name), above=0)
+        check_range("changing", self.changing, 0, 1)
 
     def between(self, one: Tensor, other: Tensor) -> Tensor:
         """(…, N, M) of points (…, N, 3) and (…, M, 3): row, column, time."""
@@ -78,12 +72,8 @@ def _matern(distance: Tensor) -> Tensor:
 class Samples:
     """Values that were measured at single places and times.
 
-    Args:
-        points: (N, 3) row, column, time, float64; one sample at most at a place.
-        values: (N,) float64.
-
-    Raises:
-        SettingError: other shapes, or fewer than three samples.
+    ``points`` (N, 3) are row, column and time, float64, one sample at most at a place; ``values`` (N,) float64. There
+    are three at least.
     """
 
     points: Tensor
@@ -124,33 +114,21 @@ class Kriged:
 
 @torch.no_grad()
 def krige(samples: Samples, places: Tensor, times: Tensor, covariance: Covariance, neighbours: int = 36) -> Kriged:
-    """The scene at some places and times.
-
-    Args:
-        samples: that were measured.
-        places: (P, 2) row, column, float64.
-        times: (T,) float64.
-        covariance: of the scene.
-        neighbours: samples nearest in space, that a place is estimated from.
-    """
-    parts = []
-    for where, near in zip(places.split(_CHUNK), samples.nearest(places, neighbours).split(_CHUNK), strict=True):
+    """The scene at places (P, 2), row and column, and times (T,), each place from its nearest samples in space."""
+    nearest, parts = samples.nearest(places, neighbours), []
+    for where, near in zip(places.split(_CHUNK), nearest.split(_CHUNK), strict=True):
         points = samples.points[near]
         wanted = torch.cat([where[:, None].expand(-1, len(times), -1), times.expand(len(where), -1)[..., None]], -1)
         *estimates, residual, predicted = _conditional(points, samples.values[near], wanted, covariance)
         measured = (points[:, 0, :2] == where).all(-1)
-        parts.append(
-            (*(one.T for one in estimates), residual.where(measured, torch.nan), predicted.where(measured, torch.nan))
-        )
+        left_out = (one.where(measured, torch.nan) for one in (residual, predicted))
+        parts.append((*(one.T for one in estimates), *left_out))
     return Kriged(*(torch.cat(part, -1) for part in zip(*parts, strict=True)))
 
 
 def _conditional(points: Tensor, values: Tensor, wanted: Tensor, covariance: Covariance) -> tuple[Tensor, ...]:
-    """Estimates at points (B, T, 3) given values (B, n) at points (B, n, 3), and the first value left out.
-
-    Returns:
-        Mean, variance and squared weights, (B, T); residual and its variance, (B,).
-    """
+    """Mean, variance and squared weights (B, T) at points (B, T, 3), given values (B, n) at points (B, n, 3); and the
+    residual (B,) of the first value, left out, with its variance."""
     gram = covariance.between(points, points)
     gram.diagonal(dim1=-2, dim2=-1).add_(covariance.noise)
     cross = covariance.between(points, wanted)
@@ -183,6 +161,8 @@ def fitted_covariance(
 ) -> Covariance:
     """The covariance under which single samples are predicted best by their neighbours: least squares, one left out.
 
+    It is the best of a grid, number by number from its middle until none changes.
+
     Args:
         samples: that were measured.
         span: of the times, in their unit; lifetimes that are tried are shares of it.
@@ -190,9 +170,6 @@ def fitted_covariance(
         least_noise: least variance of a sample's noise, in units of the scene's variance.
         neighbours: as in `krige`.
         shown: samples that are left out in turn, drawn with a fixed seed.
-
-    Returns:
-        The best of a grid, found number by number from its middle until none changes.
     """
     drawn = torch.randperm(len(samples.values), generator=torch.Generator().manual_seed(0))[:shown]
     near = samples.nearest(samples.points[drawn, :2], neighbours)
@@ -232,13 +209,6 @@ def _gain(operator: FrameOperator) -> Tensor:
     return (operator.shutter * operator.aperture * operator.scale).double().sum(0)
 
 
-def _noise_of_samples(camera: Any, operator: FrameOperator, values: Tensor) -> Tensor:
-    """(H, W) variance of the sensor's noise in the scene's units; the mean where a pixel is never open."""
-    light = _gain(operator)
-    variance = camera.noise.variance(values).double() / light.square()
-    return variance.where(light > 0, variance[light > 0].mean())
-
-
 def _scale(kriged: Kriged, size: Sequence[int]) -> Tensor:
     """(H, W) variance of the scene: squared residuals over what was predicted, pooled around every place."""
     from scipy.ndimage import gaussian_filter
@@ -253,7 +223,7 @@ def _scale(kriged: Kriged, size: Sequence[int]) -> Tensor:
 
 
 @dataclass
-class KrigingDecoder(Decoder):
+class KrigingDecoder(FrameDecoder):
     """Frames of a scene that changes during the exposure, by the best linear estimate from the samples around a place.
 
     For shutters that open every pixel within one frame, one band, nothing displaced. The standard deviation's part of
@@ -265,16 +235,12 @@ class KrigingDecoder(Decoder):
         changing: share of the scene's variance that changes during the exposure; likewise.
     """
 
-    name, label, cameras, moving = "kriging", "kriging", frozenset({"spectral"}), True
-    frames: int | None = None
+    name, label = "kriging", "kriging"
     lifetime: float | None = None
     changing: float | None = None
 
-    def scene_shape(self, camera: Any) -> tuple[int, ...]:
-        return (self.frames or camera.slots, *camera.scene_shape)
-
     def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
-        operator = frame_operator(camera, self.frames or camera.slots)
+        operator, camera = super().setup(camera, prior)
         if camera.bands > 1 or camera.dispersion.spread or bool(((operator.shutter > 0).sum(0) > 1).any()):
             raise SettingError("method", "'kriging'", "a shutter that opens every pixel within one frame, one band")
         return operator, camera
@@ -287,11 +253,13 @@ class KrigingDecoder(Decoder):
     def _frames(self, operator: FrameOperator, camera: Any, values: Tensor) -> tuple[Tensor, Tensor, Covariance]:
         """Frames (F, H, W), their standard deviation, and the covariance, lengths in pixels and slots."""
         samples, (frames, *size) = shutter_samples(camera, operator, values), operator.shutter.shape
-        noise, power = _noise_of_samples(camera, operator, values), samples.values.var().clamp_min(_STILL)
+        light, power = _gain(operator), samples.values.var().clamp_min(_STILL)
+        noise = camera.noise.variance(values).double() / light.square()  # in the scene's units, (H, W)
+        noise = noise.where(light > 0, noise[light > 0].mean())
+        least = float(noise.mean() / power)
         covariance = fitted_covariance(
-            samples, camera.slots, lifetime=self.lifetime, changing=self.changing,
-            least_noise=float(noise.mean() / power),
-        )  # fmt: skip
+            samples, camera.slots, lifetime=self.lifetime, changing=self.changing, least_noise=least
+        )
         places = torch.cartesian_prod(*(torch.arange(n, dtype=torch.float64) for n in size))
         middles = (torch.arange(frames, dtype=torch.float64) + 0.5) * camera.slots / frames - 0.5
         kriged = krige(samples, places, middles, covariance)

@@ -1,8 +1,8 @@
-"""Linear decoders without any prior: the least-norm scene, and least squares with a smooth one (Tikhonov)."""
+"""What the snapshot alone says of the scene: the data step of iterative decoders, least norm, a smooth scene."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,10 +10,121 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from tmca.decoders.decoder import Decoder, Progress
-from tmca.errors import SettingError, ShapeError
+from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.errors import DataError, check_range, check_shape
 from tmca.operators import TapOperator
-from tmca.operators.linear import conjugate_gradients
+from tmca.operators.linear import LinearOperator, conjugate_gradients
+
+Checked = Callable[[int, float, float], None]
+"""Called at every check with the iteration and the relative primal and dual residuals."""
+_INNER = 1e-4  # of the inner iteration, which resumes from its last solution: the objective is then right to 1e-5
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of an iterative decoder.
+
+    Args:
+        estimate: (B, L, H, W).
+        checked: iterations at which the histories below were taken.
+        objective: value of the objective, summed over the batch (empty for a plugged-in denoiser).
+        primal: relative primal residual.
+        dual: relative dual residual.
+        iterations: iterations done.
+        converged: whether both residuals fell below the tolerance.
+    """
+
+    estimate: Tensor
+    checked: tuple[int, ...]
+    objective: tuple[float, ...]
+    primal: tuple[float, ...]
+    dual: tuple[float, ...]
+    iterations: int
+    converged: bool
+
+    def raw(self, **notes: Any) -> Raw:
+        """What a decoder returns of it."""
+        return Raw(self.estimate, notes={**notes, "iterations": self.iterations, "converged": self.converged})
+
+
+class DataStep:
+    """``argmin_x ½‖A x − y‖² + ρ/2 ‖x − point‖²``, as ``prox_l2`` of the operator.
+
+    Where ``A Aᵀ`` has no closed inverse, its iteration resumes from the last solution.
+
+    Args:
+        operator: the camera.
+        snapshot: (B, 1, H, W').
+        tolerance: residual of the conjugate gradients, where they are needed, as a share of the misfit's norm.
+
+    Raises:
+        ShapeError: a snapshot that is not the operator's.
+        DataError: NaN or infinite values in the snapshot.
+    """
+
+    def __init__(self, operator: LinearOperator, snapshot: Tensor, tolerance: float = _INNER) -> None:
+        check_shape("snapshot", snapshot, ("B", *operator.snapshot_shape))
+        if not bool(torch.isfinite(snapshot).all()):
+            raise DataError("snapshot", "NaN or infinite values", "finite values", "mask or replace the bad pixels")
+        self.operator, self.snapshot, self.tolerance = operator, snapshot, tolerance
+        self._solved: Tensor | None = None
+
+    def __call__(self, point: Tensor, rho: float) -> Tensor:
+        """The minimiser (B, L, H, W) next to ``point`` (B, L, H, W)."""
+        misfit = self.snapshot - self.operator.A(point)
+        self._solved = self.operator.gram_solve(misfit, rho, tolerance=self.tolerance, start=self._solved)
+        return point + self.operator.A_adjoint(self._solved)
+
+    def misfit(self, cube: Tensor) -> float:
+        """``½‖A x − y‖²``, summed over the batch."""
+        return 0.5 * float((self.operator.A(cube) - self.snapshot).square().sum(dtype=torch.float64))
+
+    def start(self, initial: Tensor | None, rho: float) -> Tensor:
+        """A copy of the initial estimate; by default the pseudo-inverse of the snapshot.
+
+        Without a closed inverse of ``A Aᵀ`` it is the data step next to darkness: noise lies where such an operator
+        hardly lets light through, and there the pseudo-inverse is of any size.
+        """
+        expected = (len(self.snapshot), *self.operator.scene_shape)
+        if initial is not None:
+            check_shape("initial", initial, expected)
+            return initial.to(self.snapshot).clone()
+        if type(self.operator).gram_solve is LinearOperator.gram_solve:
+            return self(self.snapshot.new_zeros(expected), rho)
+        return self.operator.A_dagger(self.snapshot).clone()
+
+
+def energy(operator: LinearOperator, snapshot: Tensor) -> float:
+    """What ``A Aᵀ`` does to a snapshot on average, ``‖Aᵀ y‖² / ‖y‖²``; 0 of darkness."""
+    back, light = (part.square().sum() for part in (operator.A_adjoint(snapshot), snapshot))
+    return float(back / light.clamp_min(torch.finfo(light.dtype).tiny))
+
+
+def check_iteration(max_iterations: int, tolerance: float) -> None:
+    """Raises SettingError unless there is at least one iteration and the tolerance is a finite number ≥ 0."""
+    check_range("max_iterations", max_iterations, 1)
+    check_range("tolerance", tolerance, 0)
+
+
+def of_iterations(progress: Progress | None, iterations: int) -> Checked | None:
+    """What reports the share of the iterations that is done."""
+    return None if progress is None else lambda iteration, *_: progress(iteration / iterations)
+
+
+def channel_operator(camera: Any) -> LinearOperator:
+    """The operator of a camera on scenes (B, channels, H, W), views side by side."""
+    operator = camera.operator()
+    return operator if len(operator.scene_shape) == 3 else TapOperator(camera.taps())
+
+
+def noise_level(camera: Any, snapshot: Tensor) -> float:
+    """Root mean square of the snapshot's noise."""
+    return float(camera.noise.variance(snapshot).mean().sqrt())
+
+
+def exposure_gain(camera: Any) -> float:
+    """What one channel of a white scene gives through open codes: 1 at equal exposure, the slots where they add up."""
+    return float(camera.full_scale) / float(camera.response.sum())
 
 
 def tikhonov(
@@ -45,12 +156,9 @@ def tikhonov(
         SettingError: a weight or a number of iterations out of range.
         ShapeError: a snapshot that is not the operator's.
     """
-    if not 0 < weight < math.inf:
-        raise SettingError("weight", f"{weight:g}", "a finite number > 0")
-    if iterations < 1:
-        raise SettingError("iterations", str(iterations), "at least 1")
-    if snapshot.ndim != 4 or tuple(snapshot.shape[1:]) != tuple(operator.snapshot_shape):
-        raise ShapeError("snapshot", str(tuple(snapshot.shape)), f"(B, {', '.join(map(str, operator.snapshot_shape))})")
+    check_range("weight", weight, above=0)
+    check_range("iterations", iterations, 1)
+    check_shape("snapshot", snapshot, ("B", *operator.snapshot_shape))
     energy = operator.taps.channel_energy()
     stiffness = weight * energy.mean()
 

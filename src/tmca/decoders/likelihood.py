@@ -17,9 +17,9 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.decoders.overlap import RowBlend, RowMean, WindowRows
-from tmca.errors import SettingError, ShapeError
+from tmca.decoders.decoder import Decoder, Progress, Raw, part_of
+from tmca.decoders.windows import RowBlend, RowMean, WindowRows
+from tmca.errors import SettingError, check_range, check_shape
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior, block_of, find_prior
 from tmca.priors.posterior import NOISE_FLOOR
@@ -92,33 +92,8 @@ class _Basis:
     scene: Tensor
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """What is filled in row by row; ``shares`` (B, rows of windows, P, D) are the planes' probabilities in their
-    middles."""
-
-    estimate: Tensor
-    depth: Tensor
-    confidence: Tensor
-    planes: Tensor
-    shares: Tensor
-
-    @classmethod
-    def empty(cls, snapshot: Tensor, bands: int, planes: int, every: bool, windows: WindowRows) -> _Frame:
-        batch, _, height, width = snapshot.shape
-        estimate, depth, confidence, logs = (
-            snapshot.new_empty(batch, count, height, width) for count in (bands, 1, 1, planes if every else 0)
-        )
-        shares = snapshot.new_empty(batch, len(windows.tops), len(windows.lefts), planes)
-        return cls(estimate, depth, confidence, logs, shares)
-
-
 def usual_window(camera: SpectralDepthCamera) -> int:
-    """Side of windows in pixels where none is given: ``WINDOW``, or the tile of the codes where that is larger.
-
-    Raises:
-        SettingError: shutter patterns that do not repeat.
-    """
+    """Side of windows in pixels where none is given: ``WINDOW``, or the tile of the codes where that is larger."""
     return max(WINDOW, camera.tile_size)
 
 
@@ -150,9 +125,7 @@ class PatchLikelihood:
         contamination: see ``snapshot_moments``.
 
     Raises:
-        SettingError: a camera without a period, a window larger than the sensor, a prior of other bands, a temperature
-            of 0 or less, a negative reach, or a contamination that is no share.
-        ShapeError: a prior that does not fit.
+        SettingError, ShapeError: a camera without a period, a number out of range, or a prior that does not fit.
     """
 
     def __init__(
@@ -168,9 +141,9 @@ class PatchLikelihood:
     ) -> None:
         window = usual_window(camera) if window is None else window
         check_window(window, camera)
-        if not temperature > 0 or reach < 0 or not 0 <= contamination <= 1:
-            given = f"{temperature:g}, {reach} pixels, {contamination:g}"
-            raise SettingError("temperature, reach, contamination", given, "above 0, 0 pixels or more, and 0 to 1")
+        check_range("temperature", temperature, above=0)
+        check_range("reach", reach, 0, unit="pixels")
+        check_range("contamination", contamination, 0, 1)
         prior.check(camera)
         self.device = camera.response.device
         self.prior, self.camera, self.window = prior.to(self.device), camera, window
@@ -191,70 +164,59 @@ class PatchLikelihood:
             progress: called with the share that is done.
             planes: whether the log-probabilities of all planes are returned.
             spectrum: whether the cube is estimated, which is empty otherwise.
-
-        Raises:
-            ShapeError: snapshots of another size or number of channels.
         """
-        if tuple(snapshot.shape[1:]) != self.camera.snapshot_shape:
-            wanted = f"(batch, {', '.join(map(str, self.camera.snapshot_shape))})"
-            raise ShapeError("snapshot", str(tuple(snapshot.shape)), wanted)
-        report, count = progress or (lambda share: None), self.camera.planes.count
+        check_shape("snapshot", snapshot, ("B", *self.camera.snapshot_shape))
+        count = self.camera.planes.count
         pixels, values = self._psf.shape[2] * self.window**2, len(self._colour) * self.window**2
         first = count * values / (count * values + _LIKELY * (values + pixels)) if spectrum else 1.0  # of the work
-        frame = _Frame.empty(snapshot, self.camera.bands if spectrum else 0, count, planes, self._rows)
-        gains = list(self._search(snapshot, frame, lambda share: report(first * share)))
+        channels = (self.camera.bands if spectrum else 0, 1, 1, count if planes else 0)
+        cube, depth, sure, logs = (snapshot.new_empty(len(snapshot), some, *self.camera.size) for some in channels)
+        shares = snapshot.new_empty(len(snapshot), len(self._rows.tops), len(self._rows.lefts), count)
+        frame = DepthRaw(cube, None, depth, sure, logs if planes else None)
+        gains = list(self._search(snapshot, frame, shares, part_of(progress, 0, first)))
         if spectrum:
-            self._fill(snapshot, frame, gains, lambda share: report(first + (1 - first) * share))
-        return DepthRaw(frame.estimate, None, frame.depth, frame.confidence, frame.planes if planes else None)
+            self._fill(snapshot, frame.values, shares, gains, part_of(progress, first, 1))
+        return frame
 
-    def _search(self, snapshot: Tensor, frame: _Frame, progress: Progress) -> Iterator[Tensor]:
-        """Depth, confidence and planes of the frame; yields the gains, as indices (B, P, D), row by row."""
+    def _search(self, snapshot: Tensor, frame: DepthRaw, shares: Tensor, progress: Progress) -> Iterator[Tensor]:
+        """Depth, confidence and planes of the frame, and the planes' shares (B, rows of windows, P, D) in the middles
+        of windows; yields the gains, as indices (B, P, D), row by row."""
         mean = RowMean(self._rows, snapshot[..., :1, :1].double(), self.camera.planes.count, self.reach)
-        for phases, tops in self._batches():
-            parts = [self._log_likelihood(phase, self._cut(snapshot, tops, which)) for phase, which in phases]
+        for tops, phases in self._rows.batches():
+            parts = [self._log_likelihood(phase, self._rows.cut(snapshot, tops, which)) for phase, which in phases]
             levels, gains = (torch.cat(part, 2) for part in zip(*parts, strict=True))
             for level in levels.unbind(1):
-                self._store(frame, *mean.add(level / self.temperature))
+                self._store(frame, shares, *mean.add(level / self.temperature))
             yield from gains.unbind(1)
             progress((tops[-1] + 1) / (self._rows.tops[-1] + 1))
 
-    def _store(self, frame: _Frame, rows: slice, planes: Tensor) -> None:
+    def _store(self, frame: DepthRaw, shares: Tensor, rows: slice, planes: Tensor) -> None:
         """What the log-probabilities of planes in some rows say."""
         here, half = DepthPosterior.of(planes, self.camera.planes), self.window // 2
         frame.depth[..., rows, :] = here.metres.to(frame.depth)
         frame.confidence[..., rows, :] = here.confidence.to(frame.confidence)
-        if frame.planes.numel():
+        if frame.planes is not None:
             frame.planes[..., rows, :] = planes.to(frame.planes)
         columns = torch.tensor(self._rows.lefts, device=planes.device) + half
         for index, top in enumerate(self._rows.tops):
             if rows.start <= top + half < rows.stop:
                 middles = here.shares[:, :, top + half - rows.start, columns]
-                frame.shares[:, index] = middles.transpose(1, 2).to(frame.shares)
+                shares[:, index] = middles.transpose(1, 2).to(shares)
 
-    def _fill(self, snapshot: Tensor, frame: _Frame, gains: list[Tensor], progress: Progress) -> None:
+    def _fill(self, snapshot: Tensor, cube: Tensor, shares: Tensor, gains: list[Tensor], progress: Progress) -> None:
         """The spectrum at the planes that are likely."""
         scene, done = RowBlend(self._rows, snapshot[..., :1, :1], self.camera.bands), 0
-        for phases, tops in self._batches():
-            gain, shares = torch.stack(gains[done : done + len(tops)], 1), frame.shares[:, done : done + len(tops)]
+        for tops, phases in self._rows.batches():
+            gain, here = torch.stack(gains[done : done + len(tops)], 1), shares[:, done : done + len(tops)]
             parts = [
-                self._scene(phase, self._cut(snapshot, tops, which), shares[:, :, which], gain[:, :, which])
+                self._scene(phase, self._rows.cut(snapshot, tops, which), here[:, :, which], gain[:, :, which])
                 for phase, which in phases
             ]
             for values in torch.cat(parts, 2).unbind(1):
                 rows, estimate = scene.add(values)
-                frame.estimate[..., rows, :] = estimate.clamp_min(0)
+                cube[..., rows, :] = estimate.clamp_min(0)
             done += len(tops)
             progress((tops[-1] + 1) / (self._rows.tops[-1] + 1))
-
-    def _batches(self) -> Iterator[tuple[list[tuple[tuple[int, int], slice]], list[int]]]:
-        """Rows of windows, with the phases of the tile at which they begin and which of their windows do."""
-        for tops in self._rows.batches():
-            row = tops[0] % self._rows.step
-            yield [((row, phase), which) for phase, which in self._rows.columns()], tops
-
-    def _cut(self, snapshot: Tensor, tops: list[int], which: slice) -> Tensor:
-        """(B, R, P, n)."""
-        return torch.stack([self._rows.cut(snapshot, top, which) for top in tops], 1)
 
     def _basis(self, phase: tuple[int, int]) -> _Basis:
         if phase not in self._bases:
@@ -302,13 +264,10 @@ class PatchLikelihood:
         estimate = shares.new_zeros(*windows.shape[:-1], basis.scene.shape[1])
         for index in shares.flatten(0, -2).any(0).nonzero().flatten().tolist():
             here = shares[..., index] > 0
-            gain = self.gains[gains[..., index][here].long()][:, None]
-            here_estimate = (
-                gain * (windows[here] @ basis.vectors[index]) / (gain * basis.values[index] + levels[level[here], None])
-            )
-            estimate[here] += (shares[..., index][here][:, None] * here_estimate).to(shares) @ basis.scene[index].T.to(
-                shares
-            )
+            gain, share = self.gains[gains[..., index][here].long()][:, None], shares[..., index][here][:, None]
+            filtered = gain / (gain * basis.values[index] + levels[level[here], None])
+            seen = share * filtered * (windows[here] @ basis.vectors[index])
+            estimate[here] += seen.to(shares) @ basis.scene[index].T.to(shares)
         return estimate.unflatten(-1, (self.camera.bands, self.window, self.window))
 
 

@@ -17,12 +17,6 @@ from tmca.operators import TapOperator
 from tmca.priors import find_prior
 
 
-@dataclass(frozen=True)
-class _Run:
-    network: CollapsedNetwork | TwoHeadedNetwork
-    path: str
-
-
 @dataclass
 class NetworkDecoder(Decoder):
     """A network trained for the camera; it brings its prior, in whose place another may be given.
@@ -35,12 +29,7 @@ class NetworkDecoder(Decoder):
     weights: str | Path | Weights | None = None
 
     def trained(self, camera: Any) -> Weights:
-        """The weights.
-
-        Raises:
-            SettingError: none.
-            DataError: no such file, or one that cannot be read.
-        """
+        """The weights; a SettingError if there are none."""
         if self.weights is None:
             raise SettingError("weights", "none", "those of the network", "weights and the decoder network go together")
         if str(self.weights) == "default" and camera.kind != "spectral":
@@ -56,17 +45,18 @@ class NetworkDecoder(Decoder):
         kind = "mixture" if self.trained(camera).network.start == "mixture" else "gaussian"
         return find_prior(camera, given, kind, progress)
 
-    def setup(self, camera: Any, prior: Any) -> _Run:
+    def setup(self, camera: Any, prior: Any) -> tuple[CollapsedNetwork | TwoHeadedNetwork, str]:
         weights = self.trained(camera)
         weights.check(camera)
         prior = weights.load_prior() if prior is None else prior
         if isinstance(weights.network, TwoHeadedUNet):
-            return _Run(TwoHeadedNetwork(weights.network, camera, prior), str(weights.path or ""))
+            return TwoHeadedNetwork(weights.network, camera, prior), str(weights.path or "")
         operator = TapOperator(camera.taps())
-        return _Run(CollapsedNetwork(weights.network, operator, camera.noise, prior), str(weights.path or ""))
+        return CollapsedNetwork(weights.network, operator, camera.noise, prior), str(weights.path or "")
 
-    def reconstruct(self, prepared: _Run, values: Tensor, progress: Progress | None) -> Raw:
-        output = prepared.network(values, progress)
+    def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
+        network, path = prepared
+        output = network(values, progress)
         raw = output if isinstance(output, Raw) else Raw(output)
-        raw.notes["weights"] = prepared.path
+        raw.notes["weights"] = path
         return raw

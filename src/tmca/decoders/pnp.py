@@ -1,36 +1,137 @@
-"""Plug-and-play ADMM: any denoiser as the prior of the scene (Venkatakrishnan, Bouman and Wohlberg 2013)."""
+"""Plug-and-play ADMM: any denoiser as the prior of the scene (Venkatakrishnan, Bouman and Wohlberg 2013).
+
+Denoisers: total variation, scikit-image's, any torch module, in a spectral subspace. Spectra of a scene lie close to a
+subspace of few dimensions: `subspace_denoiser` projects a cube onto the leading eigenvectors of its own second moments
+and denoises every component picture by itself; the other dimensions are taken for noise (Zhuang and Bioucas-Dias, IEEE
+JSTARS 11, 730 (2018), FastHyDe).
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
+import numpy as np
 import torch
-from torch import Tensor
+from numpy.typing import NDArray
+from torch import Tensor, nn
 
-from tmca.decoders.data_step import (
+from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.decoders.least_squares import (
     Checked,
     DataStep,
-    Operator,
     Result,
     channel_operator,
-    check_settings,
+    check_iteration,
     exposure_gain,
     noise_level,
+    of_iterations,
 )
-from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.decoders.denoisers import Denoiser, nl_means_denoiser, subspace_denoiser, tv_denoiser
-from tmca.errors import SettingError, ShapeError
+from tmca.decoders.tv import norm, tv_prox
+from tmca.errors import SettingError, check_choice, check_range, check_shape
+from tmca.operators.linear import LinearOperator
+
+Denoiser = Callable[[Tensor, float], Tensor]
+"""``denoise(cube (B, L, H, W), sigma) -> cube``, for white noise of standard deviation sigma."""
+ImageDenoiser = Callable[[NDArray[np.floating], float], NDArray[np.floating]]
+"""``denoise(image (H, W), sigma) -> image``."""
+
+
+def tv_denoiser(strength: float = 20.0, *, joint: bool = True, max_iterations: int = 50) -> Denoiser:
+    """Total variation: the maximum a posteriori estimate under the prior exp(−strength · TV).
+
+    Plugged in, it leads to the solution of `tmca.decoders.admm_tv` with weight = strength · noise_sigma².
+    """
+    check_range("strength", strength, above=0)
+
+    def denoise(cube: Tensor, sigma: float) -> Tensor:
+        return tv_prox(cube, strength * sigma**2, joint, max_iterations=max_iterations)
+
+    return denoise
+
+
+def per_band(denoise_image: ImageDenoiser) -> Denoiser:
+    """A denoiser of NumPy images (H, W) applied to every band of every cube."""
+
+    def denoise(cube: Tensor, sigma: float) -> Tensor:
+        bands = cube.detach().cpu().flatten(0, 1).numpy()
+        clean = np.stack([denoise_image(band, sigma) for band in bands])
+        return torch.from_numpy(clean).to(cube).view_as(cube)
+
+    return denoise
+
+
+def chambolle_denoiser(strength: float = 1.0, *, max_iterations: int = 100) -> Denoiser:
+    """scikit-image's ``denoise_tv_chambolle`` on every band, with weight = strength · sigma."""
+    from skimage.restoration import denoise_tv_chambolle
+
+    check_range("strength", strength, above=0)
+    return per_band(
+        lambda band, sigma: denoise_tv_chambolle(band, weight=strength * sigma, max_num_iter=max_iterations)
+    )
+
+
+def nl_means_denoiser(strength: float = 0.8, *, patch_size: int = 5, patch_distance: int = 6) -> Denoiser:
+    """scikit-image's ``denoise_nl_means`` on every band, with the cut-off h = strength · sigma."""
+    from skimage.restoration import denoise_nl_means
+
+    check_range("strength", strength, above=0)
+
+    def denoise_image(band: NDArray[np.floating], sigma: float) -> NDArray[np.floating]:
+        return denoise_nl_means(band, patch_size, patch_distance, h=strength * sigma, sigma=sigma, fast_mode=True)
+
+    return per_band(denoise_image)
+
+
+def module_denoiser(module: nn.Module, sigma_as: Literal["argument", "map", "none"] = "argument") -> Denoiser:
+    """A torch module as a denoiser.
+
+    Args:
+        module: maps cubes to cubes; the caller puts it in evaluation mode and on the right device.
+        sigma_as: "argument" calls ``module(cube, sigma)``; "map" appends a constant band of value sigma and
+            calls ``module`` on (B, L + 1, H, W); "none" calls ``module(cube)``, for a network trained blind.
+    """
+    check_choice("sigma_as", sigma_as, ("argument", "map", "none"))
+
+    def denoise(cube: Tensor, sigma: float) -> Tensor:
+        if sigma_as == "argument":
+            return module(cube, sigma)
+        if sigma_as == "map":
+            return module(torch.cat((cube, torch.full_like(cube[:, :1], sigma)), 1))
+        return module(cube)
+
+    return denoise
+
+
+def subspace(cube: Tensor, rank: int) -> Tensor:
+    """(L, rank) orthonormal basis of the spectra of a cube (L, H, W) with most energy."""
+    spectra = cube.flatten(1).double()
+    values, vectors = torch.linalg.eigh(spectra @ spectra.T)
+    return vectors[:, values.argsort(descending=True)[:rank]].to(cube)
+
+
+def subspace_denoiser(denoise: Denoiser, rank: int = 6) -> Denoiser:
+    """Denoise the components of a cube in its own spectral subspace.
+
+    Args:
+        denoise: takes components (B, rank, H, W) for bands; white noise keeps its sigma in every one, for the basis is
+            orthonormal.
+        rank: dimensions of the subspace; all bands where there are fewer.
+    """
+    check_range("rank", rank, 1)
+
+    def denoised(cubes: Tensor, sigma: float) -> Tensor:
+        bases = torch.stack([subspace(cube, min(rank, cube.shape[0])) for cube in cubes])
+        components = torch.einsum("blr,blhw->brhw", bases, cubes)
+        return torch.einsum("blr,brhw->blhw", bases, denoise(components, sigma))
+
+    return denoised
 
 
 def sigma_schedule(sigma: float | tuple[float, float], iterations: int) -> list[float]:
-    """The denoiser's sigma at every iteration.
-
-    Args:
-        sigma: constant, or (first, last): in equal ratios over the first half of the iterations, then held.
-        iterations: length of the list.
-    """
+    """The denoiser's sigma at every iteration: constant, or from first to last in equal ratios over half of them."""
     first, last = (sigma, sigma) if isinstance(sigma, (int, float)) else sigma
     if not (0 < last <= first and math.isfinite(first)):
         raise SettingError("sigma", f"{sigma}", "a finite number > 0, or (first, last) with first ≥ last > 0")
@@ -40,7 +141,7 @@ def sigma_schedule(sigma: float | tuple[float, float], iterations: int) -> list[
 
 @torch.no_grad()
 def pnp_admm(
-    operator: Operator,
+    operator: LinearOperator,
     snapshot: Tensor,
     denoise: Denoiser,
     *,
@@ -69,58 +170,33 @@ def pnp_admm(
             than this share of its norm (primal) and the denoised one changed by less than this share of the
             multiplier's norm (dual).
         progress: called after every iteration, see `Checked`.
-        initial: (B, L, H, W) to start from, by default the pseudo-inverse of the snapshot.
+        initial: (B, L, H, W) to start from, see `DataStep.start`.
 
     Raises:
-        ShapeError: a snapshot, initial estimate or denoised cube of the wrong shape.
-        SettingError: an impossible noise level, schedule, tolerance or number of iterations.
+        ShapeError, SettingError: a tensor of another shape, or a number out of range.
     """
-    check_settings(max_iterations, tolerance)
-    _check_noise(noise_sigma)
+    check_iteration(max_iterations, tolerance)
+    check_range("noise_sigma", noise_sigma, above=0)
     sigmas = sigma_schedule(sigma, max_iterations)
     data = DataStep(operator, snapshot)
-    clean = data.start(initial)
+    clean = data.start(initial, (noise_sigma / sigmas[0]) ** 2)
     dual, previous = torch.zeros_like(clean), sigmas[0]
-    primals: list[float] = []
-    changes: list[float] = []
-    converged = False
+    primals, changes, converged = list[float](), list[float](), False
     for iteration, now in enumerate(sigmas, 1):
         dual *= (now / previous) ** 2  # the multiplier is ρ · dual, and ρ goes with 1/sigma²
         copy = data(clean - dual, (noise_sigma / now) ** 2)
-        before, clean = clean, _denoised(denoise, copy + dual, now)
+        before, clean = clean, denoise(copy + dual, now)
+        check_shape("denoise", clean, before.shape, "a denoiser returns the shape that it is given")
         dual, previous = dual + copy - clean, now
-        size = _norm(clean)
-        primals.append(_norm(copy - clean) / max(size, 1e-30))
-        changes.append(_norm(clean - before) / max(_norm(dual), tolerance * size, 1e-30))
+        size = norm([clean])
+        primals.append(norm([copy - clean]) / max(size, 1e-30))
+        changes.append(norm([clean - before]) / max(norm([dual]), tolerance * size, 1e-30))
         if progress is not None:
             progress(iteration, primals[-1], changes[-1])
         converged = now == sigmas[-1] and max(primals[-1], changes[-1]) <= tolerance
         if converged:
             break
-    return Result(clean, tuple(range(1, len(primals) + 1)), (), tuple(primals), tuple(changes), len(primals), converged)
-
-
-def _check_noise(noise_sigma: float) -> None:
-    if not (noise_sigma > 0 and math.isfinite(noise_sigma)):
-        raise SettingError(
-            "noise_sigma",
-            f"{noise_sigma}",
-            "a finite number > 0",
-            "for a noise-free snapshot give a small one, 1e-3",
-        )
-
-
-def _denoised(denoise: Denoiser, cube: Tensor, sigma: float) -> Tensor:
-    clean = denoise(cube, sigma)
-    if clean.shape != cube.shape:
-        raise ShapeError(
-            "denoise", f"a cube of shape {tuple(clean.shape)}", f"{tuple(cube.shape)}, the shape it was given"
-        )
-    return clean
-
-
-def _norm(cube: Tensor) -> float:
-    return float(torch.linalg.vector_norm(cube))
+    return Result(clean, tuple(range(1, iteration + 1)), (), tuple(primals), tuple(changes), iteration, converged)
 
 
 @dataclass
@@ -140,13 +216,12 @@ class PlugAndPlay(Decoder):
         return tv_denoiser()
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
+        least = self.least_noise * exposure_gain(prepared)
         result = pnp_admm(
-            channel_operator(prepared), values, self.denoiser(),
-            noise_sigma=max(noise_level(prepared, values), self.least_noise * exposure_gain(prepared)),
-            max_iterations=self.iterations,
-            progress=None if progress is None else lambda iteration, *_: progress(iteration / self.iterations),
+            channel_operator(prepared), values, self.denoiser(), noise_sigma=max(noise_level(prepared, values), least),
+            max_iterations=self.iterations, progress=of_iterations(progress, self.iterations),
         )  # fmt: skip
-        return Raw(result.estimate, notes={"iterations": result.iterations, "converged": result.converged})
+        return result.raw()
 
 
 @dataclass

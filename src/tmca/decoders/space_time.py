@@ -16,13 +16,14 @@ from torch import Tensor
 from torch.nn.functional import fold, pad, unfold
 
 from tmca.cameras import SpectralCamera
-from tmca.decoders.data_step import DataStep, Operator, noise_level
-from tmca.decoders.decoder import Decoder, Progress, part_of
+from tmca.decoders.decoder import Decoder, Progress, one_by_one
+from tmca.decoders.least_squares import DataStep, energy, noise_level
 from tmca.decoders.tv import cosines
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 from tmca.operators import SlotwiseDisperser
+from tmca.operators.linear import LinearOperator
 
-_FRAMES, _SIDE, _STRIDE = 16, 16, 4
+_BLOCK, _STRIDE = (16, 16, 16), 4
 _TOGETHER = 64  # blocks that the processor's cache holds
 _NEAR = (1.0, 1.5, 1.5)  # standard deviations of the first estimate's kernel: frames, rows, columns
 _FAINT = 1e-6  # share of the most light below which nothing is said of a place
@@ -36,18 +37,13 @@ class BlockThreshold:
     Every block counts by the inverse number of coefficients that it keeps; its mean is always kept.
 
     Args:
-        frames: K of the movie.
-        size: (H, W).
+        frames, size: K and (H, W) of the movie.
         block: frames, rows and columns of a block at most.
         stride: rows and columns from one block to the next; blocks of frames overlap by half.
     """
 
     def __init__(
-        self,
-        frames: int,
-        size: tuple[int, int],
-        block: tuple[int, int, int] = (_FRAMES, _SIDE, _SIDE),
-        stride: int = _STRIDE,
+        self, frames: int, size: tuple[int, int], block: tuple[int, int, int] = _BLOCK, stride: int = _STRIDE
     ) -> None:
         self.size, self.stride = size, stride
         self.sides = (min(block[1], size[0]), min(block[2], size[1]))
@@ -75,11 +71,11 @@ class BlockThreshold:
         blocks = unfold(laid, self.sides, stride=self.stride)[0].T.reshape(-1, self.depth, *self.sides)
         parts = [self._thresholded(few, threshold) for few in blocks.split(_TOGETHER)]
         blocks, weights = (torch.cat(both) for both in zip(*parts, strict=True))
-        flat = blocks.reshape(len(blocks), -1).T[None]
-        area = weights.expand(-1, math.prod(self.sides)).T[None]
-        size = laid.shape[-2:]
-        both = (fold(one, size, self.sides, stride=self.stride)[0, :, :rows, :columns] for one in (flat, area))
-        total, weight = both
+        area = weights.expand(-1, math.prod(self.sides))
+        total, weight = (
+            fold(one.T[None], laid.shape[-2:], self.sides, stride=self.stride)[0, :, :rows, :columns]
+            for one in (blocks.flatten(1), area)
+        )
         return total, weight
 
     def _thresholded(self, blocks: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
@@ -95,7 +91,7 @@ class BlockThreshold:
 
 @torch.no_grad()
 def space_time_dct(
-    operator: Operator,
+    operator: LinearOperator,
     snapshot: Tensor,
     *,
     last: float,
@@ -103,42 +99,32 @@ def space_time_dct(
     iterations: int = 40,
     progress: Progress | None = None,
 ) -> Tensor:
-    """A scene per frame from one snapshot.
+    """A scene per frame, (B, K, L, H, W), from snapshots (B, 1, H, W').
 
     Args:
-        operator: of scenes (B, K, L, H, W), such as `tmca.operators.SlotwiseDisperser` with ``moving=True``.
-        snapshot: (B, 1, H, W').
+        operator: of such scenes, as `tmca.operators.SlotwiseDisperser` with ``moving=True``.
+        snapshot: that it took.
         last: threshold at the end, > 0, scene units: about the noise of a sample.
         first: threshold at the beginning, above the last; without it half the largest value of the first estimate.
         iterations: over which it falls geometrically, at least 2.
         progress: called with the share that is done.
-
-    Returns:
-        (B, K, L, H, W).
-
-    Raises:
-        ShapeError: a snapshot that does not fit the operator.
-        DataError: NaN or infinite values in it.
-        SettingError: thresholds or iterations out of range.
     """
-    data = DataStep(operator, snapshot)
-    movie = local_means(operator, snapshot)
+    data, movie = DataStep(operator, snapshot), local_means(operator, snapshot)
     first = max(0.5 * float(movie.max()), 2 * last) if first is None else first
     if not (0 < last < first and math.isfinite(first)):
         raise SettingError("threshold", f"from {first:g} to {last:g}", "falling, finite and above 0")
-    if iterations < 2:
-        raise SettingError("iterations", str(iterations), "at least 2")
-    energy = _energy(operator, snapshot)
+    check_range("iterations", iterations, 2)
+    penalty = _PENALTY * energy(operator, operator.A(torch.ones_like(movie[:1])))
     denoise = BlockThreshold(movie.shape[1], (movie.shape[3], movie.shape[4]))
     for iteration in range(iterations):
         threshold = first * (last / first) ** (iteration / (iterations - 1))
-        movie = _by_band(denoise, data(movie, _PENALTY * energy), threshold)
+        movie = _by_band(denoise, data(movie, penalty), threshold)
         if progress is not None:
             progress((iteration + 1) / iterations)
     return movie
 
 
-def local_means(operator: Operator, snapshot: Tensor) -> Tensor:
+def local_means(operator: LinearOperator, snapshot: Tensor) -> Tensor:
     """(B, K, L, H, W): the light that came from around every place and frame, over that of an even scene.
 
     Both are backprojected and smoothed by a Gaussian; where no light came from, the mean of all is taken.
@@ -156,13 +142,6 @@ def _smoothed(movie: Tensor) -> Tensor:
 
     sigma = (0.0, _NEAR[0], 0.0, *_NEAR[1:])
     return torch.from_numpy(gaussian_filter(movie.cpu().numpy(), sigma, mode="nearest")).to(movie)
-
-
-def _energy(operator: Operator, snapshot: Tensor) -> float:
-    """What ``A Aᵀ`` does to the snapshot of an even scene, on average."""
-    seen = operator.A(torch.ones(1, *operator.scene_shape, dtype=snapshot.dtype, device=snapshot.device))
-    back = operator.A(operator.A_adjoint(seen))
-    return float((back * seen).sum() / seen.square().sum().clamp_min(torch.finfo(seen.dtype).tiny))
 
 
 def _by_band(denoise: BlockThreshold, movie: Tensor, threshold: float) -> Tensor:
@@ -197,8 +176,7 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
     aperture does not change.
 
     Raises:
-        SettingError: frames that do not divide the slots, an aperture that changes, displacements by
-            parts of pixels.
+        SettingError: frames that do not divide the slots, or a camera that cannot be so collapsed.
     """
     aperture, shutter = camera.codes()
     slots = len(aperture)
@@ -215,7 +193,21 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
 
 
 @dataclass
-class SpaceTimeDecoder(Decoder):
+class FrameDecoder(Decoder):
+    """What decoders of scenes that change during the exposure share: frames, and the operator that images them."""
+
+    cameras, moving = frozenset({"spectral"}), True
+    frames: int | None = None
+
+    def scene_shape(self, camera: Any) -> tuple[int, ...]:
+        return (self.frames or camera.slots, *camera.scene_shape)
+
+    def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
+        return frame_operator(camera, self.frames or camera.slots), camera
+
+
+@dataclass
+class SpaceTimeDecoder(FrameDecoder):
     """Frames of a scene that changes during the exposure, sparse in the cosine transform of blocks of space and time.
 
     It takes any shutter before an aperture that stays as it is.
@@ -227,31 +219,18 @@ class SpaceTimeDecoder(Decoder):
         iterations: over which the threshold falls to it.
     """
 
-    name, label, cameras, moving = "space-time-dct", "space-time DCT", frozenset({"spectral"}), True
-    frames: int | None = None
+    name, label = "space-time-dct", "space-time DCT"
     threshold: float | None = None
     iterations: int = 40
 
-    def scene_shape(self, camera: Any) -> tuple[int, ...]:
-        return (self.frames or camera.slots, *camera.scene_shape)
-
-    def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
-        return frame_operator(camera, self.frames or camera.slots), camera
-
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Tensor:
-        count = len(values)
-        parts = [part_of(progress, place / count, (place + 1) / count) for place in range(count)]
-        scenes = [self._frames(*prepared, one, part) for one, part in zip(values.split(1), parts, strict=True)]
-        return torch.cat(scenes)
+        return torch.cat([self._frames(*prepared, one, report) for one, report in one_by_one(values, progress)])
 
     def _frames(
         self, operator: FrameOperator, camera: SpectralCamera, values: Tensor, progress: Progress | None
     ) -> Tensor:
-        last = _last_threshold(operator, camera, values) if self.threshold is None else self.threshold
+        last = self.threshold
+        if last is None:
+            gain = float(operator.energy().max().sqrt())
+            last = max(0.5 * noise_level(camera, values), 0.005 * float(values.max()), 1e-9) / max(gain, 1e-12)
         return space_time_dct(operator, values, last=last, iterations=self.iterations, progress=progress)
-
-
-def _last_threshold(operator: FrameOperator, camera: SpectralCamera, values: Tensor) -> float:
-    """Half the noise of a sample in scene units, and no less than 0.5 % of the brightest."""
-    gain = float(operator.energy().max().sqrt())
-    return max(0.5 * noise_level(camera, values), 0.005 * float(values.max()), 1e-9) / max(gain, 1e-12)

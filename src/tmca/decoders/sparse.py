@@ -6,13 +6,13 @@ has a matrix of its own, P = 1.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, ShapeError
+from tmca.decoders.least_squares import check_iteration
+from tmca.errors import check_range, check_shape
 
 _RELAXATION, _CHECK_EVERY = 1.8, 5
 _IMBALANCE, _RESCALE, _REBALANCINGS = 5.0, 2.0, 20
@@ -35,20 +35,21 @@ def batch_omp(
         forced: the first so many columns are taken before any other.
 
     Raises:
-        ShapeError: matrices and signals that do not fit each other.
-        SettingError: a sparsity beyond m or K, or a negative tolerance.
+        ShapeError, SettingError: matrices and signals that do not fit each other, or a number out of range.
     """
     _check_shapes(matrices, measured)
-    _check_sparsity(matrices, sparsity, tolerance, forced)
+    check_range("forced", forced, 0)
+    check_range("sparsity", sparsity, max(1, forced), min(matrices.shape[1:]))
+    limit = torch.as_tensor(tolerance).to(measured).expand(measured.shape[:2])
+    check_range("tolerance", float(limit.min()), 0)
     pursuit = _Pursuit(matrices, measured, sparsity)
-    limit = torch.as_tensor(tolerance, dtype=measured.dtype, device=measured.device).expand(measured.shape[:2])
     floor = (_TINY[measured.dtype] ** 2) * measured.square().sum(-1)
     for step in range(sparsity):
         energy = pursuit.residual.square().sum(-1)
         going = (energy > floor) if step < forced else (energy > limit.maximum(floor))
         if not going.any():
             break
-        pursuit.take(pursuit.column(step) if step < forced else pursuit.best(), going)
+        pursuit.take(pursuit.best() if step >= forced else torch.full_like(pursuit.chosen[..., 0], step), going)
     return pursuit.codes()
 
 
@@ -62,15 +63,11 @@ class _Pursuit:
         # a column that measures (next to) nothing is never taken
         self.inverse = torch.where(self.lengths > 1e-12 * self.lengths.amax(), 1 / self.lengths, 0).nan_to_num(posinf=0)
         self.basis = measured.new_zeros(groups, signals, sparsity, m)
-        self.triangle = torch.eye(sparsity, dtype=measured.dtype, device=measured.device)
-        self.triangle = self.triangle.expand(groups, signals, -1, -1).clone()
+        self.triangle = torch.eye(sparsity).to(measured).repeat(groups, signals, 1, 1)
         self.chosen = torch.zeros(groups, signals, sparsity, dtype=torch.long, device=measured.device)
         self.shares = measured.new_zeros(groups, signals, sparsity)
         self.free = torch.ones(groups, signals, matrices.shape[-1], dtype=torch.bool, device=measured.device)
         self.count = 0
-
-    def column(self, column: int) -> Tensor:
-        return torch.full_like(self.chosen[..., 0], column)
 
     def best(self) -> Tensor:
         """(G, P) the free column that correlates best with the residual."""
@@ -106,19 +103,10 @@ class _Pursuit:
 
 
 class LassoResult(NamedTuple):
-    """Outcome of `lasso_admm`.
-
-    Args:
-        codes: (G, P, K), with exact zeros.
-        iterations: done.
-        primal, dual: largest relative residuals over all signals.
-        converged: whether both are within the tolerance.
-    """
+    """Codes (G, P, K), with exact zeros, and whether the residuals of all signals are within the tolerance."""
 
     codes: Tensor
     iterations: int
-    primal: float
-    dual: float
     converged: bool
 
 
@@ -145,13 +133,16 @@ def lasso_admm(
         tolerance: of the relative primal and dual residuals, for every signal.
 
     Raises:
-        ShapeError: matrices, signals or weights that do not fit each other.
-        SettingError: a negative weight or tolerance, or no iteration.
+        ShapeError, SettingError: tensors that do not fit each other, or a number out of range.
     """
     _check_shapes(matrices, measured)
-    weights = _check_weight(matrices, weight, free)
-    if max_iterations < 1 or not (tolerance >= 0 and math.isfinite(tolerance)):
-        raise SettingError("lasso", f"{max_iterations} iterations, tolerance {tolerance}", "≥ 1 and ≥ 0")
+    check_iteration(max_iterations, tolerance)
+    check_range("free", free, 0, min(matrices.shape[1], matrices.shape[2] - 1))
+    weights = torch.as_tensor(weight).to(matrices)
+    if weights.ndim:
+        check_shape("weight", weights, (matrices.shape[2] - free,))
+    for extreme in weights.aminmax():
+        check_range("weight", float(extreme), 0)
     if not free:
         return _iterate(_Split(matrices, measured, weights), max_iterations, tolerance)
     basis, triangle = torch.linalg.qr(matrices[..., :free])
@@ -163,21 +154,17 @@ def lasso_admm(
 
 
 def _iterate(split: _Split, max_iterations: int, tolerance: float) -> LassoResult:
-    primal = dual = math.inf
-    iteration = 0
     for iteration in range(1, max_iterations + 1):
-        if iteration % _CHECK_EVERY and iteration < max_iterations:
-            split.step()
-            continue
         before = split.z
         split.step()
-        gap, change = split.residuals(before)
-        primal, dual = float(gap.max()), float(change.max())
-        if max(primal, dual) <= tolerance:
-            break
+        if iteration % _CHECK_EVERY and iteration < max_iterations:
+            continue
+        primal, dual = split.residuals(before)
+        if max(float(primal.max()), float(dual.max())) <= tolerance:
+            return LassoResult(split.z, iteration, True)
         if iteration <= _CHECK_EVERY * _REBALANCINGS and 2 * iteration <= max_iterations:
-            split.balance(gap, change)
-    return LassoResult(split.z, iteration, primal, dual, max(primal, dual) <= tolerance)
+            split.balance(primal, dual)
+    return LassoResult(split.z, max_iterations, False)
 
 
 class _Split:
@@ -193,8 +180,8 @@ class _Split:
         self.weights = weights
         self.z = measured.new_zeros(*measured.shape[:2], matrices.shape[-1])
         self.x, self.dual = self.z, torch.zeros_like(self.z)
-        typical = self.energies.sum((1, 2)) / matrices.shape[-1]
-        self.rho = typical.clamp_min(1e-12)[:, None, None].expand(*measured.shape[:2], 1).clone()
+        typical = self.energies.sum((1, 2), keepdim=True) / matrices.shape[-1]
+        self.rho = typical.clamp_min(1e-12).repeat(1, measured.shape[1], 1)
 
     def step(self) -> None:
         point = self.z - self.dual
@@ -223,34 +210,5 @@ def _length(values: Tensor) -> Tensor:
 
 
 def _check_shapes(matrices: Tensor, measured: Tensor) -> None:
-    if (
-        matrices.ndim != 3
-        or measured.ndim != 3
-        or (len(matrices), matrices.shape[1])
-        != (
-            len(measured),
-            measured.shape[2],
-        )
-    ):
-        found = f"matrices {tuple(matrices.shape)}, signals {tuple(measured.shape)}"
-        raise ShapeError("sparse recovery", found, "(G, m, K) and (G, P, m)")
-
-
-def _check_sparsity(matrices: Tensor, sparsity: int, tolerance: float | Tensor, forced: int) -> None:
-    most = min(matrices.shape[1:])
-    if not 1 <= sparsity <= most or not 0 <= forced <= sparsity:
-        raise SettingError("sparsity", f"{sparsity} with {forced} forced", f"1 to {most}, and no fewer than are forced")
-    if not bool((torch.as_tensor(tolerance) >= 0).all()):
-        raise SettingError("tolerance", f"{tolerance}", "≥ 0")
-
-
-def _check_weight(matrices: Tensor, weight: float | Tensor, free: int) -> Tensor:
-    m, columns = matrices.shape[1:]
-    if not 0 <= free < min(m + 1, columns):
-        raise SettingError("free", f"{free} columns", f"0 to {min(m, columns - 1)}")
-    weights = torch.as_tensor(weight, dtype=matrices.dtype, device=matrices.device)
-    if weights.ndim > 1 or (weights.ndim == 1 and len(weights) != columns - free):
-        raise ShapeError("weight", f"{tuple(weights.shape)}", f"one, or ({columns - free},)")
-    if not bool(((weights >= 0) & weights.isfinite()).all()):
-        raise SettingError("weight", "a weight below 0 or not finite", "numbers ≥ 0")
-    return weights
+    check_shape("matrices", matrices, ("G", "m", "K"))
+    check_shape("measured", measured, (len(matrices), "P", matrices.shape[1]))

@@ -14,7 +14,8 @@ from typing import Any
 
 from tmca.cameras import LIMITS, PAIRS, PARTS, Hardware
 from tmca.data.scene_names import identity_of, short_names
-from tmca.decoders.decoder import decoders_for, make_decoder, settings_from_text, settings_of
+from tmca.decoders import decoders_for, make_decoder, settings_of
+from tmca.decoders.settings import checked_settings
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, cell_key
 from tmca.experiments.results import check_new, mean_over_scenes, repository_commit, write_table
@@ -251,7 +252,7 @@ def decoder_settings(swept: Swept, point: Mapping[str, Any]) -> dict[str, Any]:
         return {}
     if point["decoder"] not in known:
         raise SettingError(f"{SETTING}{next(iter(texts))}", f"a setting of {point['decoder']}", "none of a network")
-    settings = settings_from_text(known[point["decoder"]], texts)
+    settings = checked_settings(known[point["decoder"]], texts, texts=True)
     make_decoder(point["decoder"], swept.application, settings)
     return settings
 

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.blocks import PatchEstimator
 from tmca.decoders.decoder import Progress, part_of
 from tmca.decoders.least_squares import tikhonov
 from tmca.decoders.likelihood import DepthRaw
+from tmca.decoders.lmmse import PatchEstimator
 from tmca.decoders.nets.network import NEED_PRIOR, STARTS, TILE, Network
 from tmca.decoders.nets.two_headed import DepthEstimate, TwoHeadedUNet, check_sizes, first_likelihood, first_stage
 from tmca.errors import SettingError

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import blake2b
 from math import prod
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.decoders.overlap import Canvas
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.blocks import BlockGrid, BlockModel
@@ -25,45 +24,20 @@ MEMORY = 2**27
 """Bytes of the covariances of measurements with pixels that are held at once."""
 Places = list[tuple[int, int]]
 """(top, left) of blocks."""
+Solver = GaussianSolver | MixtureSolver
+"""The posteriors of blocks under a prior, a camera and its noise."""
 
 
 class Blended(NamedTuple):
     """Scenes (B, L, H, W) and, where asked for, more of the same shape.
 
-    Args:
-        estimate: the scenes.
-        deviation: standard deviation of every entry.
-        scatter: variance of what the blocks over a pixel say: the mean square error of single blocks less that of
-            their blend, whatever the errors are.
+    ``scatter`` is the variance of what the blocks over a pixel say: the mean square error of single blocks less that of
+    their blend, whatever the errors are.
     """
 
     estimate: Tensor
     deviation: Tensor | None = None
     scatter: Tensor | None = None
-
-
-class Posterior(Protocol):
-    """The posterior of a batch of blocks."""
-
-    def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]: ...
-
-
-class Solver(Protocol):
-    """The posteriors of blocks under a prior, a camera and its noise."""
-
-    dtype: torch.dtype
-
-    def posterior(self, windows: Tensor) -> Posterior: ...
-
-    def typical_variance(self, windows: Tensor) -> Tensor: ...
-
-
-def block_solver(
-    prior: GaussianPrior | GaussianMixturePrior, model: BlockModel, noise: Noise, dtype: torch.dtype | None = None
-) -> Any:
-    """The posteriors of blocks under a prior of either kind."""
-    kind = MixtureSolver if isinstance(prior, GaussianMixturePrior) else GaussianSolver
-    return kind(prior, model, noise, dtype)  # type: ignore[arg-type]
 
 
 class PatchEstimator:
@@ -75,8 +49,7 @@ class PatchEstimator:
 
     Args:
         prior: of blocks (L, h, w).
-        taps: of the camera.
-        noise: of its sensor.
+        taps, noise: of the camera and its sensor.
         stride: rows and columns from block to block; None takes two thirds of its rows, and its valid columns but no
             more than two thirds of all, so that blocks overlap; for tiled codes the next smaller divisors of the
             period, so that blocks under the same part of the tile share their matrices.
@@ -98,20 +71,20 @@ class PatchEstimator:
         dtype: torch.dtype | None = None,
         differentiable: bool = False,
     ) -> None:
-        prior = prior.to(taps.code.device)
-        self.taps, self.differentiable, model = taps, differentiable, BlockModel.of(taps, prior.block)
-        self.solver: Solver = block_solver(prior, model, noise, dtype)
+        prior, model = prior.to(taps.code.device), BlockModel.of(taps, prior.block)
+        self.taps, self.differentiable = taps, differentiable
+        self.solver: Solver = (
+            MixtureSolver(prior, model, noise, dtype)
+            if isinstance(prior, GaussianMixturePrior)
+            else GaussianSolver(prior, model, noise, dtype)
+        )
         self.layout = Layout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
         self.window = self.layout.window(self.solver)
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
-        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with every entry's standard deviation if asked for.
-
-        Raises:
-            ShapeError: a snapshot that does not fit the taps.
-        """
-        check_snapshot(snapshot, self.taps)
-        blend = Blend(self.layout, self.window, snapshot, self.solver.dtype, uncertainty=uncertainty)
+        """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""
+        check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
+        blend = Blend(self.layout, self.window, snapshot, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
             blend.lay(self.solver, progress=progress)
         return blend.result()
@@ -119,13 +92,10 @@ class PatchEstimator:
 
 def usual_stride(model: BlockModel, code: Tensor) -> tuple[int, int]:
     """Rows and columns from block to block, see `PatchEstimator`."""
-    first, last = model.valid
-    rows, columns = _two_thirds(model.block[1]), min(last - first, _two_thirds(model.block[2]))
-    return _dividing(rows, _period(code.detach(), 1)), _dividing(columns, _period(code.detach(), 2))
-
-
-def _two_thirds(length: int) -> int:
-    return max(1, 2 * length // 3)
+    (_, rows, columns), (first, last) = model.block, model.valid
+    most = max(1, 2 * rows // 3), min(last - first, max(1, 2 * columns // 3))
+    down, across = (_dividing(step, _period(code.detach(), axis)) for axis, step in enumerate(most, start=1))
+    return down, across
 
 
 def _dividing(most: int, period: int | None) -> int:
@@ -146,13 +116,7 @@ def _period(code: Tensor, axis: int) -> int | None:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where blocks lie over the code of a camera, the same for all its snapshots.
-
-    Args:
-        grid: of the blocks.
-        code: (taps, H, W) padded.
-        groups: positions of blocks under equal windows of the code.
-    """
+    """Where blocks lie over the padded code (taps, H, W) of a camera, in groups that see equal windows of it."""
 
     grid: BlockGrid
     code: Tensor
@@ -160,8 +124,7 @@ class Layout:
 
     @classmethod
     def of(cls, model: BlockModel, taps: Taps, stride: tuple[int, int], differentiable: bool = False) -> Layout:
-        if min(stride) < 1:
-            raise SettingError("stride", f"{stride}", "rows and columns ≥ 1")
+        check_range("stride", min(stride), 1)
         stride = (min(stride[0], model.block[1]), stride[1])
         grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
         code = grid.pad_code(taps.code if differentiable else taps.code.detach())
@@ -173,58 +136,69 @@ class Layout:
         return blend_weights(solver.typical_variance(windows)).unflatten(0, self.grid.model.block)
 
 
+class Canvas:
+    """Sums of what blocks say about the padded frame, weighted by a window (L, h, w)."""
+
+    def __init__(self, grid: BlockGrid, batch: int, window: Tensor) -> None:
+        left, right, above, below = grid.padding
+        height, width = grid.frame
+        self.window, self.frame = window, (..., slice(above, above + height), slice(left, left + width))
+        self.weight = window.new_zeros(len(window), height + above + below, width + left + right)
+        self.total = self.weight.new_zeros(batch, *self.weight.shape)
+
+    def add(self, top: int, left: int, values: Tensor) -> None:
+        """Lay one block's values (B, L·h·w) with its corner at (top, left) of the padded frame."""
+        _, h, w = self.window.shape
+        area = (..., slice(top, top + h), slice(left, left + w))
+        self.total[area] += self.window * values.unflatten(-1, self.window.shape)
+        self.weight[area] += self.window
+
+    def mean(self) -> Tensor:
+        """(B, L, H, W) weighted mean on the frame."""
+        return self.total[self.frame] / self.weight[self.frame]
+
+
 class Blend:
     """Snapshots, and the canvases of their estimate, its variance and its square on which blocks are laid."""
 
     def __init__(
-        self,
-        layout: Layout,
-        window: Tensor,
-        snapshot: Tensor,
-        dtype: torch.dtype,
-        *,
-        uncertainty: bool = False,
-        scatter: bool = False,
+        self, layout: Layout, window: Tensor, snapshot: Tensor, *, uncertainty: bool = False, scatter: bool = False
     ) -> None:
         self.layout, grid = layout, layout.grid
         first, last = grid.model.valid
         parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
-        self.canvases = [None if part is None else Canvas.blank(grid, len(snapshot), part) for part in parts]
-        self.snapshot = grid.pad_snapshot(snapshot[:, 0].to(dtype))
+        self.canvases = [None if part is None else Canvas(grid, len(snapshot), part) for part in parts]
+        self.snapshot = grid.pad_snapshot(snapshot[:, 0].to(window.dtype))
 
     def lay(
         self, solver: Solver, groups: list[Places] | None = None, progress: Callable[[float], None] | None = None
     ) -> None:
         """Solve the blocks of some groups, all of them by default, and lay them on the canvases."""
-        groups = self.layout.groups if groups is None else groups
-        for done in self._solved(solver, groups):
-            if progress:
-                progress(done / len(groups))
-
-    def _solved(self, solver: Solver, groups: list[Places]) -> Iterator[int]:
-        """Solve the groups batch by batch; yields the groups done."""
         grid, model = self.layout.grid, self.layout.grid.model
+        groups = self.layout.groups if groups is None else groups
         batch = max(1, MEMORY // (model.measurements * prod(model.block) * solver.dtype.itemsize))
         for start in range(0, len(groups), batch):
             part = groups[start : start + batch]
             posterior = solver.posterior(grid.code_windows(self.layout.code, [places[0] for places in part]))
             for block, places in enumerate(part):
-                self._lay(posterior, block, places)
-            yield start + len(part)
+                measured = grid.snapshot_windows(self.snapshot, places)
+                moments = posterior.moments(block, measured.flatten(0, 1), self.canvases[1] is not None)
+                self._add(places, *(one if one is None else one.unflatten(0, measured.shape[:2]) for one in moments))
+            if progress:
+                progress((start + len(part)) / len(groups))
 
-    def _lay(self, posterior: Posterior, block: int, places: Places) -> None:
-        grid = self.layout.grid
-        measured = grid.snapshot_windows(self.snapshot, places)
-        estimate, variance = posterior.moments(block, measured.flatten(0, 1), self.canvases[1] is not None)
-        parts, shifts = (estimate, variance, estimate.square()), (0, grid.model.valid[0], 0)
-        for canvas, values, shift in zip(self.canvases, parts, shifts, strict=True):
+    def _add(self, places: Places, estimate: Tensor | None, variance: Tensor | None) -> None:
+        """What is known of equal blocks at some places, (P, B, L·h·w), and of their valid columns."""
+        assert estimate is not None
+        grid, parts = self.layout.grid, (estimate, variance, estimate.square())
+        for canvas, values, shift in zip(self.canvases, parts, (0, grid.model.valid[0], 0), strict=True):
             if canvas is not None and values is not None:
-                for (y, x), one in zip(places, values.unflatten(0, measured.shape[:2]), strict=True):
+                for (y, x), one in zip(places, values, strict=True):
                     canvas.add(y, x + grid.padding[0] + shift, one)
 
     def result(self) -> Blended:
         """What the canvases say."""
-        mean, variance, square = (None if one is None else one.mean(self.layout.grid) for one in self.canvases)
+        mean, variance, square = (None if canvas is None else canvas.mean() for canvas in self.canvases)
         assert mean is not None
         between = None if square is None else (square - mean.square()).clamp_min(0)
         return Blended(mean, None if variance is None else variance.sqrt(), between)
@@ -245,12 +219,6 @@ def equal_windows(grid: BlockGrid, code: Tensor, places: Places | None = None) -
     return list(groups.values())
 
 
-def check_snapshot(snapshot: Tensor, taps: Taps) -> None:
-    """Raise ShapeError unless the snapshot (B, 1, H, W') is one that the taps make."""
-    if snapshot.ndim != 4 or tuple(snapshot.shape[1:]) != taps.snapshot_shape:
-        raise ShapeError("snapshot", f"{tuple(snapshot.shape)}", f"(B, {', '.join(map(str, taps.snapshot_shape))})")
-
-
 def spread_out(places: Places, count: int = 8) -> Places:
     """A few of the positions, evenly through the list."""
     return [places[i] for i in torch.linspace(0, len(places) - 1, min(count, len(places))).long().tolist()]
@@ -268,10 +236,10 @@ class LMMSE(Decoder):
     prior_kind, deviation = "gaussian", True
     uncertainty: bool = False
 
-    def setup(self, camera: Any, prior: Any) -> PatchEstimator:
+    def setup(self, camera: Any, prior: Any) -> Any:
         return PatchEstimator(prior, camera.taps(), camera.noise)
 
-    def reconstruct(self, prepared: PatchEstimator, values: Tensor, progress: Progress | None) -> Raw:
+    def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         blended = prepared(values, uncertainty=self.uncertainty, progress=progress)
         return Raw(blended.estimate, blended.deviation)
 

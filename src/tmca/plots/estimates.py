@@ -1,0 +1,74 @@
+"""An estimate beside the truth: its labelled axes say which pictures it is drawn in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tmca.data.fitting import fit_cube, fit_depth_scene, fit_views
+from tmca.plots.cube import reconstruction_figure
+from tmca.plots.depth import depth_figure
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.style import image_figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    Scene = xr.DataArray | xr.Dataset
+
+
+def estimate_figure(
+    estimate: xr.Dataset, truth: Scene | None = None, limits: tuple[float, float] | None = None
+) -> Figure:
+    """Composites or views, depth if any, errors and predicted deviation, spectra; of other axes their mean.
+
+    Args:
+        estimate: as ``Estimate.to_xarray`` labels it; of several snapshots the first, of several slots the mean.
+        truth: the scene, brought to the estimate's bands and size; of a dataset the first variable, or ``radiance`` and
+            ``depth``.
+        limits: nearest and farthest depth, metres, of an estimate with depth.
+
+    Raises:
+        DataError: a truth of another kind, or a smaller one.
+    """
+    first = estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate
+    if limits is not None:
+        return _with_depth(first, truth, limits)
+    whole: Any = truth
+    scene = next(iter(whole.data_vars.values())) if hasattr(whole, "data_vars") else whole
+    axes = first["estimate"].dims
+    draw = _cube if "wavelength" in axes else _views if "view_v" in axes else _other
+    return draw(first, scene)
+
+
+def _size(values: xr.DataArray) -> tuple[int, int]:
+    return values.sizes["y"], values.sizes["x"]
+
+
+def _cube(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
+    name, values = str(estimate.attrs["decoder"]), estimate["estimate"]
+    waves = values["wavelength"].values.tolist()
+    scene = None if truth is None else fit_cube(truth, waves, _size(values), "truth").values
+    shown = values.mean("slot") if "slot" in values.dims else values
+    deviations = {name: estimate["deviation"].values} if "deviation" in estimate else {}
+    return reconstruction_figure({name: shown.values}, waves, scene, deviations)
+
+
+def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
+    values = estimate["estimate"]
+    views = values.sizes["view_v"], values.sizes["view_u"]
+    scene = None if truth is None else fit_views(truth, views, _size(values), "truth").values
+    return light_field_figure({str(estimate.attrs["decoder"]): values.values}, scene)
+
+
+def _with_depth(estimate: xr.Dataset, truth: Scene | None, limits: tuple[float, float]) -> Figure:
+    cube, name = estimate["radiance"], str(estimate.attrs["decoder"])
+    waves, pair = cube["wavelength"].values.tolist(), (cube.values, estimate["depth"].values)
+    scene = None if truth is None else fit_depth_scene(truth, waves, _size(cube), *limits, "truth")  # type: ignore[arg-type]
+    real = None if scene is None else (scene["radiance"].values, scene["depth"].values)
+    return depth_figure(name, pair, estimate["confidence"].values, waves, limits, real)
+
+
+def _other(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
+    values = estimate["estimate"].values
+    return image_figure(values.reshape(-1, *values.shape[-2:]).mean(0), str(estimate.attrs["decoder"]))
