@@ -5,7 +5,7 @@ import pytest
 
 from tests.dbd.loops import KINDS, samples, small
 from tmca.dbd import simulate
-from tmca.dbd.messages import fourier, random_rows
+from tmca.dbd.simulation import fourier, random_rows
 from tmca.errors import SettingError
 
 MORE = [{"lag": 0.13}, {"late_samples": 2, "basis": "gaussian"}, {"paths": (1, 2)}, {"amplitudes": (0.2, 3.0)}]

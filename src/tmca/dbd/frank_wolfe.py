@@ -12,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tmca.dbd.atoms import Polynomial
 from tmca.dbd.channel import (
-    Channel,
     Channels,
     each_atom,
     fit,
@@ -25,9 +23,8 @@ from tmca.dbd.channel import (
     residual,
     with_fitted_weights,
     with_weights,
-)  # fmt: skip
-from tmca.dbd.coordinates import Complex, Real
-from tmca.dbd.model import Problem
+)
+from tmca.dbd.model import Complex, Problem, Real
 from tmca.dbd.noise import cost, largest_level, noise_level, structured
 
 EXACT = 1e-9
@@ -164,7 +161,8 @@ def descend(channels: Channels, y: Complex, level: float, rounds: int = 12, weak
     for _ in range(rounds):
         if crowded(channels, y):
             break
-        inserted = _inserted(channels, y, level)
+        dual = residual(channels, y) / level
+        inserted = [one.with_peaks(dual, 1 + _TOLERANCE, most=_INSERTIONS) for one in channels]
         if paths(inserted) == paths(channels):
             return fit(channels, y, 10, level)
         channels = _stronger(group_lasso(inserted, y, level), 1e-9)
@@ -173,21 +171,14 @@ def descend(channels: Channels, y: Complex, level: float, rounds: int = 12, weak
     return channels
 
 
-def _inserted(channels: Channels, y: Complex, level: float) -> Channels:
-    """With atoms of weight zero where the dual polynomials exceed their bound."""
-    dual = residual(channels, y) / level
-    bounds = [one.atoms.source.weight * (1 + _TOLERANCE) for one in channels]
-    pairs = zip(channels, bounds, strict=True)
-    return [one.added(Polynomial(one.atoms, dual).peaks(bound, most=_INSERTIONS)[0]) for one, bound in pairs]
-
-
 def _clusters_merged(channels: Channels, y: Complex, level: float) -> Channels:
     """With atoms within half a resolution cell merged where the convex objective agrees."""
     trial = [one.merged(0.5) for one in channels]
     if paths(trial) == paths(channels):
         return channels
     trial = fit(trial, y, 15, level)
-    return trial if objective(trial, y, level) <= objective(channels, y, level) * (1 + 1e-9) else channels
+    after, before = (objective(some, residual(some, y), level) for some in (trial, channels))
+    return trial if after <= before * (1 + 1e-9) else channels
 
 
 def _stronger(channels: Channels, share: float) -> Channels:
@@ -258,9 +249,11 @@ def exact_fit(channels: Channels, y: Complex, shares: Iterable[float]) -> tuple[
     """
     best: tuple[float, Channels | None] = (np.inf, None)
     seen: set[tuple[int, ...]] = set()
+    merged = [one.merged(_CELLS) for one in channels]
+    strongest = max(one.strengths.max(initial=0.0) for one in merged)
     for share in shares:
-        trial = _strong(channels, y, share)
-        if trial is None or paths(trial) in seen:
+        trial = [one.taken(one.strengths > share * strongest) for one in merged]
+        if not any(paths(trial)) or _unknowns(trial) >= 2 * y.size or paths(trial) in seen:
             continue
         seen.add(paths(trial))
         trial = _fitted(trial, y)
@@ -270,39 +263,24 @@ def exact_fit(channels: Channels, y: Complex, shares: Iterable[float]) -> tuple[
     return best
 
 
-def _strong(channels: Channels, y: Complex, share: float) -> Channels | None:
-    trial = [one.merged(_CELLS) for one in channels]
-    strongest = max(one.strengths.max(initial=0.0) for one in trial)
-    trial = [one.taken(one.strengths > share * strongest) for one in trial]
-    return trial if any(paths(trial)) and _unknowns(trial) < 2 * y.size else None
-
-
 def _fitted(channels: Channels, y: Complex) -> Channels:
+    """Least squares; where they are exact, with as few atoms as that takes."""
     channels = fit(with_fitted_weights(channels, y), y, _STEPS)
     if relative_residual(channels, y) < EXACT:
         merged = [one.merged(1e-2) for one in channels]
-        channels = _eliminated(fit(with_fitted_weights(merged, y), y, _STEPS), y)
-    return channels
-
-
-def _eliminated(channels: Channels, y: Complex) -> Channels:
-    """Drops atoms, the weakest first, as long as the fit stays exact."""
-    while sum(paths(channels)) > 1:
-        fewer = _one_less(channels, y)
-        if fewer is None:
-            break
-        channels = fewer
+        fewer: Channels | None = fit(with_fitted_weights(merged, y), y, _STEPS)
+        while fewer is not None:
+            channels, fewer = fewer, _one_less(fewer, y) if sum(paths(fewer)) > 1 else None
     return channels
 
 
 def _one_less(channels: Channels, y: Complex) -> Channels | None:
+    """An exact fit without one atom, the weakest if possible."""
     order = sorted(
         (value, index, atom) for index, one in enumerate(channels) for atom, value in enumerate(one.strengths)
     )
     for _, index, atom in order:
-        fewer: list[Channel] = [*channels]
-        fewer[index] = channels[index].without(atom)
-        trial = with_fitted_weights(fewer, y)
+        trial = with_fitted_weights([*channels[:index], channels[index].without(atom), *channels[index + 1 :]], y)
         if relative_residual(trial, y) < _MISSED:
             trial = fit(trial, y, _STEPS)
         if relative_residual(trial, y) < EXACT:
