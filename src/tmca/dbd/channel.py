@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tmca.dbd.atoms import Atoms, Polynomial, relative_dopplers
-from tmca.dbd.model import Complex, Mask, Problem, Real, Whole, distance
+from tmca.dbd.model import Complex, Mask, Problem, Real, Source, Truth, Whole, distance
 
 _TRIALS = 8
 _SAME_PLACE = 0.02
@@ -42,6 +42,12 @@ class Channel:
         """A lifted one with ``(n, G J)`` coefficients."""
         return cls(atoms, positions, np.ones(len(positions), complex), weights)
 
+    @classmethod
+    def true(cls, source: Source, truth: Truth, shape: tuple[int, int, int]) -> Channel:
+        """The structured one of a source whose channel and signal are known."""
+        atoms = Atoms(source, shape, every_axis=True)
+        return cls(atoms, atoms.seen(truth.points), truth.amplitudes, truth.waveform)
+
     @property
     def name(self) -> str:
         """Of the source."""
@@ -69,10 +75,9 @@ class Channel:
 
     @property
     def relative_axis(self) -> int | None:
-        """The column of Dopplers that messages absorb, so that they are relative to each other; or None."""
-        if "doppler" in self.atoms.axes and not self.atoms.source.sees_doppler:
-            return self.atoms.axes.index("doppler")
-        return None
+        """The column of Dopplers that messages absorb, so that they count from the strongest path's; or None."""
+        absorbed = "doppler" in self.atoms.axes and not self.atoms.source.sees_doppler
+        return self.atoms.axes.index("doppler") if absorbed else None
 
     @property
     def relative_doppler(self) -> bool:
@@ -206,14 +211,18 @@ Channels = list[Channel]
 def no_paths(problem: Problem) -> Channels:
     """A lifted channel without paths for every source."""
     families = [Atoms(source, problem.shape) for source in problem.sources]
-    return [
-        Channel.from_weights(one, np.zeros((0, len(one.axes))), np.zeros((0, one.size), complex)) for one in families
-    ]
+    empty = np.zeros(0, complex)
+    return [Channel(one, np.zeros((0, len(one.axes))), empty, empty.reshape(0, one.size)) for one in families]
 
 
 def paths(channels: Sequence[Channel]) -> tuple[int, ...]:
     """Number of paths of every source."""
     return tuple(len(one) for one in channels)
+
+
+def unknowns(channels: Sequence[Channel]) -> int:
+    """Real unknowns of all sources."""
+    return sum(one.unknowns for one in channels)
 
 
 def each_atom(channels: Sequence[Channel]) -> Iterator[tuple[Atoms, Real, Complex]]:
@@ -286,12 +295,9 @@ def fit(channels: Channels, y: Complex, steps: int = 30, level: float = 0.0) -> 
 
 
 def normal_equations(channels: Sequence[Channel], left: Complex, level: float = 0.0) -> tuple[Real, Real]:
-    """Curvature and gradient of the objective in (real, imaginary parts of the linear parameters, positions).
+    """Curvature and gradient, at a residual ``(A P M,)``, of the objective.
 
-    Args:
-        channels: of all sources.
-        left: ``(A P M,)``, the residual.
-        level: of the penalty.
+    By real parts, then imaginary parts of what :meth:`Channel.linear` tells of all sources, then by positions.
     """
     linear = np.hstack([one.linear() for one in channels])
     both = np.hstack([linear, *(one.slopes() for one in channels)])

@@ -106,7 +106,7 @@ class Source:
 
     def __post_init__(self) -> None:
         where, message, rows = f"basis of {self.name}", np.asarray(self.message), np.asarray(self.rows, np.complex128)
-        rows = np.broadcast_to(rows, (len(message), *rows.shape)) if rows.ndim == 2 else rows
+        rows = np.repeat(rows[None], len(message), axis=0) if rows.ndim == 2 else rows
         check_shape(where, rows, ("pulses", "frequencies", "subspace"))
         bad = int(np.sum(~np.isfinite(rows)))
         if bad:
@@ -117,23 +117,17 @@ class Source:
             raise SettingError(f"messages of {self.name}", f"{message.tolist()}", expected)
         object.__setattr__(self, "rows", rows)
         object.__setattr__(self, "message", message.astype(np.int64))
-        self._check_rank()
+        for one in range(self.messages):  # coefficients that do not show in the signal cannot be estimated
+            heard = rows[message == one].reshape(-1, self.subspace)
+            rank = int(np.linalg.matrix_rank(heard))
+            if rank < self.subspace:
+                which = f"{where}, message {one}" if self.messages > 1 else where
+                remedy = "drop the columns that depend on others"
+                raise SettingError(which, f"rank {rank} of {self.subspace} columns", "full column rank", remedy)
         if self.weight is None:
             power = np.abs(rows) ** 2
             object.__setattr__(self, "weight", float(np.sqrt(np.mean(power[power > 0]))))
         check_range(f"weight of {self.name}", self.weight, above=0)
-
-    def _check_rank(self) -> None:
-        """Coefficients that do not show in the signal cannot be estimated."""
-        for one in range(1 if self.same_every_pulse else self.messages):
-            rows = self.rows[self.message == one].reshape(-1, self.subspace)
-            rows = self.rows[0] if self.same_every_pulse else rows
-            rank = int(np.linalg.matrix_rank(rows))
-            if rank < self.subspace:
-                where = f"basis of {self.name}" + (f", message {one}" if self.messages > 1 else "")
-                size = f"{rows.shape[0]} x {rows.shape[1]}"
-                remedy = "drop the columns that depend on others"
-                raise SettingError(where, f"rank {rank} in {size}", "full column rank", remedy)
 
     @property
     def messages(self) -> int:
@@ -153,7 +147,7 @@ class Source:
     @cached_property
     def same_every_pulse(self) -> bool:
         """Whether all pulses have the same rows."""
-        return self.rows.strides[0] == 0 or bool(np.all(self.rows == self.rows[:1]))
+        return bool(np.all(self.rows == self.rows[:1]))
 
     @property
     def sees_doppler(self) -> bool:
@@ -257,18 +251,14 @@ class SameSignals(UserWarning):
     """Whatever one source sends, another can send too."""
 
 
-def lifted_unknowns(problem: Problem, paths: Sequence[int]) -> int:
-    """Complex unknowns of the lifted problem: paths times coefficients, summed over the sources.
-
-    For a radar and ``block`` messages L J + Q J P (dbd erratum S2: with the Doppler absorbed, every path needs its
-    own J P coefficients; the sample bound of thesis equation 87 misses the factor P).
-    """
-    return sum(count * source.unknowns for count, source in zip(paths, problem.sources, strict=True))
-
-
 def beyond_freedom(problem: Problem, paths: Sequence[int]) -> str | None:
-    """Why no convex method can succeed with so many paths, or None."""
-    unknowns, samples = lifted_unknowns(problem, paths), problem.y.size
+    """Why no convex method can succeed with so many paths, or None.
+
+    The lifted problem has L J + Q J P complex unknowns for a radar and ``block`` messages (with the Doppler absorbed,
+    every path needs its own J P coefficients; the sample bound of thesis equation 87 misses the factor P).
+    """
+    unknowns = sum(count * source.unknowns for count, source in zip(paths, problem.sources, strict=True))
+    samples = problem.y.size
     if unknowns <= samples:
         return None
     parts = " + ".join(f"{n} x {one.unknowns}" for n, one in zip(paths, problem.sources, strict=True))

@@ -146,7 +146,11 @@ def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int |
     fisher = 2 / sigma**2 * curvature / np.outer(sizes, sizes)
     ends = np.cumsum([one.positions.size for one in channels])
     nuisance = np.arange(len(fisher) - ends[-1])
-    fixed = _reference_columns(channels, references or [None] * len(channels))
+    fixed = []  # columns of Dopplers that others count from
+    for one, path, end in zip(channels, references or [None] * len(channels), ends, strict=True):
+        if one.relative_axis is not None and len(one):
+            start = end - one.positions.size + one.relative_axis
+            fixed.append(start + (one.strongest if path is None else path) * one.positions.shape[1])
     free = np.setdiff1d(np.arange(ends[-1]), fixed)
     columns = len(nuisance) + free
     cross = fisher[np.ix_(columns, nuisance)]
@@ -162,17 +166,6 @@ def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int |
     return [part.reshape(one.positions.shape) for one, part in zip(channels, parts, strict=True)]
 
 
-def _reference_columns(channels: Sequence[Channel], references: Sequence[int | None]) -> list[int]:
-    """Columns of Dopplers that serve as references."""
-    columns, start = [], 0
-    for one, given in zip(channels, references, strict=True):
-        if one.relative_axis is not None and len(one):
-            path = one.strongest if given is None else given
-            columns.append(start + path * one.positions.shape[1] + one.relative_axis)
-        start += one.positions.size
-    return columns
-
-
 def true_bounds(problem: Problem, references: Sequence[int | None] | None = None) -> list[Real]:
     """Cramér–Rao bounds of a simulated problem, at its true parameters; see :func:`bounds`.
 
@@ -181,8 +174,5 @@ def true_bounds(problem: Problem, references: Sequence[int | None] | None = None
     """
     if problem.truth is None or not problem.sigma:
         raise SettingError("problem", "no truth or no noise", "a simulated problem with snr_db")
-    channels = []
-    for source, truth in zip(problem.sources, problem.truth, strict=True):
-        atoms = Atoms(source, problem.shape, every_axis=True)
-        channels.append(Channel(atoms, atoms.seen(truth.points), truth.amplitudes, truth.waveform))
-    return bounds(channels, problem.sigma, references)
+    pairs = zip(problem.sources, problem.truth, strict=True)
+    return bounds([Channel.true(*both, problem.shape) for both in pairs], problem.sigma, references)

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from tmca.dbd.atoms import Atoms
+from tmca.dbd.channel import Channel
 from tmca.dbd.model import Complex, Problem, Real, Source, Truth, Whole, distance
 from tmca.errors import SettingError, check_choice, check_range
 
@@ -128,15 +128,9 @@ def _separation(separation: float | Sequence[float] | None, sizes: tuple[int, in
 
 
 def separated_points(rng: np.random.Generator, count: int, separation: Sequence[float]) -> Real:
-    """``(count, len(separation))`` uniform points that differ by ``separation`` in at least one coordinate.
+    """``(count, D)`` uniform points, any two of which differ by ``separation`` in at least one of D coordinates.
 
-    Args:
-        rng: random numbers.
-        count: number of points.
-        separation: per coordinate; ``inf`` where a coordinate may not tell two points apart.
-
-    Raises:
-        SettingError: so many points do not fit this far apart.
+    Infinite separation: this coordinate may not tell two points apart.
     """
     apart = np.asarray(separation)
     for _ in range(_TRIES):
@@ -161,12 +155,8 @@ def _numbered(name: str, count: int) -> list[str]:
 def overlaid(sources: Sequence[Source], truth: Sequence[Truth], antennas: int) -> Complex:
     """``(A, P, M)``, the samples of known channels and signals without noise."""
     shape = (antennas, *sources[0].rows.shape[:2])
-    y = np.zeros(shape, complex)
-    for source, channel in zip(sources, truth, strict=True):
-        atoms = Atoms(source, shape, every_axis=True)
-        signals = atoms.signals(atoms.seen(channel.points), channel.waveform)
-        y += (channel.amplitudes @ signals).reshape(shape)
-    return y
+    channels = [Channel.true(*both, shape) for both in zip(sources, truth, strict=True)]
+    return np.sum([one.amplitudes @ one.columns().T for one in channels], axis=0).reshape(shape)
 
 
 def noisy(y: Complex, snr_db: float | None, rng: np.random.Generator) -> tuple[Complex, float]:
@@ -179,18 +169,11 @@ def noisy(y: Complex, snr_db: float | None, rng: np.random.Generator) -> tuple[C
 
 
 def random_rows(rng: np.random.Generator, count: int, subspace: int, kind: str = "vandermonde") -> Complex:
-    """``count`` rows ``bₙᴴ`` of a random basis, ``(count, subspace)``.
+    """``(count, subspace)``, rows ``bₙᴴ`` of a random basis.
 
-    Args:
-        rng: random numbers.
-        count: rows.
-        subspace: columns.
-        kind: ``vandermonde``, ``[1, e^(−j2πs), …]`` with s uniform (Chi, "Guaranteed blind sparse spikes
-            deconvolution via lifting and convex optimization", 2016); ``gaussian``, complex with unit variance;
-            ``dft``, rows of the Fourier matrix in random order; ``sign``, ±1.
-
-    Raises:
-        SettingError: another kind.
+    ``vandermonde``: ``[1, e^(−j2πs), …]`` with s uniform (Chi, "Guaranteed blind sparse spikes deconvolution via
+    lifting and convex optimization", 2016); ``gaussian``: complex with unit variance; ``dft``: rows of the Fourier
+    matrix in random order; ``sign``: ±1.
     """
     check_choice("basis", kind, BASES)
     if kind == "gaussian":
@@ -215,14 +198,9 @@ def message_source(
     rng: np.random.Generator, name: str, size: tuple[int, int], subspace: int, basis: str, kind: str,
     ratio: Fraction = Fraction(1),
 ) -> Source:  # fmt: skip
-    """A communications transmitter.
+    """A communications transmitter in random bases; ``size`` is pulses and frequencies.
 
     Args:
-        rng: random numbers.
-        name: of the source.
-        size: pulses P and frequencies M.
-        subspace: J.
-        basis: kind of random basis.
         kind: ``block``, unknown coefficients of their own in every pulse (thesis equation 57); ``shared``, one
             coefficient vector in bases that change from pulse to pulse; ``dense``, J P coefficients that mix in all.
         ratio: other than 1, symbols that last so many intervals, in place of ``kind``. Longer ones (2, 3, …): pulses

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from tmca.dbd.certificate import certificate
-from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, with_fitted_weights
+from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
 from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
 from tmca.dbd.model import BeyondFreedom, Complex, Problem, SameSignals, ambiguities, beyond_freedom, same_signals
@@ -148,7 +148,7 @@ def _by_dual(
 def _touching(problem: Problem, q: Complex, share: float) -> Channels:
     """Atoms at the maxima of the dual polynomials that reach a share of their bounds, with least-squares weights."""
     channels = [one.with_peaks(q, share, most=30) for one in no_paths(problem)]
-    if any(paths(channels)) and sum(one.unknowns for one in channels) < 2 * problem.y.size:
+    if any(paths(channels)) and unknowns(channels) < 2 * problem.y.size:
         channels = with_fitted_weights(channels, problem.y)
     return channels
 
@@ -169,8 +169,7 @@ def _explaining(problem: Problem, q: Complex) -> Channels | None:
 def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, began: float) -> Recovery:
     channels, counts = solution.channels, paths(solution.channels)
     left = relative_residual(channels, problem.y)
-    unknowns = sum(one.unknowns for one in channels)
-    exact = bool(solution.sigma == 0 and left < EXACT and unknowns < 2 * problem.y.size)
+    exact = bool(solution.sigma == 0 and left < EXACT and unknowns(channels) < 2 * problem.y.size)
     proof = certificate(solution.lifted) if certify and exact else None
     notes = [*ambiguities(problem), *solution.notes]
     if beyond_freedom(problem, counts):
