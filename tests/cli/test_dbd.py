@@ -57,7 +57,7 @@ def test_a_study_keeps_what_is_finished(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("simulate", "--snr", "nan"), "decibels from -300 to 300"),
+        (("simulate", "--snr", "nan"), "expected -300 to 300 dB"),
         (("simulate", "--targets", "x"), "--targets: found 'x'"),
         (("simulate", "--messages", "none"), "one of shared, block, dense"),
         (("simulate", "--symbol-ratio", "0"), "found 0"),

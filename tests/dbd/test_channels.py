@@ -9,8 +9,8 @@ from tests.dbd.loops import lifted, noise, samples, slopes, small
 from tmca.dbd import Channel, Truth, simulate
 from tmca.dbd.atoms import Atoms
 from tmca.dbd.channel import fit, no_paths, normal_equations, relative_residual, residual
-from tmca.dbd.messages import unit_vector
 from tmca.dbd.noise import bounds
+from tmca.dbd.simulation import unit_vector
 
 KINDS = ["shared", "even", "block", "three pulses a symbol", "antennas", "antennas, block", "one pulse"]
 

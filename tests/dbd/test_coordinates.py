@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from tmca.dbd import Units
-from tmca.dbd.coordinates import distance, from_zero, matched, separated_points
+from tmca.dbd.model import distance, from_zero
+from tmca.dbd.recovery import matched
+from tmca.dbd.simulation import separated_points
 from tmca.errors import SettingError
 
 
@@ -40,7 +42,7 @@ def test_a_coordinate_that_tells_nothing_leaves_it_to_the_others():
 
 
 def test_more_points_than_fit_are_refused(monkeypatch):
-    monkeypatch.setattr("tmca.dbd.coordinates._TRIES", 200)
+    monkeypatch.setattr("tmca.dbd.simulation._TRIES", 200)
     with pytest.raises(SettingError) as caught:
         separated_points(np.random.default_rng(0), 3, (0.4,))
     assert caught.value.where == "separation"

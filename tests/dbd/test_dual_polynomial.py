@@ -31,7 +31,7 @@ def test_the_polynomial_is_the_adjoint_of_the_atoms(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_grids_hold_the_squares_at_their_points(kind):
     for one, square, _ in random_ones(kind):
-        grid = one.norms_on_grid(2)
+        grid = (one.atoms.source.weight * one.levels_on_grid(2)) ** 2
         assert grid.shape == tuple(2 * int(count) for count in one.atoms.counts)
         places = np.random.default_rng(1).integers(grid.shape, size=(6, grid.ndim))
         slow = [square(place / np.array(grid.shape)) for place in places]
@@ -73,11 +73,11 @@ def test_a_dual_variable_of_one_atom_peaks_there(kind):
     source = Source("known", noise(np.random.default_rng(3), *problem.shape[1:], 1), [0] * problem.shape[1])
     atoms = Atoms(source, problem.shape)
     for point in (np.full(len(atoms.axes), 0.2345), np.full(len(atoms.axes), 0.9999)):
-        points, norms = Polynomial(atoms, atoms.signals(point[None], np.ones(1))[0]).peaks(0.0)
+        points, levels = Polynomial(atoms, atoms.signals(point[None], np.ones(1))[0]).peaks(0.0)
         np.testing.assert_allclose(points[0], point, atol=1e-9)
-        energy = problem.shape[0] * np.linalg.norm(source.rows) ** 2
-        assert norms[0] == pytest.approx(energy)
-        assert np.all(norms[1:] < energy)
+        energy = problem.shape[0] * np.linalg.norm(source.rows) ** 2 / source.weight
+        assert levels[0] == pytest.approx(energy)
+        assert np.all(levels[1:] < energy)
         assert len(Polynomial(atoms, atoms.signals(point[None], np.ones(1))[0]).peaks(0.9999 * energy)[0]) == 1
 
 
@@ -92,10 +92,10 @@ def test_block_messages_peak_at_the_delay_of_their_one_path():
 def test_peaks_are_all_the_maxima_above_the_level():
     one, square, _ = next(random_ones("one pulse"))
     x = np.arange(1000) / 1000
-    values = np.sqrt([square([at]) for at in x])
+    values = np.sqrt([square([at]) for at in x]) / one.atoms.source.weight
     tops = (values > np.roll(values, 1)) & (values >= np.roll(values, -1)) & (values >= 3.0)
-    points, norms = one.peaks(3.0)
-    assert np.all(np.diff(norms) <= 0)
+    points, levels = one.peaks(3.0)
+    assert np.all(np.diff(levels) <= 0)
     np.testing.assert_allclose(np.sort(points[:, 0]), x[tops], atol=1 / 1000)
     assert len(one.peaks(3.0, most=1)[0]) == 1
     assert one.peaks(1e3)[0].shape == (0, 1)

@@ -189,4 +189,4 @@ def test_the_regularised_dual_is_the_scaled_residual_of_its_primal(kind):
     found = solve_admm(problem, level=level)
     left = residual(channels, problem.y).reshape(problem.shape)
     assert np.linalg.norm(found.q - left / level) < 0.02 * np.linalg.norm(found.q)
-    assert level * found.value == pytest.approx(objective(channels, problem.y, level), rel=1e-3)
+    assert level * found.value == pytest.approx(objective(channels, left.reshape(-1), level), rel=1e-3)

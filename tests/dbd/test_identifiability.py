@@ -8,7 +8,7 @@ import pytest
 from tests.dbd.loops import small
 from tmca.dbd import simulate, solve
 from tmca.dbd.atoms import Atoms
-from tmca.dbd.model import ambiguities, beyond_freedom, lifted_unknowns, same_signals
+from tmca.dbd.model import ambiguities, beyond_freedom, same_signals
 
 
 def stacked(problem, counts, seed=0):
@@ -25,7 +25,7 @@ def stacked(problem, counts, seed=0):
 def test_block_messages_need_coefficients_for_every_path_and_pulse(frequencies, J, L, Q, pulses):
     problem = simulate(M=frequencies, P=pulses, J=J, targets=1, paths=1, messages="block", basis="gaussian")
     unknowns = L * J + Q * J * pulses
-    assert lifted_unknowns(problem, (L, Q)) == unknowns
+    assert [L * J, Q * J * pulses] == [n * one.unknowns for n, one in zip((L, Q), problem.sources, strict=True)]
     rank = np.linalg.matrix_rank(stacked(problem, (L, Q)))
     assert rank == min(unknowns, frequencies * pulses)
     assert (rank == unknowns) == (beyond_freedom(problem, (L, Q)) is None)
@@ -34,7 +34,7 @@ def test_block_messages_need_coefficients_for_every_path_and_pulse(frequencies, 
 @pytest.mark.parametrize(("kind", "each"), [("shared", 2), ("three pulses a symbol", 4), ("two symbols a pulse", 20)])
 def test_other_messages_need_what_their_sharing_says(kind, each):
     problem = small(kind)
-    assert lifted_unknowns(problem, (2, 1)) == 2 * 2 + each
+    assert [one.unknowns for one in problem.sources] == [2, each]
     assert np.linalg.matrix_rank(stacked(problem, (2, 1))) == 2 * 2 + each
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from tests.dbd.loops import moved, noise, polynomial, samples, small
 from tmca.dbd import Source, Truth
-from tmca.dbd.messages import beyond_prefix, lagged
+from tmca.dbd.simulation import beyond_prefix, lagged
 from tmca.errors import SettingError
 
 

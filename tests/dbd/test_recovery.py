@@ -96,7 +96,7 @@ def louder(problem, gains):
     """The same problem with the paths of each source times a gain."""
     pairs = zip(problem.truth, gains, strict=True)
     truth = tuple(Truth(one.points, gain * one.amplitudes, one.waveform) for one, gain in pairs)
-    return overlaid(problem.sources, truth, problem.shape[0], None, np.random.default_rng(0))
+    return Problem(overlaid(problem.sources, truth, problem.shape[0]), problem.sources, 0.0, truth)
 
 
 @pytest.mark.parametrize(

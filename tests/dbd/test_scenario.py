@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tmca.dbd import Path, Scenario, Target, read_scenario, solve
-from tmca.dbd.coordinates import LIGHT_M_S
-from tmca.dbd.files import scenario_names
+from tmca.dbd.model import LIGHT_M_S
+from tmca.dbd.scenario import scenario_names
 from tmca.errors import DataError, SettingError
 
 SCENE = Scenario(

@@ -5,7 +5,7 @@ import pytest
 
 from tests.dbd.loops import KINDS, samples, small
 from tmca.dbd import simulate
-from tmca.dbd.messages import fourier, random_rows
+from tmca.dbd.simulation import fourier, random_rows
 from tmca.errors import SettingError
 
 MORE = [{"lag": 0.13}, {"late_samples": 2, "basis": "gaussian"}, {"paths": (1, 2)}, {"amplitudes": (0.2, 3.0)}]
@@ -36,7 +36,7 @@ def test_messages_spread_as_they_are_named(kind, message, subspace):
     link = small(kind).sources[1]
     assert (link.message.tolist(), link.subspace) == (message, subspace)
     assert small(kind).sources[0].message.tolist() == [0] * 5
-    assert small(kind).sources[0].same_every_pulse
+    assert np.all(small(kind).sources[0].rows == small(kind).sources[0].rows[0])
     assert not np.any([np.allclose(link.rows[p], link.rows[0]) for p in range(1, 5)])
 
 

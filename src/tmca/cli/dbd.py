@@ -248,7 +248,7 @@ def _check_scenario_alone(given: dict[str, Any]) -> None:
 def _physical(name: str, model_only: bool, seed: int | None, snr: float | None) -> Problem:
     from dataclasses import replace
 
-    from tmca.dbd.files import read_scenario
+    from tmca.dbd import read_scenario
 
     given: dict[str, Any] = {"seed": seed, "snr_db": snr}
     scenario = replace(read_scenario(name), **{key: value for key, value in given.items() if value is not None})

@@ -1,4 +1,18 @@
-"""Dual blind deconvolution: radar targets and radio paths from one overlaid signal, off the grid, certified."""
+"""Dual blind deconvolution: radar targets and radio paths from one overlaid signal, off the grid, certified.
+
+>>> from tmca import dbd
+>>> problem = dbd.simulate(M=9, P=5, J=2, targets=2, paths=1, seed=2)  # 9 frequencies, 5 pulses
+>>> recovery = dbd.solve(problem)
+>>> recovery.exact, recovery.certified
+(True, True)
+>>> recovery["radar"].points.shape  # delay, Doppler and angle of every target
+(2, 3)
+>>> dbd.score(recovery, problem).max_error < 1e-6
+True
+
+A :class:`Problem` holds samples and what is known of every :class:`Source`; one of your own needs no simulation.
+``read_scenario("road").draw().receive()`` is one in metres and metres a second.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +21,19 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tmca.dbd.channel import Channel
-    from tmca.dbd.coordinates import Units
-    from tmca.dbd.files import load_problem, read_scenario, save_problem, save_recovery
-    from tmca.dbd.model import Problem, Source, Truth
+    from tmca.dbd.files import load_problem, save_problem, save_recovery
+    from tmca.dbd.model import Problem, Source, Truth, Units
     from tmca.dbd.recovery import Recovery, Score, score
-    from tmca.dbd.scenario import Path, Scenario, Target
+    from tmca.dbd.scenario import Path, Scenario, Target, read_scenario
     from tmca.dbd.simulation import simulate
     from tmca.dbd.solving import solve
 
 _HOMES = {
     "channel": ("Channel",),
-    "coordinates": ("Units",),
-    "files": ("load_problem", "read_scenario", "save_problem", "save_recovery"),
-    "model": ("Problem", "Source", "Truth"),
+    "files": ("load_problem", "save_problem", "save_recovery"),
+    "model": ("Problem", "Source", "Truth", "Units"),
     "recovery": ("Recovery", "Score", "score"),
-    "scenario": ("Path", "Scenario", "Target"),
+    "scenario": ("Path", "Scenario", "Target", "read_scenario"),
     "simulation": ("simulate",),
     "solving": ("solve",),
 }

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
-from tmca.dbd.coordinates import AXES, Complex, Mask, Real, Whole, distance
-from tmca.dbd.model import Source
+from tmca.dbd.model import AXES, Complex, Real, Source, distance
 from tmca.errors import SettingError
 
 _NEWTON_STEPS = 14
@@ -31,43 +30,39 @@ class Atoms:
         antennas, pulses, frequencies = shape
         self.source, self.shape, self.size = source, shape, source.unknowns
         self.samples = antennas * pulses * frequencies
-        doppler = pulses > 1 and (source.sees_doppler or every_axis)
-        seen = (frequencies > 1, doppler, antennas > 1)
-        self.axes = tuple(axis for axis, there in zip(AXES, seen, strict=True) if there)
+        seen = (frequencies > 1, pulses > 1 and (source.sees_doppler or every_axis), antennas > 1)
+        self.columns = [axis for axis, there in enumerate(seen) if there]
+        """Which of delay, Doppler and angle show."""
+        self.axes = tuple(AXES[axis] for axis in self.columns)
         if not self.axes:
             sizes = f"{antennas} antenna, {pulses} pulses and {frequencies} frequency, where no coordinate shows"
             expected = "several frequencies, or pulses that share a message"
             raise SettingError(f"samples of {source.name}", sizes, expected)
-        self.lattice_axes = tuple(2 - AXES.index(axis) for axis in self.axes)
+        self.lattice_axes = tuple(2 - axis for axis in self.columns)
         self.counts = np.array([shape[axis] for axis in self.lattice_axes], float)
-
-        numbers = {"delay": np.arange(frequencies) - frequencies // 2}
-        numbers |= {"doppler": np.arange(pulses), "angle": np.arange(antennas)}
-        self.exponents = [numbers[axis].astype(float) for axis in self.axes]
+        numbers = (np.arange(frequencies) - frequencies // 2, np.arange(pulses), np.arange(antennas))
+        self.exponents = [numbers[axis].astype(float) for axis in self.columns]
         """Sample numbers along each axis of a point: n, p, a."""
+        shapes = ((1, 1, -1), (1, -1, 1), (-1, 1, 1))
+        self.ramps = [numbers.reshape(shapes[axis]) for numbers, axis in zip(self.exponents, self.columns, strict=True)]
+        """The same as arrays that broadcast over the lattice."""
 
     def seen(self, points: Real) -> Real:
         """The coordinates ``(n, D)`` that these atoms depend on, of ``(n, 3)`` points."""
-        return points[:, [AXES.index(axis) for axis in self.axes]]
+        return points[:, self.columns]
 
     def full(self, positions: Real) -> Real:
         """``(n, 3)`` of ``(n, D)`` coordinates: NaN for an axis that does not exist."""
         points = np.full((len(positions), len(AXES)), np.nan)
-        points[:, [AXES.index(axis) for axis in self.axes]] = positions
+        points[:, self.columns] = positions
         return points
 
     def phases(self, points: Real) -> Complex:
         """``exp(−j2π(n τ + p ν + a θ))`` of ``(n, D)`` points on the lattice: ``(n, A, P, M)``."""
         phase = np.ones((len(points), 1, 1, 1), complex)
-        for ramp, coordinate in zip(self._ramps(), points.T, strict=True):
+        for ramp, coordinate in zip(self.ramps, points.T, strict=True):
             phase = phase * np.exp(-2j * np.pi * coordinate[:, None, None, None] * ramp)
         return np.broadcast_to(phase, (len(points), *self.shape))
-
-    def _ramps(self) -> list[Real]:
-        """The exponents as arrays that broadcast over the lattice."""
-        shapes = {0: (-1, 1, 1), 1: (1, -1, 1), 2: (1, 1, -1)}
-        pairs = zip(self.exponents, self.lattice_axes, strict=True)
-        return [numbers.reshape(shapes[axis]) for numbers, axis in pairs]
 
     def matrix(self, points: Real) -> Complex:
         """``(A P M, G J)``: the samples of a path at a point for each coefficient of its signal; of ``(n, D)`` points
@@ -95,12 +90,14 @@ class Atoms:
     def slopes(self, points: Real, weights: Complex) -> Complex:
         """``(A P M, n D)``: derivatives of the signals by the coordinates, point by point."""
         signals = self.signals(points, weights).reshape(len(points), *self.shape)
-        slopes = np.stack([-2j * np.pi * ramp * signals for ramp in self._ramps()], axis=1)
+        slopes = np.stack([-2j * np.pi * ramp * signals for ramp in self.ramps], axis=1)
         return slopes.reshape(len(points) * len(self.axes), self.samples).T
 
 
 class Polynomial:
     """``f(x) = Σ q conj(rows) exp(+j2π(n τ + p ν + a θ))`` in C^(G J) (thesis equations 77 and 78, corrected).
+
+    Its level is ``‖f‖`` over its bound, the weight of the source.
 
     Args:
         atoms: of the source.
@@ -109,48 +106,36 @@ class Polynomial:
 
     def __init__(self, atoms: Atoms, q: Complex) -> None:
         self.atoms, self.q = atoms, q.reshape(atoms.shape)
-        self.starts = np.flatnonzero(np.diff(atoms.source.message, prepend=-1))
 
-    def norms_on_grid(self, oversampling: int = 4) -> Real:
-        """``‖f‖²`` on a grid of ``oversampling`` points a resolution cell; dimensions as a point's coordinates."""
-        atoms = self.atoms
+    def levels_on_grid(self, oversampling: int = 4) -> Real:
+        """The levels on a grid of ``oversampling`` points a resolution cell; dimensions as a point's coordinates."""
+        atoms, source = self.atoms, self.atoms.source
         axes = atoms.lattice_axes[::-1]
         sizes = [int(oversampling * count) for count in atoms.counts[::-1]]
         absorbed = tuple(axis for axis in range(3) if axis not in axes)
-        total = np.zeros(sizes)
-        for coefficients in self._components(atoms.source.messages > 1 and 1 in axes):
-            spectrum = np.fft.ifftn(coefficients, sizes, axes)
-            total += (spectrum.real**2 + spectrum.imag**2).sum(absorbed)
-        return total.T * float(np.prod(sizes)) ** 2
-
-    def _components(self, by_message: bool) -> Iterator[Complex]:
-        """Per component of f the ``(A, P, M)`` coefficients that a Fourier transform sums."""
-        source = self.atoms.source
-        for column in range(source.subspace):
-            values = np.conj(source.rows[:, :, column]) * self.q
-            if not by_message:
-                yield values
-                continue
-            for message in range(source.messages):
-                yield np.where((source.message == message)[None, :, None], values, 0)
+        apart = source.messages > 1 and 1 in axes  # without a Doppler, pulses are summed in squares anyway
+        messages = [source.message == one for one in range(source.messages)] if apart else [source.message >= 0]
+        squares = np.zeros(sizes)
+        for column, sent in product(range(source.subspace), messages):
+            values = np.where(sent[:, None], np.conj(source.rows[:, :, column]) * self.q, 0)
+            spectrum = np.fft.ifftn(values, sizes, axes)
+            squares += (spectrum.real**2 + spectrum.imag**2).sum(absorbed)
+        return np.sqrt(squares.T) * (float(np.prod(sizes)) / source.weight)
 
     def derivatives(self, points: Real) -> tuple[Real, Real, Real]:
         """``‖f‖²`` at ``(n, D)`` points, its gradient ``(n, D)`` and its Hessian ``(n, D, D)``."""
-        moments = self._moments(points)
-        dims = range(len(self.atoms.axes))
-        f = moments[(0,) * len(dims)]
-        first = [moments[tuple(int(i == d) for i in dims)] for d in dims]
+        moments, dims = self._moments(points), range(len(self.atoms.axes))
+
+        def moment(*by: int) -> Complex:
+            return moments[tuple(by.count(dim) for dim in dims)]
 
         def inner(a: Complex, b: Complex) -> Real:
             return 2 * np.real(np.sum(np.conj(a) * b, axis=(1, 2)))
 
+        f, first = moment(), [moment(i) for i in dims]
         gradient = np.stack([inner(f, one) for one in first], axis=-1)
-        hessian = np.empty((len(points), len(dims), len(dims)))
-        for i in dims:
-            for j in dims:
-                second = moments[tuple(int(k == i) + int(k == j) for k in dims)]
-                hessian[:, i, j] = inner(f, second) + inner(first[i], first[j])
-        return inner(f, f) / 2, gradient, hessian
+        second = [inner(f, moment(i, j)) + inner(first[i], first[j]) for i, j in product(dims, dims)]
+        return inner(f, f) / 2, gradient, np.stack(second, axis=-1).reshape(len(points), len(dims), len(dims))
 
     def _moments(self, points: Real) -> dict[tuple[int, ...], Complex]:
         """Derivatives of f by the coordinates up to the second, keyed by order in each; each ``(n, G, J)``."""
@@ -164,53 +149,51 @@ class Polynomial:
         over_n = np.matmul(powers[2].reshape(-1, atoms.shape[2]), weighted)
         over_n = over_n.reshape(*atoms.shape[:2], count, -1, atoms.source.subspace)
         terms = over_n[:, :, :, :, None] * powers[1].transpose(2, 0, 1)[None, :, :, None, :, None]
-        over_p = np.add.reduceat(terms, self.starts, axis=1)
-        full = np.einsum("agnors,nta->nortgs", over_p, powers[0])
+        starts = np.flatnonzero(np.diff(atoms.source.message, prepend=-1))
+        full = np.einsum("agnors,nta->nortgs", np.add.reduceat(terms, starts, axis=1), powers[0])
         orders = [order for order in np.ndindex(full.shape[1:4]) if sum(order) <= 2]
         return {tuple(one[2 - axis] for axis in atoms.lattice_axes): full[(slice(None), *one)] for one in orders}
 
     def ascend(self, points: Real) -> tuple[Real, Real]:
-        """Maxima of ``‖f‖²`` near ``(n, D)`` points by safeguarded Newton steps, and their values."""
-        x = np.array(points, float)
-        limit = 0.5 / self.atoms.counts
+        """Maxima of ``‖f‖²`` near ``(n, D)`` points by Newton steps, halved while they lose, and their values."""
+        x, limit = np.array(points, float), 0.5 / self.atoms.counts
         value, gradient, hessian = self.derivatives(x)
         active = np.arange(len(x))
         for _ in range(_NEWTON_STEPS):
+            waiting, step, moving = active, _newton_step(gradient[active], hessian[active], limit), []
+            for _ in range(4):
+                v, g, h = self.derivatives(x[waiting] + step)
+                good = v >= value[waiting] - 1e-14 * np.abs(value[waiting])
+                won = waiting[good]
+                x[won] += step[good]
+                value[won], gradient[won], hessian[won] = v[good], g[good], h[good]
+                moving.append(won[np.abs(step[good]).max(-1) > 1e-12])
+                waiting, step = waiting[~good], step[~good] / 2
+                if not len(waiting):
+                    break
+            active = np.sort(np.concatenate(moving))
             if not len(active):
                 break
-            step = _newton_step(gradient[active], hessian[active], limit)
-            active = active[self._accepted(x, value, gradient, hessian, active, step)]
         return x % 1.0, value
 
-    def _accepted(self, x: Real, value: Real, gradient: Real, hessian: Real, active: Whole, step: Real) -> Mask:
-        """Takes each step, halved while it loses; says which points still move."""
-        moved = np.zeros(len(active), bool)
-        waiting = np.arange(len(active))
-        for halving in range(4):
-            trial = x[active[waiting]] + step[waiting] / 2**halving
-            v, g, h = self.derivatives(trial)
-            at = active[waiting]
-            good = v >= value[at] - 1e-14 * np.abs(value[at])
-            won = at[good]
-            x[won], value[won], gradient[won], hessian[won] = trial[good], v[good], g[good], h[good]
-            moved[waiting[good]] = np.abs(step[waiting[good]] / 2**halving).max(-1) > 1e-12
-            waiting = waiting[~good]
-            if not len(waiting):
-                break
-        return moved
-
     def peaks(self, level: float = 1.0, oversampling: int = 4, most: int = 20) -> tuple[Real, Real]:
-        """Local maxima of ``‖f‖`` of at least ``level``, the highest first: points ``(n, D)`` and norms."""
+        """Local maxima of at least ``level``, the highest first, each once: points ``(n, D)`` and levels."""
         from scipy.ndimage import maximum_filter
 
-        grid = self.norms_on_grid(oversampling)
-        high = (grid >= maximum_filter(grid, size=3, mode="wrap")) & (grid >= 0.8 * level**2)
+        grid = self.levels_on_grid(oversampling)
+        high = (grid >= maximum_filter(grid, size=3, mode="wrap")) & (grid**2 >= 0.8 * level**2)
         places = np.argwhere(high)
         places = places[np.argsort(-grid[high])][:most]
         if not len(places):
             return np.zeros((0, len(self.atoms.axes))), np.zeros(0)
         points, squares = self.ascend(places / np.array(grid.shape))
-        return _distinct(points, np.sqrt(squares), level, self.atoms.counts)
+        levels = np.sqrt(squares) / self.atoms.source.weight
+        chosen: list[int] = []
+        for one in map(int, np.argsort(-levels)):
+            apart = np.max(distance(points[one], points[chosen]) * self.atoms.counts, axis=-1)
+            if levels[one] >= level and np.all(apart >= _SAME_PEAK):
+                chosen.append(one)
+        return points[chosen], levels[chosen]
 
 
 def _newton_step(gradient: Real, hessian: Real, limit: Real) -> Real:
@@ -222,16 +205,6 @@ def _newton_step(gradient: Real, hessian: Real, limit: Real) -> Real:
     step = np.einsum("nij,nj->ni", directions, along)
     shorten = np.min(limit / (np.abs(step) + 1e-300), axis=-1, keepdims=True)
     return step * np.minimum(1, shorten)
-
-
-def _distinct(points: Real, norms: Real, level: float, counts: Real) -> tuple[Real, Real]:
-    """The points above the level, each once."""
-    chosen: list[int] = []
-    for one in np.argsort(-norms):
-        near = [np.max(distance(points[one], points[other]) * counts) < _SAME_PEAK for other in chosen]
-        if norms[one] >= level and not any(near):
-            chosen.append(int(one))
-    return points[chosen], norms[chosen]
 
 
 def relative_dopplers(weights: Complex) -> Real:

@@ -14,7 +14,7 @@ import numpy as np
 
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel, each_atom, paths
-from tmca.dbd.coordinates import Complex, Real
+from tmca.dbd.model import Complex, Real
 
 TOLERANCE = 1e-6
 """By how much ``‖f‖`` may exceed its bound."""
@@ -26,6 +26,7 @@ _TOUCHES = 1e-5
 _CUTS = 400
 _ROUNDS = 25
 _GRID = 8
+_PEAKS = 40
 
 
 @dataclass(frozen=True)
@@ -61,17 +62,21 @@ def certificate(channels: Sequence[Channel]) -> Certificate:
     start, free, conflict = _interpolating(channels)
     if conflict > 1e-8:
         return Certificate("refuted", np.inf, "no polynomial takes these values at these atoms")
-    shape = channels[0].atoms.shape
     coordinates: Real = np.zeros(free.shape[1])
     cuts: list[tuple[Atoms, Real]] = []
-    level = np.inf
+    level, samples = np.inf, start.size // 2
     for _ in range(_ROUNDS):
-        q = _complex(start + free @ coordinates).reshape(shape)
-        broken, level = _broken(channels, q)
+        both = start + free @ coordinates
+        q = (both[:samples] + 1j * both[samples:]).reshape(channels[0].atoms.shape)
+        broken, level = [], 0.0
+        for one in channels:
+            points, levels = Polynomial(one.atoms, q).peaks(0.5, _GRID, _PEAKS)
+            level = max(level, float(levels.max(initial=0.0)))
+            broken += [(one.atoms, x) for x in points[levels > 1 + TOLERANCE]]
         if not broken:
             return _certified(channels, level, q)
-        if start.size > 2 * _LARGEST:
-            reason = f"the dual polynomial of least norm exceeds its bound and {start.size // 2} samples are many"
+        if samples > _LARGEST:
+            reason = f"the dual polynomial of least norm exceeds its bound and {samples} samples are many"
             return Certificate("undecided", level, reason, q)
         cuts = (cuts + broken)[-_CUTS:]
         solution, status, reason = _within(start, free, cuts)
@@ -83,7 +88,7 @@ def certificate(channels: Sequence[Channel]) -> Certificate:
 
 def _certified(channels: Sequence[Channel], level: float, q: Complex) -> Certificate:
     """With whether the optimum is the only one: every other one is of atoms where this polynomial touches too."""
-    touching = [one.added(_peaks(one.atoms, q, 1 - _TOUCHES)[0]) for one in channels]
+    touching = [one.with_peaks(q, 1 - _TOUCHES, _PEAKS, _GRID) for one in channels]
     matrix = np.hstack([one.linear() for one in touching])
     unique = bool(np.linalg.matrix_rank(matrix, 1e-7 * np.linalg.norm(matrix)) == matrix.shape[1])
     reason = "a dual polynomial exists" if unique else "there may be other optima"
@@ -113,65 +118,25 @@ def _real_rows(atoms: Atoms, point: Real) -> Real:
     return np.vstack([np.hstack([adjoint.real, -adjoint.imag]), np.hstack([adjoint.imag, adjoint.real])])
 
 
-def _complex(vector: Real) -> Complex:
-    half = vector.size // 2
-    return vector[:half] + 1j * vector[half:]
-
-
-def _broken(channels: Sequence[Channel], q: Complex) -> tuple[list[tuple[Atoms, Real]], float]:
-    """Where a dual variable breaks its bounds, and its highest level."""
-    broken, level = [], 0.0
-    for one in channels:
-        points, levels = _peaks(one.atoms, q, 0.5)
-        level = max(level, float(levels.max(initial=0.0)))
-        broken += [(one.atoms, x) for x in points[levels > 1 + TOLERANCE]]
-    return broken, level
-
-
-def _peaks(atoms: Atoms, q: Complex, share: float) -> tuple[Real, Real]:
-    """Where a polynomial reaches a share of its bound, and which."""
-    bound = atoms.source.weight
-    points, norms = Polynomial(atoms, q).peaks(share * bound, oversampling=_GRID, most=40)
-    return points, norms / bound
-
-
 def _within(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[Real | None, str, str]:
     """Coordinates of the least dual variable within its bounds at the cuts; or None, what that means and why."""
-    size, excess = free.shape[1], 0.0
-    blocks, offsets = _cones(start, free, cuts)
+    size, excess, bounds = free.shape[1], 0.0, [atoms.source.weight for atoms, _ in cuts]
+    rows = [_real_rows(atoms, point) for atoms, point in cuts]
+    blocks = [np.vstack([np.zeros((1, size)), -one @ free]) for one in rows]
+    offsets = [np.append(bound, one @ start) for one, bound in zip(rows, bounds, strict=True)]
     solution, status = _solved(np.ones(size), np.zeros(size), np.vstack(blocks), offsets)
     if solution is None and "Infeasible" not in status:
-        solution, excess, status = _least_excess(blocks, offsets, cuts)
+        # the least norm stalls where bounds can just or just not be kept; by the least share they can be exceeded
+        slack = [np.append(-bound, np.zeros(len(block) - 1)) for block, bound in zip(blocks, bounds, strict=True)]
+        exceeded = [np.column_stack(pair) for pair in zip(blocks, slack, strict=True)]
+        last = np.append(np.zeros(size), 1.0)
+        quadratic = np.append(np.full(size, 1e-10), 0.0)
+        solution, status = _solved(quadratic, last, np.vstack([-last, *exceeded]), [np.zeros(1), *offsets])
+        if solution is not None:
+            solution, excess = solution[:-1], float(solution[-1])
     if excess > _EXCESS or "Infeasible" in status:
         return None, "refuted", "no dual polynomial stays below its bound"
     return solution, "undecided", f"the cone solver said {status}"
-
-
-def _least_excess(
-    blocks: list[Real], offsets: list[Real], cuts: list[tuple[Atoms, Real]]
-) -> tuple[Real | None, float, str]:
-    """The dual variable that exceeds its bounds at the cuts by the least share, and this share.
-
-    There always is one, also where the bounds themselves can just or just not be kept and the least norm stalls.
-    """
-    size = blocks[0].shape[1]
-    slack = [np.zeros((len(block), 1)) for block in blocks]
-    for column, (atoms, _) in zip(slack, cuts, strict=True):
-        column[0] = -atoms.source.weight
-    not_negative = np.append(np.zeros(size), -1.0)[None]
-    rows = np.vstack([not_negative, *(np.hstack(pair) for pair in zip(blocks, slack, strict=True))])
-    costs = np.append(np.zeros(size), 1.0)
-    quadratic = np.append(np.full(size, 1e-10), 0.0)
-    solution, status = _solved(quadratic, costs, rows, [np.zeros(1), *offsets])
-    return (None, 0.0, status) if solution is None else (solution[:-1], float(solution[-1]), status)
-
-
-def _cones(start: Real, free: Real, cuts: list[tuple[Atoms, Real]]) -> tuple[list[Real], list[Real]]:
-    """``‖f‖ ≤ weight`` at every cut as rows and offsets of second-order cones."""
-    rows = [_real_rows(atoms, point) for atoms, point in cuts]
-    blocks = [np.vstack([np.zeros((1, free.shape[1])), -one @ free]) for one in rows]
-    offsets = [np.append(atoms.source.weight, one @ start) for one, (atoms, _) in zip(rows, cuts, strict=True)]
-    return blocks, offsets
 
 
 def _solved(quadratic: Real, linear: Real, rows: Real, offsets: list[Real]) -> tuple[Real | None, str]:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tmca.dbd.atoms import Atoms, relative_dopplers
-from tmca.dbd.coordinates import Complex, Mask, Real, Whole, distance
-from tmca.dbd.model import Problem
+from tmca.dbd.atoms import Atoms, Polynomial, relative_dopplers
+from tmca.dbd.model import Complex, Mask, Problem, Real, Source, Truth, Whole, distance
 
 _TRIALS = 8
 _SAME_PLACE = 0.02
@@ -43,6 +42,12 @@ class Channel:
         """A lifted one with ``(n, G J)`` coefficients."""
         return cls(atoms, positions, np.ones(len(positions), complex), weights)
 
+    @classmethod
+    def true(cls, source: Source, truth: Truth, shape: tuple[int, int, int]) -> Channel:
+        """The structured one of a source whose channel and signal are known."""
+        atoms = Atoms(source, shape, every_axis=True)
+        return cls(atoms, atoms.seen(truth.points), truth.amplitudes, truth.waveform)
+
     @property
     def name(self) -> str:
         """Of the source."""
@@ -70,10 +75,9 @@ class Channel:
 
     @property
     def relative_axis(self) -> int | None:
-        """The column of Dopplers that messages absorb, so that they are relative to each other; or None."""
-        if "doppler" in self.atoms.axes and not self.atoms.source.sees_doppler:
-            return self.atoms.axes.index("doppler")
-        return None
+        """The column of Dopplers that messages absorb, so that they count from the strongest path's; or None."""
+        absorbed = "doppler" in self.atoms.axes and not self.atoms.source.sees_doppler
+        return self.atoms.axes.index("doppler") if absorbed else None
 
     @property
     def relative_doppler(self) -> bool:
@@ -136,11 +140,15 @@ class Channel:
 
     def added(self, positions: Real) -> Channel:
         """A lifted one with atoms of weight zero at the positions that it has none at yet."""
-        new = [x for x in positions if not np.any(self._cells(self.positions, x) <= _SAME_PLACE)]
+        new = [x for x in positions if np.all(self._cells(self.positions, x) > _SAME_PLACE)]
         if not new:
             return self
         weights = np.vstack([self.waveform, np.zeros((len(new), self.atoms.size))])
         return Channel.from_weights(self.atoms, np.vstack([self.positions, new]), weights)
+
+    def with_peaks(self, q: Complex, level: float, most: int = 20, oversampling: int = 4) -> Channel:
+        """A lifted one with atoms of weight zero where the polynomial of a dual variable reaches a level."""
+        return self.added(Polynomial(self.atoms, q).peaks(level, oversampling, most)[0])
 
     def merged(self, radius: float) -> Channel:
         """A lifted one whose atoms within ``radius`` resolution cells of a stronger one are replaced by it.
@@ -152,22 +160,18 @@ class Channel:
         places, weights = [], []
         while left:
             near = self._cells(self.positions[left], self.positions[left[0]]) < radius
-            group = [one for one, inside in zip(left, near, strict=True) if inside]
-            left = [one for one, inside in zip(left, near, strict=True) if not inside]
+            group, left = [left[0], *np.array(left)[near][1:]], list(np.array(left)[~near])
+            weight = self.waveform[group[0]]
+            if len(group) > 1:
+                together = self.taken(np.array(group)).samples()
+                weight = np.linalg.lstsq(self.atoms.matrix(self.positions[group[0]]), together, rcond=None)[0]
             places.append(self.positions[group[0]])
-            weights.append(self._joined(group))
+            weights.append(weight)
         return Channel.from_weights(self.atoms, np.array(places), np.array(weights)) if places else self
 
     def _cells(self, positions: Real, position: Real) -> Real:
         """Largest coordinate distance in resolution cells."""
         return np.max(distance(positions, position) * self.atoms.counts, axis=-1, initial=0.0)
-
-    def _joined(self, group: list[int]) -> Complex:
-        """Coefficients of the first of a group that explain the samples of all."""
-        if len(group) == 1:
-            return self.waveform[group[0]]
-        together = self.taken(np.array(group)).samples()
-        return np.linalg.lstsq(self.atoms.matrix(self.positions[group[0]]), together, rcond=None)[0]
 
     def structured(self) -> Channel:
         """The rank-one part of lifted coefficients: gains times one waveform, with every axis."""
@@ -207,14 +211,18 @@ Channels = list[Channel]
 def no_paths(problem: Problem) -> Channels:
     """A lifted channel without paths for every source."""
     families = [Atoms(source, problem.shape) for source in problem.sources]
-    return [
-        Channel.from_weights(one, np.zeros((0, len(one.axes))), np.zeros((0, one.size), complex)) for one in families
-    ]
+    empty = np.zeros(0, complex)
+    return [Channel(one, np.zeros((0, len(one.axes))), empty, empty.reshape(0, one.size)) for one in families]
 
 
 def paths(channels: Sequence[Channel]) -> tuple[int, ...]:
     """Number of paths of every source."""
     return tuple(len(one) for one in channels)
+
+
+def unknowns(channels: Sequence[Channel]) -> int:
+    """Real unknowns of all sources."""
+    return sum(one.unknowns for one in channels)
 
 
 def each_atom(channels: Sequence[Channel]) -> Iterator[tuple[Atoms, Real, Complex]]:
@@ -235,12 +243,8 @@ def relative_residual(channels: Sequence[Channel], y: Complex) -> float:
     return float(np.linalg.norm(residual(channels, y))) / max(float(np.linalg.norm(y)), 1e-300)
 
 
-def objective(channels: Sequence[Channel], y: Complex, level: float = 0.0) -> float:
-    """``½‖y − A w‖² + level Σ weight ‖wᵢ‖``."""
-    return _penalised(channels, residual(channels, y), level)
-
-
-def _penalised(channels: Sequence[Channel], left: Complex, level: float) -> float:
+def objective(channels: Sequence[Channel], left: Complex, level: float = 0.0) -> float:
+    """``½‖left‖² + level Σ weight ‖wᵢ‖`` of channels that leave a residual ``(A P M,)``."""
     penalty = level * float(sum(one.strengths.sum() for one in channels)) if level else 0.0
     return 0.5 * float(np.linalg.norm(left) ** 2) + penalty
 
@@ -271,14 +275,14 @@ def fit(channels: Channels, y: Complex, steps: int = 30, level: float = 0.0) -> 
     if not any(paths(channels)):
         return channels
     left, damping = residual(channels, y), 1e-6
-    value = _penalised(channels, left, level)
+    value = objective(channels, left, level)
     for _ in range(steps):
         hessian, gradient = normal_equations(channels, left, level)
         before = value
         for _ in range(_TRIALS):
-            trial = _moved(channels, _step(hessian, gradient, damping))
+            trial = _moved(channels, hessian, gradient, damping)
             left = residual(trial, y)
-            value = _penalised(trial, left, level)
+            value = objective(trial, left, level)
             if value < before:
                 break
             damping = max(damping * 20, 1e-6)
@@ -291,12 +295,9 @@ def fit(channels: Channels, y: Complex, steps: int = 30, level: float = 0.0) -> 
 
 
 def normal_equations(channels: Sequence[Channel], left: Complex, level: float = 0.0) -> tuple[Real, Real]:
-    """Curvature and gradient of the objective in (real, imaginary parts of the linear parameters, positions).
+    """Curvature and gradient, at a residual ``(A P M,)``, of the objective.
 
-    Args:
-        channels: of all sources.
-        left: ``(A P M,)``, the residual.
-        level: of the penalty.
+    By real parts, then imaginary parts of what :meth:`Channel.linear` tells of all sources, then by positions.
     """
     linear = np.hstack([one.linear() for one in channels])
     both = np.hstack([linear, *(one.slopes() for one in channels)])
@@ -325,17 +326,14 @@ def _add_penalty(channels: Sequence[Channel], level: float, hessian: Real, gradi
         start += weight.size
 
 
-def _step(hessian: Real, gradient: Real, damping: float) -> Real:
-    """One damped step; zero where the system has no solution."""
+def _moved(channels: Sequence[Channel], hessian: Real, gradient: Real, damping: float) -> Channels:
+    """One damped step; none where the system has no solution."""
     diagonal = np.diag(hessian)
-    damped = hessian + np.diag((damping + 1e-14) * diagonal + (diagonal == 0))
     try:
-        return -np.linalg.solve(damped, gradient)
+        damped = hessian + np.diag((damping + 1e-14) * diagonal + (diagonal == 0))
+        step = -np.linalg.solve(damped, gradient)
     except np.linalg.LinAlgError:
-        return np.zeros_like(gradient)
-
-
-def _moved(channels: Sequence[Channel], step: Real) -> Channels:
+        step = np.zeros_like(gradient)
     sizes = [one.waveform.size + (0 if one.lifted else len(one)) for one in channels]
     real, imaginary, shift = np.split(step, [sum(sizes), 2 * sum(sizes)])
     changes = np.split(real + 1j * imaginary, np.cumsum(sizes)[:-1])

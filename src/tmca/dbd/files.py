@@ -1,34 +1,27 @@
-"""On disk: problems and recoveries as labelled NetCDF, samples of one's own as ``.npz``, scenarios as YAML.
+"""On disk: problems and recoveries as labelled NetCDF, samples of one's own as ``.npz``.
 
 Complex numbers in NetCDF have a last dimension ``part``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import MISSING, asdict, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
 from tmca.data import write_dataset
-from tmca.dbd import scenario
-from tmca.dbd.coordinates import AXES, Complex, Real, Units
-from tmca.dbd.messages import carriers
-from tmca.dbd.model import Problem, Source, Truth
+from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
 from tmca.dbd.recovery import Recovery
+from tmca.dbd.simulation import carriers
 from tmca.errors import DataError, TmcaError
-
-if TYPE_CHECKING:
-    import xarray
 
 KIND = "dual blind deconvolution"
 _NPZ = ("y", "sigma", "delay_s", "doppler_hz", "carrier_hz", "spacing")
-_SCENARIOS = Path(__file__).parent / "scenarios"
-_WHOLE = ("pulses", "subspace", "antennas", "seed")
+_EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
 
 
 def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -37,38 +30,54 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
     Raises:
         OutputError: the file exists or cannot be written.
     """
-    variables: dict[str, Any] = {"y": (("antenna", "pulse", "frequency", "part"), _parts(problem.y))}
+    variables = {"y": _parts(("antenna", "pulse", "frequency"), problem.y)}
     for index, source in enumerate(problem.sources):
-        dimensions = ("pulse", "frequency", f"column_{index}", "part")
         about = {"source": source.name, "weight": source.weight}
-        variables[f"basis_{index}"] = (dimensions, _parts(source.rows), about)
+        variables[f"basis_{index}"] = _parts(("pulse", "frequency", f"column_{index}"), source.rows, about)
         variables[f"message_{index}"] = ("pulse", source.message)
-        if problem.truth is not None:
-            variables |= _truth_variables(index, problem.truth[index])
-    return _written(variables, {"kind": KIND}, problem, problem.sigma, path, overwrite)
+    for index, truth in enumerate(problem.truth or ()):
+        variables[f"true_points_{index}"] = ((f"path_{index}", "axis"), truth.points)
+        variables[f"true_amplitudes_{index}"] = _parts((f"path_{index}",), truth.amplitudes)
+        variables[f"true_waveform_{index}"] = _parts((f"coefficient_{index}",), truth.waveform)
+    return _written(variables, {"kind": KIND, "sigma": problem.sigma}, problem, path, overwrite)
+
+
+def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Writes paths, gains, waveforms, bounds and the dual variable; returns the path.
+
+    Raises:
+        OutputError: the file exists or cannot be written.
+    """
+    variables = {"q": _parts(("antenna", "pulse", "frequency"), recovery.q)}
+    for index, (source, given) in enumerate(zip(recovery.sources, recovery.problem.sources, strict=True)):
+        about = {"source": source.name, "weight": given.weight, "relative_doppler": int(source.relative_doppler)}
+        variables[f"points_{index}"] = ((f"path_{index}", "axis"), source.points, about)
+        variables[f"amplitudes_{index}"] = _parts((f"path_{index}",), source.amplitudes, about)
+        variables[f"waveform_{index}"] = _parts((f"coefficient_{index}",), source.waveform, about)
+        variables[f"signal_{index}"] = _parts(("pulse", "frequency"), source.signal, about)
+        if source.bounds is not None:
+            variables[f"bounds_{index}"] = ((f"path_{index}", "axis"), source.bounds, about)
+    about = {"kind": f"{KIND}: recovery", "method": recovery.method, "residual": recovery.residual}
+    about |= {"exact": int(recovery.exact), "seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
+    about |= {"certificate": recovery.certificate_status, "sigma": recovery.sigma}
+    return _written(variables, about, recovery.problem, path, overwrite)
+
+
+def _parts(dimensions: Sequence[str], values: Complex, about: Mapping[str, Any] | None = None) -> tuple[Any, ...]:
+    return (*dimensions, "part"), np.stack([values.real, values.imag], axis=-1), about
 
 
 def _written(
-    variables: dict[str, Any], about: dict[str, Any], problem: Problem, sigma: float | None, path: str | Path,
-    overwrite: bool,
-) -> Path:  # fmt: skip
-    """Writes a file with the coordinates of all variables, the noise where it is known, and the units."""
+    variables: dict[str, Any], about: dict[str, Any], problem: Problem, path: str | Path, overwrite: bool
+) -> Path:
+    """Writes a file with the coordinates of all variables, and attributes where they are known, units among them."""
     import xarray
 
-    attributes = about | ({} if sigma is None else {"sigma": sigma})
-    if problem.units is not None:
-        attributes |= {f"units_{name}": value for name, value in asdict(problem.units).items()}
+    units = {} if problem.units is None else asdict(problem.units)
+    about |= {f"units_{name}": value for name, value in units.items()}
+    known = {name: value for name, value in about.items() if value is not None}
     coordinates = {"frequency": carriers(problem.shape[2]), "part": ["real", "imaginary"], "axis": list(AXES)}
-    write_dataset(xarray.Dataset(variables, coordinates, attributes), path, overwrite=overwrite)
-    return Path(path)
-
-
-def _truth_variables(index: int, truth: Truth) -> dict[str, Any]:
-    return {
-        f"true_points_{index}": ((f"path_{index}", "axis"), truth.points),
-        f"true_amplitudes_{index}": ((f"path_{index}", "part"), _parts(truth.amplitudes)),
-        f"true_waveform_{index}": ((f"coefficient_{index}", "part"), _parts(truth.waveform)),
-    }
+    return write_dataset(xarray.Dataset(variables, coordinates, known), path, overwrite=overwrite)
 
 
 def load_problem(path: str | Path) -> Problem:
@@ -87,29 +96,17 @@ def load_problem(path: str | Path) -> Problem:
     if not path.is_file():
         there = "a folder" if path.is_dir() else "no such file"
         raise DataError(path, there, "a NetCDF file of `tmca dbd simulate`, or an .npz with y and basis_…")
-    if path.suffix == ".npz":
-        return _read_plain(path)
-    dataset = _opened(path)
+    plain = path.suffix == ".npz"
+    content = _npz_arrays(path) if plain else _dataset(path)
     try:
-        with _naming(path):
-            return _from_dataset(dataset)
-    except TmcaError:
-        raise
-    except (KeyError, ValueError, TypeError, IndexError) as error:
-        expected = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
-        raise DataError(path, str(error).strip("\"'").splitlines()[0], expected) from error
-
-
-@contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Errors of what a file describes name the file too."""
-    try:
-        yield
+        return _from_arrays(content) if plain else _from_dataset(content)
     except TmcaError as error:
         raise type(error)(f"{path}, {error.where}", error.found, error.expected, error.remedy) from error
+    except (KeyError, ValueError, TypeError, IndexError) as error:
+        raise DataError(path, str(error).strip("\"'").splitlines()[0], _EXPECTED) from error
 
 
-def _opened(path: Path) -> xarray.Dataset:
+def _dataset(path: Path) -> Any:
     import xarray
 
     try:
@@ -123,54 +120,28 @@ def _opened(path: Path) -> xarray.Dataset:
     return dataset
 
 
-def _from_dataset(dataset: xarray.Dataset) -> Problem:
-    attributes = dataset.attrs
+def _from_dataset(dataset: Any) -> Problem:
+    def joined(name: str) -> Complex:
+        values = dataset[name].values
+        return values[..., 0] + 1j * values[..., 1]
+
     sources, truths = [], []
     for index in range(sum(str(name).startswith("basis_") for name in dataset)):
-        basis = dataset[f"basis_{index}"]
-        name, weight = str(basis.attrs["source"]), float(basis.attrs["weight"])
-        sources.append(Source(name, _joined(basis.values), dataset[f"message_{index}"].values, weight))
+        about = dataset[f"basis_{index}"].attrs
+        message = dataset[f"message_{index}"].values
+        sources.append(Source(str(about["source"]), joined(f"basis_{index}"), message, float(about["weight"])))
         if f"true_points_{index}" in dataset:
-            gains, waveform = (_joined(dataset[f"true_{kind}_{index}"].values) for kind in ("amplitudes", "waveform"))
-            truths.append(Truth(dataset[f"true_points_{index}"].values, gains, waveform))
-    sigma = float(attributes["sigma"]) if "sigma" in attributes else None
-    given = {
-        name: float(attributes[f"units_{name}"]) for name in Units.__annotations__ if f"units_{name}" in attributes
-    }
-    units = Units(**given) if given else None
-    return Problem(_joined(dataset["y"].values), tuple(sources), sigma, tuple(truths) or None, units)
+            points = dataset[f"true_points_{index}"].values
+            truths.append(Truth(points, joined(f"true_amplitudes_{index}"), joined(f"true_waveform_{index}")))
+    about = dataset.attrs
+    sigma = float(about["sigma"]) if "sigma" in about else None
+    names = [one.name for one in fields(Units) if f"units_{one.name}" in about]
+    units = Units(**{name: float(about[f"units_{name}"]) for name in names}) if names else None
+    return Problem(joined("y"), tuple(sources), sigma, tuple(truths) or None, units)
 
 
-def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes paths, gains, waveforms, bounds and the dual variable; returns the path."""
-    variables: dict[str, Any] = {"q": (("antenna", "pulse", "frequency", "part"), _parts(recovery.q))}
-    for index, source in enumerate(recovery.sources):
-        path_, coefficient = f"path_{index}", f"coefficient_{index}"
-        about = {"source": source.name, "weight": recovery.problem.sources[index].weight}
-        about["relative_doppler"] = int(source.relative_doppler)
-        variables[f"points_{index}"] = ((path_, "axis"), source.points, about)
-        variables[f"amplitudes_{index}"] = ((path_, "part"), _parts(source.amplitudes), about)
-        variables[f"waveform_{index}"] = ((coefficient, "part"), _parts(source.waveform), about)
-        variables[f"signal_{index}"] = (("pulse", "frequency", "part"), _parts(source.signal), about)
-        if source.bounds is not None:
-            variables[f"bounds_{index}"] = ((path_, "axis"), source.bounds, about)
-    attributes: dict[str, Any] = {"kind": f"{KIND}: recovery"}
-    attributes |= {"method": recovery.method, "residual": recovery.residual, "exact": int(recovery.exact)}
-    attributes["certificate"] = "not looked for" if recovery.certificate is None else recovery.certificate.status
-    attributes |= {"seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
-    return _written(variables, attributes, recovery.problem, recovery.sigma, path, overwrite)
-
-
-def _parts(values: Complex) -> Real:
-    return np.stack([values.real, values.imag], axis=-1)
-
-
-def _joined(values: Real) -> Complex:
-    return values[..., 0] + 1j * values[..., 1]
-
-
-def _read_plain(path: Path) -> Problem:
-    """Reads ``y``, ``basis_NAME`` and what else :func:`load_problem` tells of."""
+def _npz_arrays(path: Path) -> dict[str, Any]:
+    """The arrays of a user's file, none of which may mean nothing."""
     try:
         with np.load(path) as opened:
             arrays = dict(opened)
@@ -181,118 +152,29 @@ def _read_plain(path: Path) -> Problem:
         raise DataError(path, ", ".join(arrays) or "nothing", "y and one basis_NAME or more")
     unknown = [name for name in arrays if name not in _NPZ and name.split("_", 1)[-1] not in names]
     if unknown:
-        raise DataError(
-            path, ", ".join(unknown), f"{', '.join(_NPZ)}, and basis_, message_ and weight_NAME of a source"
-        )
-    with _naming(path):
-        y = _numbers(arrays, "y")
-        sources = [_npz_source(name, arrays, y) for name in names]
-        sigma = _single(arrays, "sigma") if "sigma" in arrays else None
-        return Problem(y, tuple(sources), sigma, units=_npz_units(arrays))
+        known = f"{', '.join(_NPZ)}, and basis_, message_ and weight_NAME of a source"
+        raise DataError(path, ", ".join(unknown), known)
+    return arrays
 
 
-def _npz_source(name: str, arrays: dict[str, Any], y: Any) -> Source:
-    rows = _numbers(arrays, f"basis_{name}")
-    if y.ndim < 2 and rows.ndim < 3:
-        raise DataError("y", f"{y.ndim} dimension", "(P, M) or (A, P, M), or bases of (P, M, J)")
-    pulses = len(rows) if rows.ndim == 3 else y.shape[-2]
-    plain = np.arange(pulses) if rows.ndim == 3 else np.zeros(pulses, np.int64)
-    message = _numbers(arrays, f"message_{name}") if f"message_{name}" in arrays else plain
-    weight = {"weight": _single(arrays, f"weight_{name}")} if f"weight_{name}" in arrays else {}
-    return Source(name, rows, message, **weight)
-
-
-def _npz_units(arrays: dict[str, Any]) -> Units | None:
-    """Physical scales, all of them or none; half a wavelength between antennas unless ``spacing`` says otherwise."""
-    needed = ("delay_s", "doppler_hz", "carrier_hz")
-    there = [name for name in needed if name in arrays]
-    if not there:
-        return None
-    if len(there) < len(needed):
-        raise DataError("units", ", ".join(there), f"{', '.join(needed)}, or none of them")
-    return Units(*(_single(arrays, name) for name in (*needed, *(["spacing"] if "spacing" in arrays else []))))
-
-
-def _single(arrays: Mapping[str, Any], name: str) -> float:
-    value = np.asarray(arrays[name])
-    if value.size != 1 or value.dtype.kind not in "iuf":
-        raise DataError(name, f"{value.dtype} of shape {value.shape}", "one number")
-    return float(value.reshape(()))
-
-
-def _numbers(arrays: Mapping[str, Any], name: str) -> Any:
-    """A numerical array of a file."""
-    value = np.asarray(arrays[name])
-    if value.dtype.kind not in "iufc":
-        raise DataError(name, f"{value.dtype}", "numbers")
-    return value
-
-
-def scenario_names() -> list[str]:
-    """Scenarios that come with the package."""
-    return sorted(file.stem for file in _SCENARIOS.glob("*.yaml"))
-
-
-def read_scenario(source: str | Path) -> scenario.Scenario:
-    """A scenario by its name, or from a YAML file of its arguments with lists of targets and paths.
-
-    Raises:
-        DataError: no such file or name, or a file that is no such description.
-        SettingError: values that make no scenario.
-    """
-    import yaml
-
-    named = _SCENARIOS / f"{source}.yaml"
-    file = named if named.is_file() else Path(source)
-    if not file.is_file():
-        raise DataError(source, "no such file", f"a YAML file, or one of {', '.join(scenario_names())}")
-    try:
-        described = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DataError(file, f"no YAML ({str(error).splitlines()[0]})", "a description of a scenario") from error
-    return _scenario(file, described)
-
-
-def _scenario(file: Path, described: Any) -> scenario.Scenario:
-    if not isinstance(described, dict):
-        raise DataError(file, f"{type(described).__name__}", "names and values, such as bandwidth_hz: 10e6")
-    channels = {name: described.pop(name, None) or [] for name in ("targets", "paths")}
-    for name, listed in channels.items():
-        if not isinstance(listed, list):
-            raise DataError(file, f"{name}: {listed!r}", f"a list of {name}, each on its own")
-    for name, kind in (("targets", scenario.Target), ("paths", scenario.Path)):
-        singular = name.removesuffix("s")
-        listed = enumerate(channels[name])
-        channels[name] = [_checked(file, f"{singular} {index + 1}", one, kind) for index, one in listed]
-    made: scenario.Scenario = _checked(file, "the scenario", channels | described, scenario.Scenario)
-    return made
-
-
-def _checked(file: Path, what: str, values: Any, kind: type) -> Any:
-    """An object of a dataclass from described values; numbers written as text (``10e6`` in YAML 1.1) are numbers."""
-    named = {one.name: one for one in fields(kind)}
-    needed = [name for name, one in named.items() if one.default is MISSING]
-    if not isinstance(values, dict) or set(values) - set(named) or set(needed) - set(values):
-        there = ", ".join(map(str, values)) if isinstance(values, dict) else repr(values)
-        raise DataError(file, f"{what} of {there}", f"{', '.join(needed)}, and maybe others of {', '.join(named)}")
-    numbers = {name: _value(name, value) for name, value in values.items()}
-    for name, value in numbers.items():
-        if value is None and not (values[name] is None and named[name].default is None):
-            raise DataError(file, f"{name} {values[name]!r} of {what}", "a number")
-    with _naming(file):
-        return kind(**numbers)
-
-
-def _value(name: str, value: Any) -> Any:
-    """A value as the dataclasses want it: whole numbers, complex gains, text of numbers; None where it is no number."""
-    if name in ("targets", "paths", "messages"):
-        return value
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return None
-    try:
-        if name == "gain":
-            return complex(str(value).replace(" ", ""))
-        number = float(value)
-        return int(number) if name in _WHOLE and number == int(number) else number
-    except (ValueError, OverflowError):
-        return None
+def _from_arrays(arrays: dict[str, Any]) -> Problem:
+    single = [name for name in arrays if name in _NPZ[1:] or name.startswith("weight_")]
+    for name, value in arrays.items():
+        if value.dtype.kind not in "iufc":
+            raise DataError(name, f"{value.dtype}", "numbers")
+        if name in single and (value.size != 1 or value.dtype.kind == "c"):
+            raise DataError(name, f"{value.dtype} of shape {value.shape}", "one number")
+    numbers = {name: float(arrays[name].reshape(())) for name in single}
+    y, sources = arrays["y"], []
+    for name in (one.removeprefix("basis_") for one in arrays if one.startswith("basis_")):
+        rows = arrays[f"basis_{name}"]
+        if y.ndim < 2 and rows.ndim < 3:
+            raise DataError("y", f"{y.ndim} dimension", "(P, M) or (A, P, M), or bases of (P, M, J)")
+        plain = np.arange(len(rows)) if rows.ndim == 3 else np.zeros(y.shape[-2], np.int64)
+        weight = {"weight": numbers[f"weight_{name}"]} if f"weight_{name}" in numbers else {}
+        sources.append(Source(name, rows, arrays.get(f"message_{name}", plain), **weight))
+    units = {name: value for name, value in numbers.items() if name in _NPZ[2:]}
+    if set(units) - {"spacing"} not in (set(), set(_NPZ[2:5])):
+        raise DataError("units", ", ".join(units), f"{', '.join(_NPZ[2:5])}, or none of them")
+    given = Units(**units) if len(units) > 1 else None
+    return Problem(y, tuple(sources), numbers.get("sigma"), units=given)

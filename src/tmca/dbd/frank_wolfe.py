@@ -12,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tmca.dbd.atoms import Polynomial
 from tmca.dbd.channel import (
-    Channel,
     Channels,
     each_atom,
     fit,
@@ -23,11 +21,11 @@ from tmca.dbd.channel import (
     paths,
     relative_residual,
     residual,
+    unknowns,
     with_fitted_weights,
     with_weights,
-)  # fmt: skip
-from tmca.dbd.coordinates import Complex, Real
-from tmca.dbd.model import Problem
+)
+from tmca.dbd.model import Complex, Problem, Real
 from tmca.dbd.noise import cost, largest_level, noise_level, structured
 
 EXACT = 1e-9
@@ -54,21 +52,15 @@ _NO_NOISE = 1e-7
 
 
 class Solution(NamedTuple):
-    """What every solver hands on.
-
-    Args:
-        lifted: channels of the convex problem.
-        channels: structured ones.
-        q: ``(A, P, M)``, the dual variable.
-        sigma: standard deviation of the noise it was solved for; 0 for none.
-        notes: what is doubtful about it.
-    """
+    """What every solver hands on: the channels of the convex problem and structured ones, and the dual variable."""
 
     lifted: Channels
     channels: Channels
     q: Complex
     sigma: float
+    """Standard deviation of the noise it was solved for; 0 for none."""
     notes: tuple[str, ...] = ()
+    """What is doubtful about it."""
 
 
 def frank_wolfe(problem: Problem) -> Solution:
@@ -101,7 +93,7 @@ def _at_noise(problem: Problem, channels: Channels, sigma: float, level: float) 
     """Solves on from lifted channels at one regularisation; in ``lifted`` are the ones to go on from."""
     y, top = problem.y, largest_level(channels, problem.y)
     steps = [] if any(paths(channels)) else [share * top for share in (0.5, 0.25) if share * top > level]
-    if _unknowns(channels) < y.size:  # beyond, only the selection of paths goes on
+    if unknowns(channels) < y.size:  # beyond, only the selection of paths goes on
         for step in (*steps, level):
             channels = descend(channels, y, step, rounds=15, weak=1e-4)
     q = (residual(channels, y) / level).reshape(problem.shape)
@@ -121,12 +113,12 @@ def _unknown_noise(problem: Problem) -> Solution:
         solution = _at_noise(problem, channels, sigma, factor * sigma)
         channels = solution.lifted
         left = float(np.linalg.norm(residual(solution.channels, problem.y)))
-        free = size - _unknowns(solution.channels) / 2
+        free = size - unknowns(solution.channels) / 2
         if free < size / 4:
             break
         if left < _NO_NOISE * scale * np.sqrt(size):
             return _noiseless(problem)
-        criterion = _information(solution.channels, problem.y)
+        criterion = 2 * size * float(np.log(left**2 / size)) + cost(solution.channels, problem.y, 1.0) - 2 * left**2
         if criterion < best[0]:
             best = criterion, solution._replace(sigma=float(left / np.sqrt(free)))
             least = _OVERFIT * left / np.sqrt(free)
@@ -134,60 +126,30 @@ def _unknown_noise(problem: Problem) -> Solution:
     return best[1] or _at_noise(problem, no_paths(problem), sigma, factor * sigma)
 
 
-def _unknowns(channels: Channels) -> int:
-    return sum(one.unknowns for one in channels)
-
-
-def _information(channels: Channels, y: Complex) -> float:
-    """The Bayesian information criterion where the noise level is a parameter too."""
-    left = float(np.linalg.norm(residual(channels, y)) ** 2)
-    prices = cost(channels, y, 1.0) - 2 * left
-    return 2 * y.size * float(np.log(left / y.size)) + prices
-
-
 def crowded(channels: Channels, y: Complex) -> bool:
     """Whether there are about as many unknowns as samples: these samples are not sparse."""
-    return _unknowns(channels) > max(2 * y.size, min(_SMALL, 5 * y.size))
+    return unknowns(channels) > max(2 * y.size, min(_SMALL, 5 * y.size))
 
 
 def descend(channels: Channels, y: Complex, level: float, rounds: int = 12, weak: float = 1e-6) -> Channels:
-    """Solves the group BLASSO at one regularisation from lifted channels.
-
-    Args:
-        channels: the atoms so far.
-        y: ``(A, P, M)``, the samples.
-        level: of regularisation.
-        rounds: most insertions.
-        weak: atoms weaker than this share of the whole are dropped.
-    """
+    """Solves the group BLASSO at one regularisation from lifted channels, without atoms below a share of the whole."""
     channels = fit(channels, y, 10, level)
     for _ in range(rounds):
         if crowded(channels, y):
             break
-        inserted = _inserted(channels, y, level)
+        dual = residual(channels, y) / level
+        inserted = [one.with_peaks(dual, 1 + _TOLERANCE, most=_INSERTIONS) for one in channels]
         if paths(inserted) == paths(channels):
             return fit(channels, y, 10, level)
         channels = _stronger(group_lasso(inserted, y, level), 1e-9)
         channels = [one.merged(0.02) for one in fit(channels, y, 12, level)]
-        channels = _stronger(_clusters_merged(channels, y, level), weak)
+        merged = [one.merged(0.5) for one in channels]
+        if paths(merged) != paths(channels):
+            merged = fit(merged, y, 15, level)
+            after, before = (objective(some, residual(some, y), level) for some in (merged, channels))
+            channels = merged if after <= before * (1 + 1e-9) else channels
+        channels = _stronger(channels, weak)
     return channels
-
-
-def _inserted(channels: Channels, y: Complex, level: float) -> Channels:
-    """With atoms of weight zero where the dual polynomials exceed their bound."""
-    dual = residual(channels, y) / level
-    bounds = [one.atoms.source.weight * (1 + _TOLERANCE) for one in channels]
-    pairs = zip(channels, bounds, strict=True)
-    return [one.added(Polynomial(one.atoms, dual).peaks(bound, most=_INSERTIONS)[0]) for one, bound in pairs]
-
-
-def _clusters_merged(channels: Channels, y: Complex, level: float) -> Channels:
-    """With atoms within half a resolution cell merged where the convex objective agrees."""
-    trial = [one.merged(0.5) for one in channels]
-    if paths(trial) == paths(channels):
-        return channels
-    trial = fit(trial, y, 15, level)
-    return trial if objective(trial, y, level) <= objective(channels, y, level) * (1 + 1e-9) else channels
 
 
 def _stronger(channels: Channels, share: float) -> Channels:
@@ -246,21 +208,17 @@ def _block(values: Real, vectors: Complex, target: Complex, penalty: float, star
 
 
 def exact_fit(channels: Channels, y: Complex, shares: Iterable[float]) -> tuple[float, Channels | None]:
-    """The best unregularised fit, clusters joined, of the atoms above some share of the strongest.
+    """The best unregularised fit, clusters joined, of the lifted atoms above some share of the strongest.
 
-    Args:
-        channels: lifted, a regularised solution.
-        y: ``(A, P, M)``, noiseless samples.
-        shares: to try.
-
-    Returns:
-        Its relative residual and its atoms; infinite and None where there are too many.
+    Its relative residual and its atoms; infinite and None where there are too many.
     """
     best: tuple[float, Channels | None] = (np.inf, None)
     seen: set[tuple[int, ...]] = set()
+    merged = [one.merged(_CELLS) for one in channels]
+    strongest = max(one.strengths.max(initial=0.0) for one in merged)
     for share in shares:
-        trial = _strong(channels, y, share)
-        if trial is None or paths(trial) in seen:
+        trial = [one.taken(one.strengths > share * strongest) for one in merged]
+        if not any(paths(trial)) or unknowns(trial) >= 2 * y.size or paths(trial) in seen:
             continue
         seen.add(paths(trial))
         trial = _fitted(trial, y)
@@ -270,39 +228,24 @@ def exact_fit(channels: Channels, y: Complex, shares: Iterable[float]) -> tuple[
     return best
 
 
-def _strong(channels: Channels, y: Complex, share: float) -> Channels | None:
-    trial = [one.merged(_CELLS) for one in channels]
-    strongest = max(one.strengths.max(initial=0.0) for one in trial)
-    trial = [one.taken(one.strengths > share * strongest) for one in trial]
-    return trial if any(paths(trial)) and _unknowns(trial) < 2 * y.size else None
-
-
 def _fitted(channels: Channels, y: Complex) -> Channels:
+    """Least squares; where they are exact, with as few atoms as that takes."""
     channels = fit(with_fitted_weights(channels, y), y, _STEPS)
     if relative_residual(channels, y) < EXACT:
         merged = [one.merged(1e-2) for one in channels]
-        channels = _eliminated(fit(with_fitted_weights(merged, y), y, _STEPS), y)
-    return channels
-
-
-def _eliminated(channels: Channels, y: Complex) -> Channels:
-    """Drops atoms, the weakest first, as long as the fit stays exact."""
-    while sum(paths(channels)) > 1:
-        fewer = _one_less(channels, y)
-        if fewer is None:
-            break
-        channels = fewer
+        fewer: Channels | None = fit(with_fitted_weights(merged, y), y, _STEPS)
+        while fewer is not None:
+            channels, fewer = fewer, _one_less(fewer, y) if sum(paths(fewer)) > 1 else None
     return channels
 
 
 def _one_less(channels: Channels, y: Complex) -> Channels | None:
+    """An exact fit without one atom, the weakest if possible."""
     order = sorted(
         (value, index, atom) for index, one in enumerate(channels) for atom, value in enumerate(one.strengths)
     )
     for _, index, atom in order:
-        fewer: list[Channel] = [*channels]
-        fewer[index] = channels[index].without(atom)
-        trial = with_fitted_weights(fewer, y)
+        trial = with_fitted_weights([*channels[:index], channels[index].without(atom), *channels[index + 1 :]], y)
         if relative_residual(trial, y) < _MISSED:
             trial = fit(trial, y, _STEPS)
         if relative_residual(trial, y) < EXACT:

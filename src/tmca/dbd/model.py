@@ -1,4 +1,8 @@
-"""What a receiver has: overlaid samples and what is known of their sources; and what these cannot tell."""
+"""What a receiver has: overlaid samples and what is known of their sources; and what these cannot tell.
+
+Delays, Dopplers and angles are normalised: on a torus, where they wrap around at 1; :class:`Units` makes metres, metres
+a second and degrees of them.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,75 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from tmca.dbd.coordinates import Complex, Real, Units, Whole
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import SettingError, ShapeError, check_range, check_shape
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+Real = NDArray[np.floating[Any]]
+Whole = NDArray[np.signedinteger[Any]]
+Mask = NDArray[np.bool_]
+
+AXES = ("delay", "doppler", "angle")
+LIGHT_M_S = 299_792_458.0
+
+
+def distance(a: ArrayLike, b: ArrayLike) -> Real:
+    """The shorter way around from ``a`` to ``b``, per coordinate, 0 to 0.5; arrays broadcast."""
+    apart = np.abs(np.asarray(a, float) - np.asarray(b, float)) % 1.0
+    return np.minimum(apart, 1 - apart)
+
+
+def centred(values: Real) -> Real:
+    """The same place on the torus in −½ to ½."""
+    return (np.asarray(values, float) + 0.5) % 1.0 - 0.5
+
+
+def from_zero(delays: Real, frequencies: int) -> Real:
+    """Delays in [0, 1), but those within half a resolution cell below one as what they are: a little under zero."""
+    return delays - (delays > 1 - 0.5 / frequencies)
+
+
+@dataclass(frozen=True)
+class Units:
+    """From normalised coordinates to seconds and hertz, metres, metres a second and degrees.
+
+    Delays of sources whose name starts with ``radar`` are there and back.
+
+    Args:
+        delay_s: seconds of a normalised delay of one: the inverse of the frequency spacing.
+        doppler_hz: hertz of a normalised Doppler of one: the pulse repetition frequency.
+        carrier_hz: carrier frequency, for velocities.
+        spacing: antenna spacing in wavelengths, for angles.
+    """
+
+    delay_s: float
+    doppler_hz: float
+    carrier_hz: float
+    spacing: float = 0.5
+
+    def physical(self, values: Real, axis: int, name: str) -> Real:
+        """Normalised delays (axis 0) in metres, Dopplers (1) of −½ to ½ in metres a second, angles (2) in degrees."""
+        if axis == 2:
+            return np.rad2deg(np.arcsin(np.clip(values / self.spacing, -1, 1)))
+        scale = self.delay_s if axis == 0 else self.doppler_hz / self.carrier_hz
+        return np.asarray(values, float) * scale * LIGHT_M_S / (2.0 if is_radar(name) else 1.0)
+
+    def deviation(self, values: Real, deviations: Real, axis: int, name: str) -> Real:
+        """Standard deviations of normalised coordinates at ``values`` in the units of :meth:`physical`."""
+        if axis < 2:
+            return deviations * self.physical(np.array(1.0), axis, name)
+        cosine = np.sqrt(np.maximum(1 - (values / self.spacing) ** 2, 0))
+        with np.errstate(divide="ignore"):
+            return np.rad2deg(deviations / (self.spacing * cosine))
+
+
+def is_radar(name: str) -> bool:
+    """Whether the delays of a source are there and back."""
+    return name.startswith("radar")
 
 
 @dataclass(frozen=True)
@@ -37,22 +105,29 @@ class Source:
     weight: float = None  # type: ignore[assignment]  # a float from here on
 
     def __post_init__(self) -> None:
-        message = np.asarray(self.message)
-        if not np.all(message == message.astype(np.int64)):
-            raise SettingError(f"messages of {self.name}", f"{message.tolist()}", "whole numbers")
-        rows = np.asarray(self.rows, np.complex128)
-        if rows.ndim == 2:
-            rows = np.broadcast_to(rows, (len(message), *rows.shape))
+        where, message, rows = f"basis of {self.name}", np.asarray(self.message), np.asarray(self.rows, np.complex128)
+        rows = np.repeat(rows[None], len(message), axis=0) if rows.ndim == 2 else rows
+        check_shape(where, rows, ("pulses", "frequencies", "subspace"))
+        bad = int(np.sum(~np.isfinite(rows)))
+        if bad:
+            raise SettingError(where, f"{bad} values that are NaN or infinite", "finite values only")
+        check_shape(f"messages of {self.name}", message, (len(rows),), "give one for each pulse")
+        if message[0] != 0 or not np.all(np.isin(np.diff(message), (0, 1))):
+            expected = "whole numbers, 0 for the first pulse, then steps of 0 or 1"
+            raise SettingError(f"messages of {self.name}", f"{message.tolist()}", expected)
         object.__setattr__(self, "rows", rows)
         object.__setattr__(self, "message", message.astype(np.int64))
-        self._check_rows()
-        self._check_message()
-        self._check_rank()
+        for one in range(self.messages):  # coefficients that do not show in the signal cannot be estimated
+            heard = rows[message == one].reshape(-1, self.subspace)
+            rank = int(np.linalg.matrix_rank(heard))
+            if rank < self.subspace:
+                which = f"{where}, message {one}" if self.messages > 1 else where
+                remedy = "drop the columns that depend on others"
+                raise SettingError(which, f"rank {rank} of {self.subspace} columns", "full column rank", remedy)
         if self.weight is None:
             power = np.abs(rows) ** 2
             object.__setattr__(self, "weight", float(np.sqrt(np.mean(power[power > 0]))))
-        if not (np.isfinite(self.weight) and self.weight > 0):
-            raise SettingError(f"weight of {self.name}", f"{self.weight}", "a positive number")
+        check_range(f"weight of {self.name}", self.weight, above=0)
 
     @property
     def messages(self) -> int:
@@ -72,7 +147,7 @@ class Source:
     @cached_property
     def same_every_pulse(self) -> bool:
         """Whether all pulses have the same rows."""
-        return self.rows.strides[0] == 0 or bool(np.all(self.rows == self.rows[:1]))
+        return bool(np.all(self.rows == self.rows[:1]))
 
     @property
     def sees_doppler(self) -> bool:
@@ -94,34 +169,6 @@ class Source:
         """The source that sends what these ``(G J,)`` coefficients make, up to one factor."""
         return Source(self.name, self.signal(coefficients)[..., None], np.zeros(len(self.message), np.int64))
 
-    def _check_rows(self) -> None:
-        where, rows = f"basis of {self.name}", self.rows
-        if rows.ndim != 3 or 0 in rows.shape:
-            raise ShapeError(where, f"shape {rows.shape}", "(pulses, frequencies, subspace) or the last two")
-        bad = int(np.sum(~np.isfinite(rows)))
-        if bad:
-            raise SettingError(where, f"{bad} values that are NaN or infinite", "finite values only")
-
-    def _check_message(self) -> None:
-        where, pulses = f"messages of {self.name}", len(self.rows)
-        if self.message.shape != (pulses,):
-            raise ShapeError(where, f"{self.message.size} numbers", f"one for each of {pulses} pulses")
-        steps = np.diff(self.message, prepend=0)
-        if self.message[0] != 0 or not np.all(np.isin(steps, (0, 1))):
-            raise SettingError(where, f"{self.message.tolist()}", "0 for the first pulse, then steps of 0 or 1")
-
-    def _check_rank(self) -> None:
-        """Coefficients that do not show in the signal cannot be estimated."""
-        for one in range(1 if self.same_every_pulse else self.messages):
-            rows = self.rows[self.message == one].reshape(-1, self.subspace)
-            rows = self.rows[0] if self.same_every_pulse else rows
-            rank = int(np.linalg.matrix_rank(rows))
-            if rank < self.subspace:
-                where = f"basis of {self.name}" + (f", message {one}" if self.messages > 1 else "")
-                size = f"{rows.shape[0]} x {rows.shape[1]}"
-                remedy = "drop the columns that depend on others"
-                raise SettingError(where, f"rank {rank} in {size}", "full column rank", remedy)
-
 
 @dataclass(frozen=True)
 class Truth:
@@ -138,9 +185,7 @@ class Truth:
     waveform: Complex
 
     def __post_init__(self) -> None:
-        count = len(self.amplitudes)
-        if np.shape(self.points) != (count, 3):
-            raise ShapeError("points of the truth", f"shape {np.shape(self.points)}", f"({count}, 3), as gains")
+        check_shape("points of the truth", np.shape(self.points), (len(self.amplitudes), 3))
         if not all(np.all(np.isfinite(one)) for one in (self.points, self.amplitudes, self.waveform)):
             raise SettingError("truth", "NaN or infinite numbers", "finite ones")
 
@@ -172,32 +217,25 @@ class Problem:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "sources", tuple(self.sources))
-        if not self.sources:
-            raise SettingError("sources", "none", "at least one")
+        names = [one.name for one in self.sources]
+        if not names or len(set(names)) < len(names):
+            raise SettingError("sources", ", ".join(names) or "none", "at least one, each with a name of its own")
+        size = self.sources[0].rows.shape[:2]
+        for source in self.sources[1:]:
+            check_shape(f"basis of {source.name}", source.rows, (*size, "J"), f"as {names[0]}")
         y = np.asarray(self.y, np.complex128)
-        object.__setattr__(self, "y", y.reshape(self._lattice(y)))
+        shape = (y.shape[0] if y.ndim == 3 else 1, *size)
+        if y.shape not in (shape, size, (size[0] * size[1],)):
+            expected = f"{size} or {size[0] * size[1]} numbers, after antennas where there are any"
+            raise ShapeError("y", f"shape {y.shape}", expected, "y and the bases have to be of the same pulses")
+        object.__setattr__(self, "y", y.reshape(shape))
         bad = int(np.sum(~np.isfinite(y)))
         if bad:
             raise SettingError("y", f"{bad} of {y.size} samples NaN or infinite", "finite samples", "drop the pulses")
-        if self.sigma is not None and not (np.isfinite(self.sigma) and self.sigma >= 0):
-            raise SettingError("sigma", f"{self.sigma}", "a standard deviation of zero or more")
-        names = [one.name for one in self.sources]
-        if len(set(names)) < len(names):
-            raise SettingError("sources", ", ".join(names), "a name of its own for each")
-        if self.truth is not None and len(self.truth) != len(self.sources):
-            raise ShapeError("truth", f"{len(self.truth)}", f"one for each of {len(self.sources)} sources")
-
-    def _lattice(self, y: Complex) -> tuple[int, int, int]:
-        pulses, frequencies = size = self.sources[0].rows.shape[:2]
-        for source in self.sources[1:]:
-            if source.rows.shape[:2] != size:
-                there = f"{source.rows.shape[:2]} pulses and frequencies"
-                raise ShapeError(f"basis of {source.name}", there, f"{size} as {self.sources[0].name}")
-        antennas = y.shape[0] if y.ndim == 3 else 1
-        if y.shape not in ((antennas, *size), size, (pulses * frequencies,)):
-            expected = f"{size} or {pulses * frequencies} numbers, after antennas where there are any"
-            raise ShapeError("y", f"shape {y.shape}", expected, "y and the bases have to be of the same pulses")
-        return antennas, pulses, frequencies
+        if self.sigma is not None:
+            check_range("sigma", self.sigma, 0)
+        if self.truth is not None and len(self.truth) != len(names):
+            raise ShapeError("truth", f"{len(self.truth)}", f"one for each of {len(names)} sources")
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -213,18 +251,14 @@ class SameSignals(UserWarning):
     """Whatever one source sends, another can send too."""
 
 
-def lifted_unknowns(problem: Problem, paths: Sequence[int]) -> int:
-    """Complex unknowns of the lifted problem: paths times coefficients, summed over the sources.
-
-    For a radar and ``block`` messages L J + Q J P (dbd erratum S2: with the Doppler absorbed, every path needs its
-    own J P coefficients; the sample bound of thesis equation 87 misses the factor P).
-    """
-    return sum(count * source.unknowns for count, source in zip(paths, problem.sources, strict=True))
-
-
 def beyond_freedom(problem: Problem, paths: Sequence[int]) -> str | None:
-    """Why no convex method can succeed with so many paths, or None."""
-    unknowns, samples = lifted_unknowns(problem, paths), problem.y.size
+    """Why no convex method can succeed with so many paths, or None.
+
+    The lifted problem has L J + Q J P complex unknowns for a radar and ``block`` messages (with the Doppler absorbed,
+    every path needs its own J P coefficients; the sample bound of thesis equation 87 misses the factor P).
+    """
+    unknowns = sum(count * source.unknowns for count, source in zip(paths, problem.sources, strict=True))
+    samples = problem.y.size
     if unknowns <= samples:
         return None
     parts = " + ".join(f"{n} x {one.unknowns}" for n, one in zip(paths, problem.sources, strict=True))
@@ -238,29 +272,27 @@ def same_signals(problem: Problem) -> tuple[str, ...]:
     """Pairs of sources one of which can send all that the other can, a sentence each."""
     from scipy.linalg import subspace_angles
 
-    sentences = []
-    for one, other in combinations(problem.sources, 2):
-        if float(subspace_angles(_subspace(one), _subspace(other)).max()) < 1e-7:
-            sentences.append(f"{one.name} and {other.name} can send the same signals: any path may be of either")
-    return tuple(sentences)
-
-
-def _subspace(source: Source) -> Complex:
-    """All signals a source can send, as columns ``(P M, G J)``."""
-    return np.moveaxis(source.signal(np.eye(source.unknowns, dtype=complex)), 0, -1).reshape(-1, source.unknowns)
+    spaces = {  # all signals a source can send, as columns (P M, G J)
+        one.name: one.signal(np.eye(one.unknowns, dtype=complex)).reshape(one.unknowns, -1).T for one in problem.sources
+    }
+    return tuple(
+        f"{one} and {other} can send the same signals: any path may be of either"
+        for one, other in combinations(spaces, 2)
+        if float(subspace_angles(spaces[one], spaces[other]).max()) < 1e-7
+    )
 
 
 def ambiguities(problem: Problem) -> tuple[str, ...]:
     """What is undetermined in principle, a sentence each."""
-    sentences = ["the scale and phase of each waveform trade against its gains"]
-    for source in problem.sources:
-        if not source.sees_doppler and problem.shape[1] > 1:
-            sentences.append(
-                f"{source.name}: messages of their own in every pulse absorb the absolute Doppler; "
-                "Dopplers are relative to each other, and waveforms known up to a phase ramp over the pulses"
-            )
-    sentences += same_signals(problem)
-    sentences.append(
-        "an unknown lag of a source's clock adds to all its delays, an unknown frequency offset to its Dopplers"
+    absorbed = (
+        f"{source.name}: messages of their own in every pulse absorb the absolute Doppler; "
+        "Dopplers are relative to each other, and waveforms known up to a phase ramp over the pulses"
+        for source in problem.sources
+        if not source.sees_doppler and problem.shape[1] > 1
     )
-    return tuple(sentences)
+    return (
+        "the scale and phase of each waveform trade against its gains",
+        *absorbed,
+        *same_signals(problem),
+        "an unknown lag of a source's clock adds to all its delays, an unknown frequency offset to its Dopplers",
+    )

@@ -6,14 +6,13 @@ against the parameters of one path, position and complex amplitude.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel, Channels, fit, no_paths, normal_equations, paths, residual
-from tmca.dbd.coordinates import Complex, Real, distance
-from tmca.dbd.model import Problem
+from tmca.dbd.model import Complex, Problem, Real, distance
 from tmca.errors import SettingError
 
 _QUANTILE = 0.95
@@ -43,9 +42,7 @@ def noise_level(problem: Problem, seed: int = 0) -> float:
 
 def largest_level(channels: Sequence[Channel], y: Complex) -> float:
     """The regularisation above which no atoms are optimal: the highest ``‖f‖ / weight`` of the samples."""
-    return max(
-        float(np.sqrt(Polynomial(one.atoms, y).norms_on_grid().max())) / one.atoms.source.weight for one in channels
-    )
+    return max(float(Polynomial(one.atoms, y).levels_on_grid().max()) for one in channels)
 
 
 def price(atoms: Atoms) -> float:
@@ -59,11 +56,9 @@ def price(atoms: Atoms) -> float:
 
 def cost(channels: Sequence[Channel], y: Complex, sigma: float) -> float:
     """Twice the negative log-likelihood, less a constant, with the price of every path and every waveform."""
-    squares = 2 * float(np.linalg.norm(residual(channels, y)) ** 2) / sigma**2
-    logarithm = float(np.log(2 * y.size))
-    return squares + sum(
-        len(one) * price(one.atoms) + bool(len(one)) * 2 * (one.waveform.size - 1) * logarithm for one in channels
-    )
+    squares, logarithm = 2 * float(np.linalg.norm(residual(channels, y)) ** 2) / sigma**2, float(np.log(2 * y.size))
+    waveforms = sum(2 * (one.waveform.size - 1) * logarithm for one in channels if len(one))
+    return squares + sum(len(one) * price(one.atoms) for one in channels) + waveforms
 
 
 def structured(lifted: Sequence[Channel], y: Complex, sigma: float) -> Channels:
@@ -88,59 +83,50 @@ def selected(channels: Channels, y: Complex, sigma: float) -> Channels:
 
 def _one_less(channels: Channels, y: Complex, sigma: float, best: float) -> Channels | None:
     """The channels without the path that is missed least, if they cost less."""
-    for _, index, path in sorted(_doubtful(channels, sigma))[:_TRIED]:
-        trial = _with(channels, index, channels[index].without(path), y)
-        if cost(trial, y, sigma) < best:
-            return trial
-    return None
-
-
-def _with(channels: Channels, index: int, channel: Channel, y: Complex) -> Channels:
-    """A short fit with one channel replaced."""
-    return fit([*channels[:index], channel, *channels[index + 1 :]], y, _STEPS)
-
-
-def _doubtful(channels: Channels, sigma: float) -> list[tuple[float, int, int]]:
-    """Paths that may be noise or doubles: their significance with all else fixed, source and number."""
     columns = np.hstack([one.columns() for one in channels])
     variances = iter(np.real(np.diag(np.linalg.pinv(columns.conj().T @ columns))))
-    doubtful = []
+    doubtful = []  # paths that may be noise or doubles, by their significance with all else fixed
     for index, one in enumerate(channels):
         for path, gain in enumerate(one.amplitudes):
             gained = 2 * abs(gain) ** 2 / (next(variances) * sigma**2)
             apart = np.max(distance(one.positions, one.positions[path]) * one.atoms.counts, axis=1)
             if gained < 6 * price(one.atoms) or np.sum(apart < _NEAR) > 1:
                 doubtful.append((float(gained), index, path))
-    return doubtful
+    less = ((index, channels[index].without(path)) for _, index, path in sorted(doubtful)[:_TRIED])
+    return _cheaper(channels, less, y, sigma, best)
 
 
 def _one_more(channels: Channels, y: Complex, sigma: float, best: float) -> Channels | None:
     """The channels with a path more where the residual matches a source best, if they cost less."""
     left = residual(channels, y)
-    for index, one in enumerate(channels):
-        trial = _with(channels, index, _another(one, left) if len(one) else _first(one, left), y)
+    more = ((index, _extended(one, left)) for index, one in enumerate(channels))
+    return _cheaper(channels, more, y, sigma, best)
+
+
+def _cheaper(
+    channels: Channels, changes: Iterable[tuple[int, Channel]], y: Complex, sigma: float, best: float
+) -> Channels | None:
+    """A short fit with the first of the channels replaced that makes it cost less."""
+    for index, channel in changes:
+        trial = fit([*channels[:index], channel, *channels[index + 1 :]], y, _STEPS)
         if cost(trial, y, sigma) < best:
             return trial
     return None
 
 
-def _another(channel: Channel, left: Complex) -> Channel:
-    """The channel with one more path of its waveform, where a matched filter says."""
-    matched = Atoms(channel.atoms.source.with_signal(channel.waveform), channel.atoms.shape)
+def _extended(channel: Channel, left: Complex) -> Channel:
+    """The channel with one more path, where a matched filter says; before the first, the waveform is unknown too."""
+    source = channel.atoms.source
+    matched = Atoms(source.with_signal(channel.waveform) if len(channel) else source, channel.atoms.shape)
     point = Polynomial(matched, left).peaks(0.0, most=1)[0][:1]
+    if not len(channel):
+        weight = np.linalg.lstsq(matched.matrix(point[0]), left, rcond=None)[0]
+        position = np.nan_to_num(channel.atoms.seen(matched.full(point)))
+        return Channel(channel.atoms, position, np.ones(1, complex), weight).normalised()
     column = channel.atoms.signals(point, channel.waveform)[0]
     gain = np.vdot(column, left) / np.vdot(column, column)
     positions = np.vstack([channel.positions, point])
     return Channel(channel.atoms, positions, np.append(channel.amplitudes, gain), channel.waveform)
-
-
-def _first(channel: Channel, left: Complex) -> Channel:
-    """The first path of a source whose waveform is not known yet either."""
-    lifted = Atoms(channel.atoms.source, channel.atoms.shape)
-    point = Polynomial(lifted, left).peaks(0.0, most=1)[0][:1]
-    weight = np.linalg.lstsq(lifted.matrix(point[0]), left, rcond=None)[0]
-    position = np.nan_to_num(channel.atoms.seen(lifted.full(point)))
-    return Channel(channel.atoms, position, np.ones(1, complex), weight).normalised()
 
 
 def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int | None] | None = None) -> list[Real]:
@@ -160,36 +146,24 @@ def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int |
     fisher = 2 / sigma**2 * curvature / np.outer(sizes, sizes)
     ends = np.cumsum([one.positions.size for one in channels])
     nuisance = np.arange(len(fisher) - ends[-1])
-    fixed = _reference_columns(channels, references or [None] * len(channels))
+    fixed = []  # columns of Dopplers that others count from
+    for one, path, end in zip(channels, references or [None] * len(channels), ends, strict=True):
+        if one.relative_axis is not None and len(one):
+            start = end - one.positions.size + one.relative_axis
+            fixed.append(start + (one.strongest if path is None else path) * one.positions.shape[1])
     free = np.setdiff1d(np.arange(ends[-1]), fixed)
     columns = len(nuisance) + free
     cross = fisher[np.ix_(columns, nuisance)]
     within = np.linalg.pinv(fisher[np.ix_(nuisance, nuisance)], rcond=1e-9)
     information = fisher[np.ix_(columns, columns)] - cross @ within @ cross.T
+    values, vectors = np.linalg.eigh(information)
+    certain = values > 1e-11 * 2 / sigma**2
+    variances = (vectors[:, certain] ** 2 / values[certain]).sum(axis=1)
+    variances[(vectors[:, ~certain] ** 2).sum(axis=1) > 1e-8] = np.inf  # a direction that no sample tells
     deviations = np.zeros(ends[-1])
-    deviations[free] = _deviations(information, least=1e-11 * 2 / sigma**2) / sizes[columns]
+    deviations[free] = np.sqrt(variances) / sizes[columns]
     parts = np.split(deviations, ends[:-1])
     return [part.reshape(one.positions.shape) for one, part in zip(channels, parts, strict=True)]
-
-
-def _deviations(information: Real, least: float) -> Real:
-    """Square roots of the diagonal of the inverse; infinite along directions with ``least`` information or less."""
-    values, vectors = np.linalg.eigh(information)
-    certain = values > least
-    variances = (vectors[:, certain] ** 2 / values[certain]).sum(axis=1)
-    variances[(vectors[:, ~certain] ** 2).sum(axis=1) > 1e-8] = np.inf
-    return np.sqrt(variances)
-
-
-def _reference_columns(channels: Sequence[Channel], references: Sequence[int | None]) -> list[int]:
-    """Columns of Dopplers that serve as references."""
-    columns, start = [], 0
-    for one, given in zip(channels, references, strict=True):
-        if one.relative_axis is not None and len(one):
-            path = one.strongest if given is None else given
-            columns.append(start + path * one.positions.shape[1] + one.relative_axis)
-        start += one.positions.size
-    return columns
 
 
 def true_bounds(problem: Problem, references: Sequence[int | None] | None = None) -> list[Real]:
@@ -200,8 +174,5 @@ def true_bounds(problem: Problem, references: Sequence[int | None] | None = None
     """
     if problem.truth is None or not problem.sigma:
         raise SettingError("problem", "no truth or no noise", "a simulated problem with snr_db")
-    channels = []
-    for source, truth in zip(problem.sources, problem.truth, strict=True):
-        atoms = Atoms(source, problem.shape, every_axis=True)
-        channels.append(Channel(atoms, atoms.seen(truth.points), truth.amplitudes, truth.waveform))
-    return bounds(channels, problem.sigma, references)
+    pairs = zip(problem.sources, problem.truth, strict=True)
+    return bounds([Channel.true(*both, problem.shape) for both in pairs], problem.sigma, references)

@@ -9,8 +9,7 @@ import numpy as np
 
 from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
-from tmca.dbd.coordinates import AXES, Complex, Real, Units, centred, distance, matched
-from tmca.dbd.model import Problem, Source, Truth
+from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
 from tmca.errors import SettingError
 
 
@@ -51,6 +50,11 @@ class Recovery:
     def certified(self) -> bool | None:
         """Whether the recovery is proven to be the optimum; None where that is undecided."""
         return None if self.certificate is None else self.certificate.certified
+
+    @property
+    def certificate_status(self) -> str:
+        """In words; ``not looked for`` where there is none."""
+        return "not looked for" if self.certificate is None else self.certificate.status
 
     def __getitem__(self, name: str) -> Channel:
         return {source.name: source for source in self.sources}[name]
@@ -173,10 +177,20 @@ def _source_score(channel: Channel, source: Source, truth: Truth) -> SourceScore
     errors = {AXES[axis]: distance(estimate[:, axis], true[:, axis]) for axis in axes}
     limits = channel.bounds
     bounds = {} if limits is None else {AXES[axis]: limits[here, axis] for axis in axes}
-    return SourceScore(channel.name, True, errors, _correlation(source, channel, truth, shift), bounds, reference)
-
-
-def _correlation(source: Source, channel: Channel, truth: Truth, shift: float) -> float:
     ramp = np.exp(2j * np.pi * shift * np.arange(source.messages))
     turned = (channel.waveform.reshape(source.messages, -1) * ramp[:, None]).reshape(-1)
-    return float(abs(np.vdot(turned, truth.waveform)) / (np.linalg.norm(turned) * np.linalg.norm(truth.waveform)))
+    correlation = abs(np.vdot(turned, truth.waveform)) / (np.linalg.norm(turned) * np.linalg.norm(truth.waveform))
+    return SourceScore(channel.name, True, errors, float(correlation), bounds, reference)
+
+
+def matched(estimate: Real, truth: Real) -> tuple[Whole, Whole]:
+    """Pairs with the least sum of largest coordinate errors (Hungarian method): indices into both.
+
+    Args:
+        estimate: ``(n, D)``.
+        truth: ``(m, D)``.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    first, second = linear_sum_assignment(distance(estimate[:, None], truth[None]).max(-1, initial=0.0))
+    return first, second

@@ -10,25 +10,23 @@ A :class:`Scenario` describes; :meth:`Scenario.draw` draws codes and symbols, wh
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+import pathlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from tmca.dbd.coordinates import LIGHT_M_S, Complex, Real, Units
-from tmca.dbd.messages import carriers, unit_vector
-from tmca.dbd.messages import messages as message_source
-from tmca.dbd.model import Problem, Source, Truth
-from tmca.dbd.simulation import overlaid
-from tmca.errors import SettingError
+from tmca.dbd.model import LIGHT_M_S, Complex, Problem, Real, Source, Truth, Units
+from tmca.dbd.simulation import carriers, message_source, noisy, overlaid, unit_vector
+from tmca.errors import DataError, SettingError, TmcaError, check_range
 
+_SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
 
 
-class Way(ABC):
+class Way:
     """What delays, shifts and scales a signal on its way to the receiver.
 
     Raises:
@@ -40,6 +38,7 @@ class Way(ABC):
     angle_deg: float
     trips: ClassVar[int]
     """2 for there and back."""
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -47,9 +46,9 @@ class Way(ABC):
                 raise SettingError(f"{name} of a {type(self).__name__.lower()}", f"{value}", "a finite number")
 
     @property
-    @abstractmethod
     def delay_s(self) -> float:
         """Of all trips."""
+        raise NotImplementedError
 
     def doppler_hz(self, carrier_hz: float) -> float:
         """``f v / c`` for each trip."""
@@ -148,11 +147,49 @@ class Scenario:
     spacing: float = 0.5
     snr_db: float | None = None
     seed: int = 0
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
     def __post_init__(self) -> None:
-        self._check_numbers()
+        for name in ("pulses", "subspace", "antennas"):
+            check_range(name, getattr(self, name), 1, whole=True)
+        check_range("seed", self.seed, 0, whole=True)
+        for name in ("bandwidth_hz", "useful_s", "carrier_hz", "spacing"):
+            check_range(name, getattr(self, name), above=0)
+        check_range("prefix_s", self.prefix_s, 0, unit="s")
+        check_range("pulse_s", self.duration_s, above=0, unit="s")
+        if self.snr_db is not None:
+            check_range("snr_db", self.snr_db, -300, 300, unit="dB")
         self._check_delays()
         self._check_unambiguous()
+
+    def _check_delays(self) -> None:
+        """Echoes end within the interval, paths come within the prefix, none before it was sent."""
+        last = max((one.delay_s for one in self.targets), default=0.0) + self.duration_s
+        if last > self.useful_s:
+            reach = (self.useful_s - self.duration_s) * LIGHT_M_S / 2
+            echo = f"an echo that ends {last * 1e6:.4g} µs after the pulse"
+            remedy = f"take targets within {reach:.4g} m, a longer interval or a shorter pulse"
+            raise SettingError("targets", echo, f"{self.useful_s * 1e6:.4g} µs at most", remedy)
+        late = max((one.delay_s for one in self.paths), default=0.0)
+        if late > self.prefix_s:
+            remedy = "take a longer prefix; without one, subcarriers are no longer orthogonal"
+            most = f"at most the prefix, {self.prefix_s * 1e6:.4g} µs"
+            raise SettingError("paths", f"a path of {late * 1e6:.4g} µs", most, remedy)
+        if any(one.delay_s < 0 for one in (*self.targets, *self.paths)):
+            raise SettingError("targets and paths", "a negative distance", "distances of zero or more")
+
+    def _check_unambiguous(self) -> None:
+        """Dopplers stay within half the pulse repetition frequency, and angles within half a turn between antennas."""
+        channels: dict[str, Sequence[Way]] = {"targets": self.targets, "paths": self.paths}
+        for where, one in ((where, one) for where, channel in channels.items() for one in channel):
+            limit = LIGHT_M_S / (2 * one.trips * self.carrier_hz * self.interval_s)
+            if abs(one.velocity_m_s) >= limit:
+                remedy = "take shorter intervals or a lower carrier; faster ones look like slower ones"
+                raise SettingError(where, f"{one.velocity_m_s:.4g} m/s", f"less than {limit:.4g} m/s", remedy)
+            turn = abs(one.turn(self.spacing))
+            if self.antennas > 1 and turn >= 0.5:
+                apart = f"a turn of {turn:.4g} wavelengths between antennas {self.spacing:g} wavelengths apart"
+                raise SettingError(where, apart, "less than 0.5", "take antennas closer together or smaller angles")
 
     @property
     def frequencies(self) -> int:
@@ -180,10 +217,11 @@ class Scenario:
         rng = np.random.default_rng(scenario.seed)
         chips = max(2, round(self.bandwidth_hz * self.duration_s))
         codes = np.exp(2j * np.pi * rng.random((chips, self.subspace)))
-        rows = _transform(self) @ np.stack([_pulse(self, code, _times(self)) for code in codes.T], axis=1)
+        times, transform = self.sampling()
+        rows = transform @ self.pulse(codes, times)
         power = np.sqrt(np.mean(np.abs(rows) ** 2))  # a gain of one is then as strong as one of the other channel
-        size = (self.pulses, self.frequencies)
         radar = Source("radar", rows / power, np.zeros(self.pulses, np.int64))
+        size = (self.pulses, self.frequencies)
         link = message_source(rng, "communications", size, self.subspace, "gaussian", self.messages)
         waveforms = [unit_vector(rng, source.unknowns) for source in (radar, link)]
         truth = self._truth(self.targets, waveforms[0]), self._truth(self.paths, waveforms[1])
@@ -202,50 +240,18 @@ class Scenario:
         """The middle of an echo, or of a message, since the useful part of an interval began; gains count from it."""
         return way.delay_s + self.duration_s / 2 if isinstance(way, Target) else self.useful_s / 2
 
-    def _check_numbers(self) -> None:
-        """Sizes are whole and positive, durations positive, the signal-to-noise ratio finite."""
-        for name, least in (("pulses", 1), ("subspace", 1), ("antennas", 1), ("seed", 0)):
-            value = getattr(self, name)
-            if not np.isfinite(value) or value != int(value) or value < least:
-                raise SettingError(name, f"{value}", f"a whole number of {least} or more")
-        for name in ("bandwidth_hz", "useful_s", "carrier_hz", "spacing", "pulse_s"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise SettingError(name, f"{value}", "a positive number")
-        if not (np.isfinite(self.prefix_s) and self.prefix_s >= 0):
-            raise SettingError("prefix_s", f"{self.prefix_s}", "seconds, zero or more")
-        if self.snr_db is not None and not abs(self.snr_db) <= 300:
-            raise SettingError("snr_db", f"{self.snr_db}", "decibels from -300 to 300")
+    def pulse(self, codes: Complex, time: Real) -> Complex:
+        """Pulses of ``(chips, …)`` codes at times in seconds: overlapping raised-cosine chips, zero outside."""
+        half = self.duration_s / (len(codes) + 1)
+        away = time[:, None] / half - 1 - np.arange(len(codes))
+        return np.where(np.abs(away) < 1, 0.5 + 0.5 * np.cos(np.pi * away), 0.0) @ codes
 
-    def _check_delays(self) -> None:
-        """Echoes end within the interval, paths come within the prefix, none before it was sent."""
-        last = max((one.delay_s for one in self.targets), default=0.0) + self.duration_s
-        if last > self.useful_s:
-            reach = (self.useful_s - self.duration_s) * LIGHT_M_S / 2
-            echo = f"an echo that ends {last * 1e6:.4g} µs after the pulse"
-            remedy = f"take targets within {reach:.4g} m, a longer interval or a shorter pulse"
-            raise SettingError("targets", echo, f"{self.useful_s * 1e6:.4g} µs at most", remedy)
-        late = max((one.delay_s for one in self.paths), default=0.0)
-        if late > self.prefix_s:
-            remedy = "take a longer prefix; without one, subcarriers are no longer orthogonal"
-            most = f"at most the prefix, {self.prefix_s * 1e6:.4g} µs"
-            raise SettingError("paths", f"a path of {late * 1e6:.4g} µs", most, remedy)
-        if any(one.delay_s < 0 for one in (*self.targets, *self.paths)):
-            raise SettingError("targets and paths", "a negative distance", "distances of zero or more")
-
-    def _check_unambiguous(self) -> None:
-        """Dopplers stay within half the pulse repetition frequency, and angles within half a turn between antennas."""
-        channels: list[tuple[str, Sequence[Way], int]] = [("targets", self.targets, 2), ("paths", self.paths, 1)]
-        for what, channel, trips in channels:
-            fastest = max((abs(one.velocity_m_s) for one in channel), default=0.0)
-            limit = LIGHT_M_S / (2 * trips * self.carrier_hz * self.interval_s)
-            if fastest >= limit:
-                remedy = "take shorter intervals or a lower carrier; faster ones look like slower ones"
-                raise SettingError(what, f"{fastest:.4g} m/s", f"less than {limit:.4g} m/s", remedy)
-            turn = max((abs(one.turn(self.spacing)) for one in channel), default=0.0)
-            if self.antennas > 1 and turn >= 0.5:
-                apart = f"a turn of {turn:.4g} wavelengths between antennas {self.spacing:g} wavelengths apart"
-                raise SettingError(what, apart, "less than 0.5", "take antennas closer together or smaller angles")
+    def sampling(self) -> tuple[Real, Complex]:
+        """Instants of the useful part of an interval; ``(M, instants)``, the Fourier integral at the subcarriers."""
+        count = _OVERSAMPLING * self.frequencies
+        times = np.arange(count) * (self.useful_s / count)
+        phases = np.outer(carriers(self.frequencies), times) / self.useful_s
+        return times, np.exp(-2j * np.pi * phases) / count
 
 
 @dataclass(frozen=True)
@@ -266,8 +272,8 @@ class Scene:
 
     def problem(self) -> Problem:
         """The samples of the normalised model (58), with everything known."""
-        scene, rng = self.scenario, np.random.default_rng(self.scenario.seed + 1)
-        return replace(overlaid(self.sources, self.truth, scene.antennas, scene.snr_db, rng), units=scene.units)
+        y, sigma = self._noisy(overlaid(self.sources, self.truth, self.scenario.antennas))
+        return Problem(y, self.sources, sigma, self.truth, self.scenario.units)
 
     def receive(self, doppler_within: bool = True) -> Problem:
         """The samples as a receiver gets them: both signals in the time domain, through their channels, transformed.
@@ -279,71 +285,89 @@ class Scene:
                 interval only, and the samples are the model's.
         """
         spectra = self._spectra(doppler_within)
-        power = self._left_out(spectra) ** 2 if doppler_within else 0.0
-        if self.scenario.snr_db is not None:
-            rng = np.random.default_rng(self.scenario.seed + 1)
-            sigma = _rms(spectra) * 10 ** (-self.scenario.snr_db / 20)
-            noise = rng.standard_normal(spectra.shape) + 1j * rng.standard_normal(spectra.shape)
-            spectra, power = spectra + sigma * noise / np.sqrt(2), power + sigma**2
-        return Problem(spectra, self.sources, float(np.sqrt(power)), self.truth, self.scenario.units)
+        y, sigma = self._noisy(spectra)
+        if doppler_within:
+            sigma = float(np.hypot(sigma, self._left_out(spectra)))
+        return Problem(y, self.sources, sigma, self.truth, self.scenario.units)
 
     @property
     def model_error(self) -> float:
         """Relative norm of what the model leaves out of the noiseless samples."""
         spectra = self._spectra(True)
-        return self._left_out(spectra) / _rms(spectra)
+        return self._left_out(spectra) / float(np.sqrt(np.mean(np.abs(spectra) ** 2)))
+
+    def _noisy(self, y: Complex) -> tuple[Complex, float]:
+        return noisy(y, self.scenario.snr_db, np.random.default_rng(self.scenario.seed + 1))
 
     def _left_out(self, spectra: Complex) -> float:
         """Root mean square of what the model leaves out of noiseless samples."""
-        silent = replace(self, scenario=replace(self.scenario, snr_db=None))
-        return _rms(spectra - silent.problem().y)
+        model = overlaid(self.sources, self.truth, self.scenario.antennas)
+        return float(np.sqrt(np.mean(np.abs(spectra - model) ** 2)))
 
     def _spectra(self, doppler_within: bool) -> Complex:
         """``(A, P, M)`` spectra of what arrives in every interval."""
         scene = self.scenario
-        times, transform = _times(scene), _transform(scene)
+        times, transform = scene.sampling()
         spectra = np.zeros((scene.antennas, scene.pulses, scene.frequencies), complex)
-        channels: list[tuple[Sequence[Way], Callable[[int, Real], Complex]]]
-        channels = [(scene.targets, self._radar), (scene.paths, self._link)]
-        for way, sent in ((way, sent) for channel, sent in channels for way in channel):
+        for way in (*scene.targets, *scene.paths):
             within = times if doppler_within else np.full_like(times, scene.middle_s(way))
             steer = np.exp(-2j * np.pi * way.turn(scene.spacing) * np.arange(scene.antennas))
             for pulse in range(scene.pulses):
                 phase = way.doppler_hz(scene.carrier_hz) * (pulse * scene.interval_s + within)
-                arrived = way.gain * sent(pulse, times - way.delay_s) * np.exp(-2j * np.pi * phase)
+                arrived = way.gain * self._sent(way, pulse, times - way.delay_s) * np.exp(-2j * np.pi * phase)
                 spectra[:, pulse] += steer[:, None] * (transform @ arrived)
         return spectra
 
-    def _radar(self, _: int, time: Real) -> Complex:
-        """What the radar sends in an interval, at times since its useful part began."""
-        return _pulse(self.scenario, self.codes @ self.truth[0].waveform, time)
-
-    def _link(self, interval: int, time: Real) -> Complex:
-        """What the transmitter sends in an interval, at times since its useful part began."""
+    def _sent(self, way: Way, interval: int, time: Real) -> Complex:
+        """What the transmitter of a way sends in an interval, at times since its useful part began."""
+        if isinstance(way, Target):
+            return self.scenario.pulse(self.codes @ self.truth[0].waveform, time)
         symbols = self.sources[1].signal(self.truth[1].waveform)[interval]
         waves = np.exp(2j * np.pi * np.outer(time, carriers(len(symbols))) / self.scenario.useful_s)
         return np.where(time >= -self.scenario.prefix_s, waves @ symbols, 0)
 
 
-def _rms(values: Complex) -> float:
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+def scenario_names() -> list[str]:
+    """Scenarios that come with the package."""
+    return sorted(file.stem for file in _SCENARIOS.glob("*.yaml"))
 
 
-def _pulse(scenario: Scenario, code: Complex, time: Real) -> Complex:
-    """A pulse at times in seconds: overlapping raised-cosine chips, zero outside its duration."""
-    half = scenario.duration_s / (len(code) + 1)
-    away = time[:, None] / half - 1 - np.arange(len(code))
-    return np.where(np.abs(away) < 1, 0.5 + 0.5 * np.cos(np.pi * away), 0.0) @ code
+def read_scenario(source: str | pathlib.Path) -> Scenario:
+    """A scenario by its name, or from a YAML file of its arguments with lists of targets and paths.
+
+    Raises:
+        DataError: no such file or name, or a file that is no such description.
+        SettingError: values that make no scenario.
+    """
+    import yaml
+    from pydantic import TypeAdapter, ValidationError
+
+    named = _SCENARIOS / f"{source}.yaml"
+    file = named if named.is_file() else pathlib.Path(source)
+    if not file.is_file():
+        raise DataError(source, "no such file", f"a YAML file, or one of {', '.join(scenario_names())}")
+    try:
+        described = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise DataError(file, f"no YAML ({str(error).splitlines()[0]})", "a description of a scenario") from error
+    if not isinstance(described, dict):
+        raise DataError(file, f"{type(described).__name__}", "names and values, such as bandwidth_hz: 10e6")
+    described |= {name: described.get(name) or [] for name in ("targets", "paths")}
+    try:
+        return TypeAdapter(Scenario).validate_python(_plain(described))
+    except ValidationError as error:
+        first = error.errors()[0]
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, TmcaError):
+            raise type(cause)(f"{file}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
+        place = ".".join(map(str, first["loc"]))
+        raise DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}") from error
 
 
-def _times(scenario: Scenario) -> Real:
-    """Instants of the useful part of an interval."""
-    count = _OVERSAMPLING * scenario.frequencies
-    return np.arange(count) * (scenario.useful_s / count)
-
-
-def _transform(scenario: Scenario) -> Complex:
-    """``(M, instants)``: the Fourier integral at the subcarriers, over the useful time."""
-    times = _times(scenario)
-    phases = np.outer(carriers(scenario.frequencies), times) / scenario.useful_s
-    return np.exp(-2j * np.pi * phases) / len(times)
+def _plain(value: Any) -> Any:
+    """YAML 1.1 has text for 10e6 and 0.3 - 1j; a switch is no number."""
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return str(value).replace(" ", "") if isinstance(value, bool | str) else value

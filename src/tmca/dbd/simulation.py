@@ -1,20 +1,22 @@
-"""Random problems of the normalised model, thesis equation (58), with everything about them known."""
+"""Random problems of the normalised model, thesis equation (58): what transmitters send, and paths of theirs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
-from tmca.dbd.atoms import Atoms
-from tmca.dbd.coordinates import Complex, separated_points
-from tmca.dbd.messages import beyond_prefix, lagged, radar, random_rows, unit_vector, with_symbol_ratio
-from tmca.dbd.messages import messages as message_source
-from tmca.dbd.model import Problem, Source, Truth
-from tmca.errors import SettingError
+from tmca.dbd.channel import Channel
+from tmca.dbd.model import Complex, Problem, Real, Source, Truth, Whole, distance
+from tmca.errors import SettingError, check_choice, check_range
 
+BASES = ("vandermonde", "gaussian", "dft", "sign")
+MESSAGES = ("shared", "block", "dense")
 Several = int | Sequence[int]
+_RATIOS = "a whole number, or one over a whole number"
+_TRIES = 20_000
 
 
 def simulate(
@@ -64,64 +66,44 @@ def simulate(
     Raises:
         SettingError: sizes that are not positive, points that do not fit, SNR that is no number.
     """
-    _check({"M": M, "P": P, "J": J, "antennas": antennas}, seed, snr_db, amplitudes)
+    for name, size in {"M": M, "P": P, "J": J, "antennas": antennas}.items():
+        check_range(name, size, 1, whole=True)
+    check_range("seed", seed, 0, whole=True)
+    if snr_db is not None:
+        check_range("snr_db", snr_db, -300, 300, unit="dB")
+    if not 0 < amplitudes[0] <= amplitudes[1]:
+        raise SettingError("amplitudes", f"{amplitudes}", "a range of positive magnitudes")
     radars, links = _counts(targets, "targets"), _counts(paths, "paths")
     if not radars + links:
         raise SettingError("targets and paths", "none of either", "at least one")
-    ratio = _ratio(symbol_ratio)
+    if not np.isfinite(float(symbol_ratio)):
+        raise SettingError("symbol_ratio", f"{symbol_ratio}", _RATIOS)
+    ratio = Fraction(symbol_ratio).limit_denominator(64)
     if ratio != 1 and messages != "shared":
         remedy = "leave one of them out"
         raise SettingError("symbol_ratio", f"{ratio} with {messages} messages", "messages of a pulse each", remedy)
-    rng = np.random.default_rng(seed)
-    blind_doppler = [False] * len(radars) + [_absorbs_doppler(messages, ratio, P) and not late_samples] * len(links)
-    apart = _separation(separation, (M, P, antennas))
-    points = [
-        separated_points(rng, count, [apart[0], np.inf if blind else apart[1], *apart[2:]])
-        for count, blind in zip(radars + links, blind_doppler, strict=True)
-    ]
+    rng, apart = np.random.default_rng(seed), _separation(separation, (M, P, antennas))
+    absorbed = (ratio < 1 or P == 1 or (ratio == 1 and messages == "block")) and not late_samples
+    separations = [apart] * len(radars) + [[apart[0], np.inf if absorbed else apart[1], *apart[2:]]] * len(links)
+    points = [separated_points(rng, *one) for one in zip(radars + links, separations, strict=True)]
     gains = [_gains(rng, count, amplitudes) for count in radars + links]
     sources, truth = [], []
-    names = _numbered("radar", len(radars)) + _numbered("communications", len(links))
-    for index, name in enumerate(names):
+    for index, name in enumerate(_numbered("radar", len(radars)) + _numbered("communications", len(links))):
         if index < len(radars):
-            source = radar(rng, name, (P, M), J, basis)
+            source = Source(name, random_rows(rng, M, J, basis), np.zeros(P, np.int64))
         else:
-            source = _link(rng, name, (P, M), J, basis, messages, ratio, lag, late_samples)
+            source = message_source(rng, name, (P, M), J, basis, messages, ratio)
+            if late_samples:
+                source = beyond_prefix(source, random_rows(rng, M, source.subspace, basis), late_samples)
+            source = lagged(source, lag) if lag else source
         waveform = unit_vector(rng, source.unknowns)
         if known_waveforms:
             source, waveform = source.with_signal(waveform), np.ones(1, complex)
-        full = np.pad(points[index], ((0, 0), (0, 3 - points[index].shape[1])))
         sources.append(source)
+        full = np.pad(points[index], ((0, 0), (0, 3 - points[index].shape[1])))
         truth.append(Truth(full, gains[index], waveform))
-    return overlaid(tuple(sources), tuple(truth), antennas, snr_db, rng)
-
-
-def overlaid(
-    sources: tuple[Source, ...], truth: tuple[Truth, ...], antennas: int, snr_db: float | None, rng: np.random.Generator
-) -> Problem:
-    """The samples of known channels and signals, with noise at ``snr_db`` where it is given."""
-    shape = (antennas, *sources[0].rows.shape[:2])
-    y = np.zeros(shape, complex)
-    for source, channel in zip(sources, truth, strict=True):
-        atoms = Atoms(source, shape, every_axis=True)
-        signals = atoms.signals(atoms.seen(channel.points), channel.waveform)
-        y += (channel.amplitudes @ signals).reshape(shape)
-    sigma = 0.0
-    if snr_db is not None:
-        sigma = float(np.sqrt(np.mean(np.abs(y) ** 2) * 10 ** (-snr_db / 10)))
-        y = y + sigma * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
-    return Problem(y, sources, sigma, truth)
-
-
-def _check(sizes: dict[str, int], seed: int, snr_db: float | None, amplitudes: tuple[float, float]) -> None:
-    for name, size in (*sizes.items(), ("seed", seed)):
-        least = 0 if name == "seed" else 1
-        if not isinstance(size, int | np.integer) or size < least:
-            raise SettingError(name, f"{size}", f"a whole number of {least} or more")
-    if snr_db is not None and not (isinstance(snr_db, int | float) and abs(snr_db) <= 300):
-        raise SettingError("snr_db", f"{snr_db}", "decibels from -300 to 300, or None for no noise")
-    if not 0 < amplitudes[0] <= amplitudes[1]:
-        raise SettingError("amplitudes", f"{amplitudes}", "a range of positive magnitudes")
+    y, sigma = noisy(overlaid(sources, truth, antennas), snr_db, rng)
+    return Problem(y, tuple(sources), sigma, tuple(truth))
 
 
 def _counts(several: Several, name: str) -> list[int]:
@@ -131,28 +113,33 @@ def _counts(several: Several, name: str) -> list[int]:
     return [int(count) for count in counts if count]
 
 
-def _ratio(given: float | Fraction) -> Fraction:
-    if not np.isfinite(float(given)):
-        raise SettingError("symbol_ratio", f"{given}", "a whole number, or one over a whole number")
-    return Fraction(given).limit_denominator(64)
-
-
-def _absorbs_doppler(messages: str, ratio: Fraction, pulses: int) -> bool:
-    return ratio < 1 or (ratio == 1 and messages == "block") or pulses == 1
-
-
 def _separation(separation: float | Sequence[float] | None, sizes: tuple[int, int, int]) -> list[float]:
-    M, P, antennas = sizes
-    halves = [(M - 1) // 2, P // 2, antennas // 2]
-    halves = halves if antennas > 1 else halves[:2]
+    """Per coordinate, infinite where one has no resolution."""
+    halves = [(sizes[0] - 1) // 2, sizes[1] // 2, sizes[2] // 2]
+    halves = halves if sizes[2] > 1 else halves[:2]
     if separation is None:
         return [1 / half if half else np.inf for half in halves]
     given = [separation] * len(halves) if isinstance(separation, float | int) else list(separation)
-    if min(given) < 0 or not np.all(np.isfinite(given)):
-        raise SettingError("separation", f"{separation}", "distances of zero or more")
     if len(given) != len(halves):
         raise SettingError("separation", f"{len(given)} numbers", f"{len(halves)}: delay, Doppler and, if any, angle")
+    for one in given:
+        check_range("separation", one, 0)
     return [one if half else np.inf for one, half in zip(given, halves, strict=True)]
+
+
+def separated_points(rng: np.random.Generator, count: int, separation: Sequence[float]) -> Real:
+    """``(count, D)`` uniform points, any two of which differ by ``separation`` in at least one of D coordinates.
+
+    Infinite separation: this coordinate may not tell two points apart.
+    """
+    apart = np.asarray(separation)
+    for _ in range(_TRIES):
+        points = rng.random((count, len(apart)))
+        far = (distance(points[:, None], points[None]) >= apart).any(-1)
+        if np.all(far | np.eye(count, dtype=bool)):
+            return points
+    listed = ", ".join(f"{one:.3g}" for one in separation)
+    raise SettingError("separation", f"{listed} for {count} points", "points that fit on the torus", "lower either")
 
 
 def _gains(rng: np.random.Generator, count: int, amplitudes: tuple[float, float]) -> Complex:
@@ -165,14 +152,143 @@ def _numbered(name: str, count: int) -> list[str]:
     return [name] if count == 1 else [f"{name} {index + 1}" for index in range(count)]
 
 
-def _link(
-    rng: np.random.Generator, name: str, size: tuple[int, int], J: int, basis: str, kind: str, ratio: Fraction,
-    lag: float, late: int,
+def overlaid(sources: Sequence[Source], truth: Sequence[Truth], antennas: int) -> Complex:
+    """``(A, P, M)``, the samples of known channels and signals without noise."""
+    shape = (antennas, *sources[0].rows.shape[:2])
+    channels = [Channel.true(*both, shape) for both in zip(sources, truth, strict=True)]
+    return np.sum([one.amplitudes @ one.columns().T for one in channels], axis=0).reshape(shape)
+
+
+def noisy(y: Complex, snr_db: float | None, rng: np.random.Generator) -> tuple[Complex, float]:
+    """The samples with noise at ``snr_db`` where it is given, and its standard deviation."""
+    if snr_db is None:
+        return y, 0.0
+    sigma = float(np.sqrt(np.mean(np.abs(y) ** 2) * 10 ** (-snr_db / 10)))
+    noise = rng.standard_normal(y.shape) + 1j * rng.standard_normal(y.shape)
+    return y + sigma * noise / np.sqrt(2), sigma
+
+
+def random_rows(rng: np.random.Generator, count: int, subspace: int, kind: str = "vandermonde") -> Complex:
+    """``(count, subspace)``, rows ``bₙᴴ`` of a random basis.
+
+    ``vandermonde``: ``[1, e^(−j2πs), …]`` with s uniform (Chi, "Guaranteed blind sparse spikes deconvolution via
+    lifting and convex optimization", 2016); ``gaussian``: complex with unit variance; ``dft``: rows of the Fourier
+    matrix in random order; ``sign``: ±1.
+    """
+    check_choice("basis", kind, BASES)
+    if kind == "gaussian":
+        real, imaginary = rng.standard_normal((count, subspace)), rng.standard_normal((count, subspace))
+        return (real + 1j * imaginary) / np.sqrt(2)
+    if kind == "sign":
+        return rng.choice([-1.0, 1.0], (count, subspace)) + 0j
+    columns = np.arange(subspace)
+    if kind == "vandermonde":
+        return np.exp(-2j * np.pi * np.outer(rng.random(count), columns))
+    size = max(count, subspace)
+    return np.exp(-2j * np.pi * np.outer(rng.permutation(size)[:count], columns) / size)
+
+
+def unit_vector(rng: np.random.Generator, size: int) -> Complex:
+    """A complex direction, uniform on the sphere."""
+    vector = rng.standard_normal(size) + 1j * rng.standard_normal(size)
+    return vector / np.linalg.norm(vector)
+
+
+def message_source(
+    rng: np.random.Generator, name: str, size: tuple[int, int], subspace: int, basis: str, kind: str,
+    ratio: Fraction = Fraction(1),
 ) -> Source:  # fmt: skip
-    if ratio == 1:
-        source = message_source(rng, name, size, J, basis, kind)
-    else:
-        source = with_symbol_ratio(rng, name, size, J, basis, ratio)
-    if late:
-        source = beyond_prefix(source, random_rows(rng, size[1], source.subspace, basis), late)
-    return lagged(source, lag) if lag else source
+    """A communications transmitter in random bases; ``size`` is pulses and frequencies.
+
+    Args:
+        kind: ``block``, unknown coefficients of their own in every pulse (thesis equation 57); ``shared``, one
+            coefficient vector in bases that change from pulse to pulse; ``dense``, J P coefficients that mix in all.
+        ratio: other than 1, symbols that last so many intervals, in place of ``kind``. Longer ones (2, 3, …): pulses
+            share a coefficient vector, each through its own part of the basis, and their Doppler can be seen. Shorter
+            ones (1/2, 1/3, …): one interval holds several symbols, each in its own window of time, with coefficients
+            of their own.
+
+    Raises:
+        SettingError: another kind; a ratio that is neither whole nor the inverse of a whole number.
+    """
+    pulses, frequencies = size
+    check_choice("messages", kind, MESSAGES)
+    if 1 not in (ratio.numerator, ratio.denominator) or ratio <= 0:
+        raise SettingError("symbol_ratio", f"{ratio}", _RATIOS)
+    if ratio == 1 and kind != "block":
+        columns = subspace * (pulses if kind == "dense" else 1)
+        rows = random_rows(rng, pulses * frequencies, columns, basis)
+        return Source(name, rows.reshape(pulses, frequencies, columns), np.zeros(pulses, np.int64))
+    if ratio >= 1:
+        rows = np.stack([random_rows(rng, frequencies, subspace, basis) for _ in range(pulses)])
+        return Source(name, rows, np.arange(pulses) // ratio.numerator)
+    transform, windows = fourier(frequencies), np.array_split(np.arange(frequencies), ratio.denominator)
+    if len(windows[-1]) < subspace:
+        short = f"{len(windows)} symbols of {len(windows[-1])} samples"
+        raise SettingError("symbol_ratio", short, f"{subspace} samples or more for {subspace} coefficients each")
+    rows = np.stack([
+        np.hstack([transform[:, one] @ random_rows(rng, len(one), subspace, basis) for one in windows])
+        for _ in range(pulses)
+    ])  # fmt: skip
+    return Source(name, rows, np.arange(pulses))
+
+
+def fourier(frequencies: int) -> Complex:
+    """The unitary transform from the samples of a pulse interval to ``n = −⌊M/2⌋ …``, ``(M, M)``."""
+    phases = np.outer(carriers(frequencies), np.arange(frequencies)) / frequencies
+    return np.exp(-2j * np.pi * phases) / np.sqrt(frequencies)
+
+
+def carriers(frequencies: int) -> Whole:
+    """The numbers of the frequencies, ``n = −⌊M/2⌋ …``."""
+    return np.arange(frequencies) - frequencies // 2
+
+
+def lagged(source: Source, lag: float) -> Source:
+    """The source with its clock ``lag`` behind the receiver's, in units of a normalised delay.
+
+    A lag nobody knows only adds to all delays of the source.
+    """
+    ramp = np.exp(-2j * np.pi * carriers(source.rows.shape[1]) * lag)
+    return replace(source, rows=source.rows * ramp[:, None])
+
+
+def beyond_prefix(source: Source, before: Complex, samples: int) -> Source:
+    """The source so late that the first ``samples`` samples of each interval still hold the message before.
+
+    The cyclic prefix covers no delay of this size, so the spectrum is no longer multiplied by a ramp: each interval is
+    ``C Γ D_{p−1} v_{p−1} + (1 − C) Γ D_p v_p`` with the window C of the first samples and the cyclic shift Γ.
+
+    Args:
+        source: a communications source.
+        before: ``(M, J)``, the basis of the message before the first interval; it gets coefficients of its own unless
+            all pulses share theirs, as many as are heard.
+        samples: lag in samples of the interval, 0 to M.
+
+    Raises:
+        SettingError: a lag of more than an interval; messages that some pulses share.
+    """
+    pulses, frequencies, _ = source.rows.shape
+    check_range("late_samples", samples, 0, frequencies, unit="samples", whole=True)
+    if source.messages not in (1, pulses):
+        raise SettingError("late_samples", "messages of several pulses", "shared or block messages")
+    transform, numbers = fourier(frequencies), np.arange(frequencies)
+    shift = np.exp(-2j * np.pi * carriers(frequencies) * samples / frequencies)
+    window = (transform * (numbers < samples).astype(float)) @ transform.conj().T * shift
+    earlier = window @ np.concatenate([before[None], source.rows[:-1]])
+    later = (np.diag(shift) - window) @ source.rows
+    if source.messages == 1:
+        return replace(source, rows=earlier + later)
+    ends, begins = [_heard(earlier[0]), *earlier[1:]], [*later[:-1], _heard(later[-1])]
+    starts = np.cumsum([0, *(rows.shape[1] for rows in (*ends, begins[-1]))])
+    rows = np.zeros((pulses, frequencies, starts[-1]), complex)
+    for pulse, pair in enumerate(zip(ends, begins, strict=True)):
+        rows[pulse, :, starts[pulse] : starts[pulse + 2]] = np.hstack(pair)
+    return replace(source, rows=rows, message=np.zeros(pulses, np.int64))
+
+
+def _heard(rows: Complex) -> Complex:
+    """The rows of a message that is only heard in part, with fewer columns where coefficients do not show."""
+    left, sizes, _ = np.linalg.svd(rows, full_matrices=False)
+    shown = int(np.sum(sizes > 1e-9 * np.linalg.norm(rows) + 1e-12))
+    return rows if shown == rows.shape[1] else left[:, :shown] * sizes[:shown]

@@ -6,20 +6,18 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from tmca.dbd.atoms import Polynomial
 from tmca.dbd.certificate import certificate
-from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, with_fitted_weights
-from tmca.dbd.coordinates import Complex
-from tmca.dbd.dual import DualSolution, solve_admm, solve_cvx
+from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
+from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
-from tmca.dbd.model import BeyondFreedom, Problem, SameSignals, ambiguities, beyond_freedom, same_signals
+from tmca.dbd.model import BeyondFreedom, Complex, Problem, SameSignals, ambiguities, beyond_freedom, same_signals
 from tmca.dbd.noise import bounds, noise_level, structured
 from tmca.dbd.recovery import Recovery
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_choice, check_range
 
 METHODS = ("sfw", "sdp", "cvxpy")
 GRAMS = ("separate", "shared")
@@ -68,20 +66,22 @@ def solve(
         SettingError: an unknown method, weights that do not fit, a size beyond the method's memory.
     """
     began = time.perf_counter()
-    if method not in METHODS:
-        raise SettingError("method", f"{method!r}", f"one of {', '.join(METHODS)}")
-    if gram not in GRAMS:
-        raise SettingError("gram", f"{gram!r}", f"one of {', '.join(GRAMS)}")
-    if not 0 < accuracy < 1:
-        raise SettingError("accuracy", f"{accuracy}", "a relative residual between 0 and 1, such as 1e-5")
-    problem = _weighted(problem, weights)
-    _warn(problem)
+    check_choice("method", method, METHODS)
+    check_choice("gram", gram, GRAMS)
+    check_range("accuracy", accuracy, above=0, below=1)
     if not np.any(problem.y):
         raise SettingError("y", "only zeros", "samples of a signal")
+    problem = _weighted(problem, weights)
+    for same in same_signals(problem):
+        warnings.warn(same, SameSignals, stacklevel=2)
+    excess = problem.truth and beyond_freedom(problem, [len(one.points) for one in problem.truth])
+    if excess:
+        warnings.warn(excess, BeyondFreedom, stacklevel=2)
     if method == "sfw":
         solution = frank_wolfe(problem)
     else:
-        solution = _by_dual(problem, _Dual(method, gram, early, accuracy, solver, progress))
+        _check_dual(problem, method, gram, solver)
+        solution = _by_dual(problem, method, gram, early, accuracy, solver, progress)
     return _recovery(problem, method, solution, certify, began)
 
 
@@ -93,58 +93,46 @@ def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Proble
             raise SettingError("weights", f"{weights!r}", "balanced, or a number for each source")
         fourth = problem.shape[1] ** -0.25
         weights = [source.weight * (1.0 if source.sees_doppler else fourth) for source in problem.sources]
-    given = np.atleast_1d(np.asarray(weights, float))
+    given = np.atleast_1d(weights)
     if given.shape != (len(problem.sources),):
         raise SettingError("weights", f"{given.size} numbers", f"one for each of {len(problem.sources)} sources")
     pairs = zip(problem.sources, given, strict=True)
     return replace(problem, sources=tuple(replace(source, weight=float(weight)) for source, weight in pairs))
 
 
-def _warn(problem: Problem) -> None:
-    """Says before the work that it cannot succeed."""
-    for same in same_signals(problem):
-        warnings.warn(same, SameSignals, stacklevel=3)
-    if problem.truth is not None:
-        excess = beyond_freedom(problem, [len(one.points) for one in problem.truth])
-        if excess:
-            warnings.warn(excess, BeyondFreedom, stacklevel=3)
+def _check_dual(problem: Problem, method: str, gram: str, solver: str) -> None:
+    """Refuses what the programme does not know and sizes that would not fit, before anything is built."""
+    where, samples = f"method={method}", float(problem.y.size)
+    if problem.sigma is None:
+        remedy = "give sigma, or use method=sfw, which estimates it"
+        raise SettingError(where, "an unknown noise level", "a known one", remedy)
+    if method == "cvxpy":
+        needed = _SCS_BYTES * samples**2 if solver == "SCS" else _CLARABEL_BYTES * samples**4
+    else:
+        pulses = problem.shape[1]
+        orders = [samples / (1 if one.sees_doppler else pulses) + one.unknowns for one in problem.sources]
+        needed = sum(16.0 * _MATRICES * order**2 for order in orders)
+    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > 0.8 * available:
+        size = f"{problem.y.size} samples, about {needed / 1e9:.3g} GB"
+        expected = f"at most {0.8 * available / 1e9:.3g} GB on this machine"
+        raise SettingError(where, size, expected, "use method=sfw, which needs no such matrix")
+    if gram == "shared" and any(not source.sees_doppler for source in problem.sources) and problem.shape[1] > 1:
+        raise SettingError("gram=shared", "messages that absorb the Doppler", "separate ones", "use gram=separate")
 
 
-@dataclass(frozen=True)
-class _Dual:
-    """How the dual programme is solved: see :func:`solve`."""
-
-    method: str
-    gram: str
-    early: bool
-    accuracy: float
-    solver: str
-    progress: Callable[..., None] | None
-
-    def __call__(self, problem: Problem, level: float) -> DualSolution:
-        if self.method == "cvxpy":
-            return solve_cvx(problem, gram=self.gram, level=level, solver=self.solver)
-        stop = (lambda q: _explaining(problem, q) is not None) if self.early and not level else None
-        return solve_admm(
-            problem, gram=self.gram, level=level, tolerance=self.accuracy, stop=stop, progress=self.progress
-        )
-
-    def memory(self, problem: Problem) -> float:
-        """Bytes that the matrices take."""
-        samples = float(problem.y.size)
-        if self.method == "cvxpy":
-            return _SCS_BYTES * samples**2 if self.solver == "SCS" else _CLARABEL_BYTES * samples**4
-        orders = [
-            problem.y.size // (1 if one.sees_doppler else problem.shape[1]) + one.unknowns for one in problem.sources
-        ]
-        return sum(16.0 * _MATRICES * order**2 for order in orders)
-
-
-def _by_dual(problem: Problem, dual: _Dual) -> Solution:
+def _by_dual(
+    problem: Problem, method: str, gram: str, early: bool, accuracy: float, solver: str,
+    progress: Callable[..., None] | None,
+) -> Solution:  # fmt: skip
     """Atoms where the dual polynomials of the programme touch their bounds, and the channels in them."""
-    _check_dual(problem, dual)
     sigma = problem.sigma or 0.0
-    result = dual(problem, noise_level(problem) * sigma if sigma else 0.0)
+    level = noise_level(problem) * sigma if sigma else 0.0
+    if method == "cvxpy":
+        result = solve_cvx(problem, gram=gram, level=level, solver=solver)
+    else:
+        stop = (lambda q: _explaining(problem, q) is not None) if early and not level else None
+        result = solve_admm(problem, gram=gram, level=level, tolerance=accuracy, stop=stop, progress=progress)
     notes: tuple[str, ...] = ()
     if not result.converged and not result.stopped:
         reached = f"residual {result.residual:.1e} after {result.iterations} iterations"
@@ -157,28 +145,10 @@ def _by_dual(problem: Problem, dual: _Dual) -> Solution:
     return Solution(lifted, structured(lifted, problem.y, sigma), result.q, sigma, notes)
 
 
-def _check_dual(problem: Problem, dual: _Dual) -> None:
-    """Refuses what the programme does not know and sizes that would not fit, before anything is built."""
-    where = f"method={dual.method}"
-    if problem.sigma is None:
-        raise SettingError(
-            where, "an unknown noise level", "a known one", "give sigma, or use method=sfw, which estimates it"
-        )
-    needed, available = dual.memory(problem), os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > 0.8 * available:
-        size = f"{problem.y.size} samples, about {needed / 1e9:.3g} GB"
-        expected = f"at most {0.8 * available / 1e9:.3g} GB on this machine"
-        raise SettingError(where, size, expected, "use method=sfw, which needs no such matrix")
-    if dual.gram == "shared" and any(not source.sees_doppler for source in problem.sources) and problem.shape[1] > 1:
-        raise SettingError("gram=shared", "messages that absorb the Doppler", "separate ones", "use gram=separate")
-
-
 def _touching(problem: Problem, q: Complex, share: float) -> Channels:
     """Atoms at the maxima of the dual polynomials that reach a share of their bounds, with least-squares weights."""
-    channels = no_paths(problem)
-    peaks = [Polynomial(one.atoms, q).peaks(share * one.atoms.source.weight, most=30)[0] for one in channels]
-    channels = [one.added(places) for one, places in zip(channels, peaks, strict=True)]
-    if any(paths(channels)) and sum(one.unknowns for one in channels) < 2 * problem.y.size:
+    channels = [one.with_peaks(q, share, most=30) for one in no_paths(problem)]
+    if any(paths(channels)) and unknowns(channels) < 2 * problem.y.size:
         channels = with_fitted_weights(channels, problem.y)
     return channels
 
@@ -199,8 +169,7 @@ def _explaining(problem: Problem, q: Complex) -> Channels | None:
 def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, began: float) -> Recovery:
     channels, counts = solution.channels, paths(solution.channels)
     left = relative_residual(channels, problem.y)
-    unknowns = sum(one.unknowns for one in channels)
-    exact = bool(solution.sigma == 0 and left < EXACT and unknowns < 2 * problem.y.size)
+    exact = bool(solution.sigma == 0 and left < EXACT and unknowns(channels) < 2 * problem.y.size)
     proof = certificate(solution.lifted) if certify and exact else None
     notes = [*ambiguities(problem), *solution.notes]
     if beyond_freedom(problem, counts):

@@ -8,8 +8,7 @@ import numpy as np
 
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel
-from tmca.dbd.coordinates import AXES, Real, Units, centred, from_zero, is_radar
-from tmca.dbd.model import Problem
+from tmca.dbd.model import AXES, Problem, Real, Units, centred, from_zero, is_radar
 from tmca.dbd.recovery import Recovery
 
 _OVERSAMPLING = 12
@@ -24,7 +23,7 @@ def recovery_values(recovery: Recovery) -> dict[str, Any]:
     values["sources"] = {one.name: _source_values(one, recovery.problem) for one in recovery.sources}
     if recovery.problem.truth is not None:
         score = recovery.score()
-        error = _plain(score.max_error)
+        error = _finite(score.max_error)
         values["score"] = {"success": score.success, "tolerance": score.tolerance, "max_error": error}
         values["score"]["waveform_correlation"] = {one.name: one.waveform_correlation for one in score.sources}
     return values
@@ -32,37 +31,38 @@ def recovery_values(recovery: Recovery) -> dict[str, Any]:
 
 def _source_values(source: Channel, problem: Problem) -> list[dict[str, Any]]:
     rows = []
-    for index, point in enumerate(source.points):
-        row: dict[str, Any] = {axis: _plain(value) for axis, value in zip(AXES, point, strict=True)}
-        row |= {"gain": abs(source.amplitudes[index]), "phase_rad": float(np.angle(source.amplitudes[index]))}
-        if source.bounds is not None:
-            pairs = zip(AXES, source.bounds[index], strict=True)
-            row |= {f"{axis}_bound": _plain(value) for axis, value in pairs}
-        for name, (value, spread) in _quantities(source, index, problem).items():
-            row[name] = value
-            if spread is not None:
-                row[f"{name}_bound"] = _plain(spread)
+    for index, gain in enumerate(source.amplitudes):
+        row: dict[str, Any] = {"gain": abs(gain), "phase_rad": float(np.angle(gain))}
+        for name, (value, bound) in (_coordinates(source, index) | _quantities(source, index, problem)).items():
+            row[name] = _finite(value)
+            if bound is not None:
+                row[f"{name}_bound"] = _finite(bound)
         rows.append(row)
     return rows
 
 
-def _plain(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def _coordinates(source: Channel, index: int) -> dict[str, tuple[float, float | None]]:
+    """Normalised delay, Doppler and angle of a path with their deviations."""
+    bounds = [None] * len(AXES) if source.bounds is None else source.bounds[index]
+    return dict(zip(AXES, zip(source.points[index], bounds, strict=True), strict=True))
 
 
 def _quantities(source: Channel, index: int, problem: Problem) -> dict[str, tuple[float, float | None]]:
     """Range or length, velocity and angle of a path with their deviations, where there are units."""
-    if problem.units is None:
+    units, quantities = problem.units, {}
+    if units is None:
         return {}
-    delay, *others = source.points[index]
-    point = np.array([from_zero(delay, problem.shape[2]), *centred(np.array(others))])
     names = ("range_m" if is_radar(source.name) else "length_m", "velocity_m_s", "angle_deg")
-    quantities = {}
-    for axis in map(int, np.flatnonzero(np.isfinite(point))):
-        bound = None
-        if source.bounds is not None:
-            bound = float(problem.units.deviation(point[axis], source.bounds[index, axis], axis, source.name))
-        quantities[names[axis]] = (float(problem.units.physical(point[axis], axis, source.name)), bound)
+    for axis, (coordinate, bound) in enumerate(_coordinates(source, index).values()):
+        value = np.asarray(coordinate)
+        value = from_zero(value, problem.shape[2]) if axis == 0 else centred(value)
+        if np.isfinite(value):
+            spread = None if bound is None else float(units.deviation(value, np.asarray(bound), axis, source.name))
+            quantities[names[axis]] = (float(units.physical(value, axis, source.name)), spread)
     return quantities
 
 
@@ -71,50 +71,36 @@ def recovery_lines(recovery: Recovery) -> list[str]:
     lines = []
     for source in recovery.sources:
         lines += [*_source_lines(source, recovery.problem), ""]
-    proof = "not looked for" if recovery.certificate is None else recovery.certificate.status
     noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
     lines.append(
         f"found: {'yes' if recovery.found else 'no'} · exact fit: {'yes' if recovery.exact else 'no'} · "
-        f"certificate: {proof} · residual {recovery.residual:.2g} · noise {noise} · {recovery.seconds:.2f} s"
+        f"certificate: {recovery.certificate_status} · residual {recovery.residual:.2g} · noise {noise} · "
+        f"{recovery.seconds:.2f} s"
     )
     if recovery.problem.truth is not None:
-        score = recovery_values(recovery)["score"]
-        error = "wrong number of paths" if score["max_error"] is None else f"largest error {score['max_error']:.2g}"
-        lines.append(f"against the truth: {'success' if score['success'] else 'no success'} ({error})")
+        score = recovery.score()
+        wrong = not np.isfinite(score.max_error)
+        error = "wrong number of paths" if wrong else f"largest error {score.max_error:.2g}"
+        lines.append(f"against the truth: {'success' if score.success else 'no success'} ({error})")
     return [*lines, *(f"note: {note}" for note in recovery.notes)]
 
 
 def _source_lines(source: Channel, problem: Problem) -> list[str]:
-    count = len(source.points)
-    if not count:
+    """In physical units where there are any, normalised without."""
+    if not len(source):
         return [f"{source.name}: no paths"]
-    rows = [_named_cells(source, int(index), problem) for index in np.argsort(source.points[:, 0])]
-    headings = "  ".join(f"{one:>22}" for one in rows[0])
-    lines = ["  ".join(f"{one:>22}" for one in row.values()) for row in rows]
-    return [f"{source.name}: {count} path{'s' if count > 1 else ''}", headings, *lines]
-
-
-def _named_cells(source: Channel, index: int, problem: Problem) -> dict[str, str]:
-    """Heading → text of a path: in physical units where there are any, normalised without."""
-    relative = " (relative)" if source.relative_doppler else ""
-    cells = {}
-    for name, (value, spread) in _quantities(source, index, problem).items():
-        quantity, unit = name.split("_", 1)
-        heading = f"{quantity}{relative if quantity == 'velocity' else ''}, {_UNITS[unit]}"
-        cells[heading] = _with_bound(value, spread, 2)
-    if not cells:
-        for axis in np.flatnonzero(np.isfinite(source.points[index])):
-            spread = None if source.bounds is None else source.bounds[index, axis]
-            heading = AXES[axis] + (relative if axis == 1 else "")
-            cells[heading] = _with_bound(source.points[index, axis], spread, 6)
-    return cells | {"gain": f"{abs(source.amplitudes[index]):.3g}"}
-
-
-def _with_bound(value: float, bound: float | None, digits: int) -> str:
-    text = f"{value:.{digits}f}"
-    if bound is None:
-        return text
-    return f"{text} ± {bound:.1e}" if digits > 2 and np.isfinite(bound) else f"{text} ± {bound:.2g}"
+    rows, relative = [], " (relative)" if source.relative_doppler else ""
+    digits, spread = (6, ".1e") if problem.units is None else (2, ".2g")
+    for index in map(int, np.argsort(source.points[:, 0])):
+        cells = {}
+        for name, (value, bound) in (_quantities(source, index, problem) or _coordinates(source, index)).items():
+            quantity, _, unit = name.partition("_")
+            heading = quantity + relative * (quantity in ("doppler", "velocity")) + f", {_UNITS.get(unit)}" * bool(unit)
+            if np.isfinite(value):
+                cells[heading] = f"{value:.{digits}f}" + ("" if bound is None else f" ± {bound:{spread}}")
+        rows.append(cells | {"gain": f"{abs(source.amplitudes[index]):.3g}"})
+    lines = ["  ".join(f"{one:>22}" for one in cells) for cells in (rows[0], *(row.values() for row in rows))]
+    return [f"{source.name}: {len(source)} path{'s' if len(source) > 1 else ''}", *lines]
 
 
 def planes(recovery: Recovery) -> list[dict[str, Any]]:
@@ -128,8 +114,8 @@ def planes(recovery: Recovery) -> list[dict[str, Any]]:
 
 def _plane(recovery: Recovery, index: int) -> dict[str, Any]:
     problem, channel = recovery.problem, recovery.sources[index]
-    atoms = Atoms(problem.sources[index], problem.shape)
-    norms = np.sqrt(Polynomial(atoms, recovery.q).norms_on_grid(_OVERSAMPLING)) / atoms.source.weight
+    atoms, units = Atoms(problem.sources[index], problem.shape), problem.units
+    norms = Polynomial(atoms, recovery.q).levels_on_grid(_OVERSAMPLING)
     title = f"{channel.name}: norm of the dual polynomial"
     if "angle" in atoms.axes and len(channel):
         angle = channel.points[channel.strongest, 2]
@@ -137,33 +123,32 @@ def _plane(recovery: Recovery, index: int) -> dict[str, Any]:
         title += f" at the angle {angle:.3f}"
     if recovery.sigma == 0 and not recovery.certified:
         title += ", no certificate"
-    axes = [AXES.index(axis) for axis in atoms.axes[: norms.ndim]]
+    axes = atoms.columns[: norms.ndim]
     if norms.ndim == 2:
         norms = np.roll(norms, norms.shape[1] // 2, axis=1)
     starts = [-0.5 if place else 0.0 for place in range(norms.ndim)]
     ranges = [start + np.arange(size + 1) / size for start, size in zip(starts, norms.shape, strict=True)]
-    truth = None if problem.truth is None else problem.truth[index].points
+
+    def places(points: Real) -> Real:
+        """``(n, 1 or 2)``; Dopplers over a delay are of −½ to ½."""
+        columns = [points[:, axes[0]], *(np.nan_to_num(centred(points[:, axis])) for axis in axes[1:])]
+        scaled = (_labelled(one, axis, channel.name, units)[0] for one, axis in zip(columns, axes, strict=True))
+        return np.stack(list(scaled), axis=-1)
+
+    shown = [_labelled(one, axis, channel.name, units) for one, axis in zip(ranges, axes, strict=True)]
     return {
         "title": title,
         "norms": norms,
-        "edges": [_scaled(one, axis, channel.name, problem.units) for one, axis in zip(ranges, axes, strict=True)],
-        "labels": [_label(axis, channel.name, problem.units) for axis in axes],
-        "estimate": _places(channel.points, axes, channel.name, problem.units),
-        "truth": None if truth is None else _places(truth, axes, channel.name, problem.units),
+        "edges": [edges for edges, _ in shown],
+        "labels": [label for _, label in shown],
+        "estimate": places(channel.points),
+        "truth": None if problem.truth is None else places(problem.truth[index].points),
     }
 
 
-def _places(points: Real, axes: list[int], name: str, units: Units | None) -> Real:
-    """``(n, 1 or 2)`` of points in a picture's units; Dopplers over a delay are of −½ to ½."""
-    columns = [points[:, axes[0]], *(np.nan_to_num(centred(points[:, axis])) for axis in axes[1:])]
-    return np.stack([_scaled(one, axis, name, units) for one, axis in zip(columns, axes, strict=True)], axis=-1)
-
-
-def _scaled(values: Real, axis: int, name: str, units: Units | None) -> Real:
-    return values if units is None or axis == 2 else units.physical(values, axis, name)
-
-
-def _label(axis: int, name: str, units: Units | None) -> str:
+def _labelled(values: Real, axis: int, name: str, units: Units | None) -> tuple[Real, str]:
+    """Coordinates in a picture's units, and what its axis is called."""
     if units is None or axis == 2:
-        return ("normalised delay", "normalised Doppler", "normalised angle")[axis]
-    return ("range, m" if is_radar(name) else "path length, m", "radial velocity, m/s")[axis]
+        return values, ("normalised delay", "normalised Doppler", "normalised angle")[axis]
+    labels = ("range, m" if is_radar(name) else "path length, m", "radial velocity, m/s")
+    return units.physical(values, axis, name), labels[axis]

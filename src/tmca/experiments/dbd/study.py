@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from tmca.dbd.messages import BASES, MESSAGES
 from tmca.dbd.model import Problem, beyond_freedom
 from tmca.dbd.noise import true_bounds
 from tmca.dbd.recovery import Recovery, Score
-from tmca.dbd.simulation import simulate
+from tmca.dbd.simulation import BASES, MESSAGES, simulate
 from tmca.dbd.solving import GRAMS, METHODS, solve
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings, Timed, run_cells, timed

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.data import check_target, write_json, write_text
-from tmca.dbd.coordinates import Mask
+from tmca.dbd.model import Mask
 from tmca.experiments.cells import Measured
 from tmca.experiments.dbd.study import DEFAULTS, Study, beyond
 from tmca.plots.style import blank_figure, save_figure
