@@ -6,6 +6,7 @@ import torch
 from tmca.operators import (
     LayeredOperator,
     LinearOperator,
+    SensorColumns,
     SlotwiseDisperser,
     coded_mask,
     coloured_code,
@@ -13,7 +14,6 @@ from tmca.operators import (
     single_disperser,
     sparse_matrix,
 )
-from tmca.operators.sensor_columns import SensorColumns
 from tmca.operators.spectral_depth import framed, transfer_functions
 from tmca.optics import Dispersion, ViewShear, gaussian_spread
 
@@ -30,11 +30,11 @@ def planes(size, dispersion, slots=3):
     return (rand(slots, *size) > 0.4).double(), (rand(slots, size[0], size[1] + dispersion.spread) > 0.4).double()
 
 
-def layered(size):
+def layered(size, exposure="equal"):
     psf = rand(2, 3, 2, 3, 3)
     weights = torch.nn.functional.one_hot((3 * rand(*size)).long(), 3).permute(2, 0, 1)[None].double()
-    transfer, frame = transfer_functions(psf, size), framed(size, (3, 3))
-    return LayeredOperator(weights, transfer, frame, rand(3, 2, *size), rand(2, *size))
+    frame = framed(size, (3, 3))
+    return LayeredOperator(weights, transfer_functions(psf, frame), frame, rand(3, 2, *size), rand(2, *size), exposure)
 
 
 OPERATORS = {
@@ -47,6 +47,7 @@ OPERATORS = {
     "narrow sensor": lambda size: SensorColumns(single_disperser(*planes(size, WHOLE), WHOLE), (1, 0)),
     "coded mask": lambda size: coded_mask(rand(3, *SHEAR.mask_size(size)), rand(3, *size), SHEAR),
     "layered": layered,
+    "layered, a time for each slot": lambda size: layered(size, "per-slot"),
 }  # fmt: skip
 each_operator = pytest.mark.parametrize("size", SIZES)
 

@@ -28,6 +28,7 @@ from tmca.codes import Codes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
 from tmca.operators import (
     LinearOperator,
+    SensorColumns,
     SlotwiseDisperser,
     TapOperator,
     coloured_code,
@@ -35,7 +36,6 @@ from tmca.operators import (
     single_disperser,
     sum_by_channel,
 )
-from tmca.operators.sensor_columns import SensorColumns
 from tmca.optics import Dispersion, gaussian_spread
 
 if TYPE_CHECKING:

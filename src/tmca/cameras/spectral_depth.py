@@ -36,7 +36,7 @@ from tmca.operators.spectral_depth import (
     equivalent_psf,
     framed,
     layered,
-    periodic_transfer_functions,
+    transfer_functions,
 )
 from tmca.optics import (
     MODES,
@@ -263,7 +263,7 @@ class SpectralDepthCamera(Camera):
         return self._transfer(self.frame)
 
     def _transfer(self, frame: tuple[int, int]) -> Tensor:
-        return self.cached(f"transfer {frame}", lambda: periodic_transfer_functions(self.psf(), frame))
+        return self.cached(f"transfer {frame}", lambda: transfer_functions(self.psf(), frame))
 
     @property
     def frame(self) -> tuple[int, int]:
