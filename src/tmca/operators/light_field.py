@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import torch
 from torch import Tensor
@@ -53,10 +54,11 @@ def mask_code(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Tensor:
     size = (shutter.shape[1], shutter.shape[2])
     wanted = (len(shutter), *shear.mask_size(size))
     check_shape("aperture", aperture, wanted, "it is as large as the sensor and the views' shear around it")
-    rows, columns = (_on_mask(shear, axis, size) for axis in (0, 1))
     if shear.whole:
-        corners = [(int(row[0]), int(column[0])) for row in rows for column in columns]
-        return sheared_code(shutter, aperture, corners).unflatten(0, shear.views)
+        parts = zip(shear.border(size), shear.step, shear.views, strict=True)
+        tops, lefts = ([edge + int(step) * v for v in view_coordinates(count)] for edge, step, count in parts)
+        return sheared_code(shutter, aperture, list(product(tops, lefts))).unflatten(0, shear.views)
+    rows, columns = (_on_mask(shear, axis, size) for axis in (0, 1))
     return _between_pixels(shutter, aperture, rows, columns)
 
 
