@@ -29,8 +29,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.operators.spectral_depth import composited, layered, transfer_functions
 from tmca.optics import DepthPlanes, FreeForm
 from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
-from tmca.optics.point_spread import point_spread
-from tmca.optics.propagation import AngularSpectrum
+from tmca.optics.point_spread import AngularSpectrum, point_spread
 
 BANDS, DEPTHS, SIZE, PITCH = 25, 8, (256, 256), 8e-6
 BOUNDS = {

@@ -25,7 +25,7 @@ from tmca.cameras.stored import (
 from tmca.codes import Codes
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code
-from tmca.optics import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
+from tmca.optics import MaskGeometry, ViewShear, view_coordinates, view_grid
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -86,7 +86,7 @@ class LightFieldCamera(CodedCamera):
         super().__init__((270, 480) if size is None else size, slots, exposure, sensor)
         self.unbound = frozenset(name for name, value in (("views", views), ("size", size)) if value is None)
         grid = view_grid(5 if views is None else views)
-        self.shear = ViewShear(grid, shear_step(shear), mask_scale)
+        self.shear = ViewShear(grid, shear, mask_scale)  # type: ignore[arg-type]
         self._vignetted = vignetting is not None
         self.register_buffer("response", _weights(vignetting, grid).flatten())
         self._hold_codes(codes, self.mask_size, self.size, **coding)
