@@ -119,11 +119,7 @@ class SlotwiseDisperser(LinearOperator):
     frame is lost. ``A_dagger`` iterates (conjugate gradients).
 
     Args:
-        aperture: (K, H, W) T^k.
-        shutter: (K, H, W') S^k.
-        dispersion: displacement of every band, pixels.
-        response: (L,) κ_ℓ; ones if None.
-        exposure: ``"equal"`` or ``"per-slot"``.
+        aperture, shutter, dispersion, response, exposure: see ``single_disperser``.
         blur: (L, h, w) point spread of the relay in every band, odd h and w; None for a perfect relay.
         moving: scenes are (B, K, L, H, W), one per slot, instead of (B, L, H, W).
 

@@ -81,8 +81,7 @@ class HeightMaps(nn.Module, ABC):
         super().__init__()
         self.size, self.stroke, self._form = (int(size[0]), int(size[1])), stroke, form
         largest = float(values.detach().abs().max())
-        if not largest <= HIGHEST:
-            raise SettingError("heights", f"{largest:g} m", f"finite heights up to {HIGHEST:g} m", "give metres")
+        check_range("heights", largest, 0, HIGHEST, unit="m")
         self.unit = max(1e-6, largest)
         start = (values / self.unit).detach().clone().float()
         if learnable:
@@ -211,8 +210,7 @@ class RotationalProfile(HeightMaps):
         *,
         learnable: bool = False,
     ) -> None:
-        check_shape("radii", radii, ("K", "R"))
-        if radii.shape[1] < 2:
+        if radii.ndim != 2 or len(radii) < 1 or radii.shape[1] < 2:
             raise ShapeError("radii", str(tuple(radii.shape)), "(K, R), R ≥ 2")
         super().__init__(radii, size, stroke, learnable, size)
         place = pupil_coordinates(self.size)[0].clamp(max=1) * (radii.shape[1] - 1)

@@ -163,7 +163,7 @@ def radians_per_metre(wavelengths: Sequence[float], material: Material | None) -
     Raises:
         SettingError: a wavelength that is not positive, or outside the material's data.
     """
-    values = torch.as_tensor(list(wavelengths), dtype=torch.float64)
+    values = torch.as_tensor(wavelengths, dtype=torch.float64)
     check_range("wavelengths", float(values.min()), above=0, unit="m")
     path = torch.full_like(values, 2.0) if material is None else torch.from_numpy(material.index(wavelengths)) - 1
     return 2 * pi * path / values
@@ -209,8 +209,7 @@ def spherical_wave(
     path = _sag(y**2 + x**2, "distance", distance)
     if focus is not None:
         path = path - _sag(y**2 + x**2, "focus", focus)
-    waves = 2 * pi / torch.as_tensor(list(wavelengths), dtype=torch.float64)
-    phase = waves[:, None, None] * path
+    phase = (2 * pi / torch.as_tensor(wavelengths, dtype=torch.float64))[:, None, None] * path
     return torch.polar(torch.ones_like(phase), phase)
 
 

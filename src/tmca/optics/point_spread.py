@@ -65,7 +65,7 @@ class AngularSpectrum(nn.Module):
         self.size = (int(size[0]), int(size[1]))
         self.padded = (round(self.size[0] * padding), round(self.size[1] * padding))
         fy, fx = (torch.fft.fftfreq(n, pitch, dtype=torch.float64) for n in self.padded)
-        waves = torch.tensor(wavelengths, dtype=torch.float64)[:, None, None]
+        waves = torch.as_tensor(wavelengths, dtype=torch.float64)[:, None, None]
         sine = waves**2 * (fy[:, None] ** 2 + fx**2)
         cosine = torch.sqrt((1 - sine).clamp(min=0))
         phase = -2 * pi * distance / waves * sine / (1 + cosine)  # without that of the axis
@@ -148,7 +148,7 @@ class FocalPlane(nn.Module):
         check_range("wavelengths", min(wavelengths), above=0, unit="m")
         self.size, self.out_size = (int(size[0]), int(size[1])), (int(out_size[0]), int(out_size[1]))
         nodes, weights = (torch.from_numpy(part) for part in np.polynomial.legendre.leggauss(samples))
-        waves = torch.tensor(wavelengths, dtype=torch.float64)[:, None, None]
+        waves = torch.as_tensor(wavelengths, dtype=torch.float64)[:, None, None]
         places, seen = pixel_places(self.size, pitch), pixel_places(self.out_size, out_pitch)
         for axis, name in enumerate(("rows", "columns")):
             here, there = places[axis].flatten(), (seen[axis].reshape(-1, 1) + out_pitch / 2 * nodes).flatten()
@@ -247,13 +247,8 @@ class PointSpread(nn.Module):
 def point_spread(heights: Tensor, waves: Tensor, per_metre: Tensor, propagator: Propagator) -> Tensor:
     """Intensities (K, D, L, h, w) on the sensor of waves (D, L, H, W) through masks of heights (K, H, W).
 
-    What has to be kept for the gradient are the fields on the sensor; all else is made again depth by depth.
-
-    Args:
-        heights: metres.
-        waves: fields just before the mask.
-        per_metre: (L,) radians per metre of height.
-        propagator: to the sensor.
+    What has to be kept for the gradient are the fields on the sensor; all else is made again depth by depth. Heights in
+    metres, ``per_metre`` (L,) of ``radians_per_metre``, the waves just before the mask.
     """
     return _Spread.apply(heights, waves, per_metre, propagator)
 
@@ -293,7 +288,7 @@ class StrayLight(UserWarning):
 
 
 def check_mask(spread: PointSpread) -> None:
-    """Warns of what ``stray_light`` and ``steep_share`` find.
+    """Warn of what ``stray_light`` and ``steep_share`` find.
 
     Warns:
         StrayLight: light beyond the window.
@@ -315,11 +310,8 @@ def check_mask(spread: PointSpread) -> None:
 def steep_share(heights: HeightMaps, per_metre: Tensor) -> float:
     """Share of neighbouring pixels in the aperture that differ by more than half a wave of the shortest wavelength.
 
-    Of smooth surfaces only: a free-form map is what its pixels are, and what it sends where is exact.
-
-    Args:
-        heights: K maps.
-        per_metre: (L,) of ``radians_per_metre``.
+    Of smooth surfaces only: a free-form map is what its pixels are, and what it sends where is exact. Arguments: K maps,
+    and (L,) of ``radians_per_metre``.
     """
     if not isinstance(heights, ZernikeHeights | RotationalProfile):
         return 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from math import inf, isfinite
+from math import inf
 from typing import Any
 from warnings import warn
 
@@ -43,7 +43,7 @@ class DepthPlanes:
     count: int
 
     def __post_init__(self) -> None:
-        if not 0 < self.near < self.far or not isfinite(self.near):
+        if not 0 < self.near < self.far:
             raise SettingError("depth", f"{self.near:g} to {self.far:g} m", "0 < near < far")
         check_range("depth planes", self.count, 1, whole=True)
 
@@ -81,7 +81,7 @@ class DepthPlanes:
     def nearest(self, depth: Tensor) -> Tensor:
         """Index of the plane nearest in inverse depth, int64, beyond the range that of its end; of what is no depth
         (not finite, zero, negative) 0."""
-        place = (1 / depth.double() - 1 / self.far) / self.step if self.count > 1 else torch.zeros_like(depth).double()
+        place = (1 / depth.double() - 1 / self.far) / self.step
         place = torch.where(torch.isfinite(depth) & (depth > 0), place, torch.zeros_like(place))
         return place.clamp(0, self.count - 1).round().long()
 
@@ -273,7 +273,7 @@ def mask_heights(
     if family == "rotational":
         radii = 1e-6 * torch.randn(slots, _RADII, generator=generator)
         shown = RotationalProfile(radii, size).profile()[:, pupil_coordinates(size)[0] <= 1].std(1, correction=0)
-        return RotationalProfile(radii * (rms / shown)[:, None], size, stroke=stroke, learnable=learnable)
+        return RotationalProfile(radii * (rms / shown)[:, None], size, stroke, learnable=learnable)
     if family == "flat":
         heights = torch.zeros(slots, *size)
     elif family == "lens":
@@ -282,7 +282,7 @@ def mask_heights(
         # modes have unit variance, and their squares add up
         drawn = torch.randn(slots, modes, generator=generator)
         coefficients, indices = drawn * (rms / drawn.norm(dim=-1, keepdim=True)), [noll(4 + n) for n in range(modes)]
-        maps = ZernikeHeights(coefficients, indices, size, stroke=stroke, learnable=learnable)
+        maps = ZernikeHeights(coefficients, indices, size, stroke, learnable=learnable)
         if family == "zernike":
             return maps
         heights = maps.profile().detach()
