@@ -310,8 +310,8 @@ def check_mask(spread: PointSpread) -> None:
 def steep_share(heights: HeightMaps, per_metre: Tensor) -> float:
     """Share of neighbouring pixels in the aperture that differ by more than half a wave of the shortest wavelength.
 
-    Of smooth surfaces only: a free-form map is what its pixels are, and what it sends where is exact. Arguments: K maps,
-    and (L,) of ``radians_per_metre``.
+    Of smooth surfaces only: a free-form map is what its pixels are, and what it sends where is exact. Takes K maps
+    and the (L,) of ``radians_per_metre``.
     """
     if not isinstance(heights, ZernikeHeights | RotationalProfile):
         return 0.0
