@@ -26,11 +26,10 @@ from timing import milliseconds
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.operators.spectral_depth import composited, layered, periodic_transfer_functions
+from tmca.operators.spectral_depth import composited, layered, transfer_functions
 from tmca.optics import DepthPlanes, FreeForm
 from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
-from tmca.optics.point_spread import point_spread
-from tmca.optics.propagation import AngularSpectrum
+from tmca.optics.point_spread import AngularSpectrum, point_spread
 
 BANDS, DEPTHS, SIZE, PITCH = 25, 8, (256, 256), 8e-6
 BOUNDS = {
@@ -98,7 +97,7 @@ def measure_layers(repeats: int) -> dict[str, float]:
     scene, chosen = torch.rand(1, BANDS, *SIZE), torch.randint(0, DEPTHS, (1, *SIZE))
     weights = torch.nn.functional.one_hot(chosen, DEPTHS).permute(0, 3, 1, 2).float()
     volume = torch.rand(DEPTHS, BANDS, *SIZE)
-    one, four = (periodic_transfer_functions(torch.rand(k, DEPTHS, BANDS, 31, 31), SIZE) for k in (1, 4))
+    one, four = (transfer_functions(torch.rand(k, DEPTHS, BANDS, 31, 31), SIZE) for k in (1, 4))
 
     def bare() -> None:
         for part in volume:

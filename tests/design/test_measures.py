@@ -8,7 +8,7 @@ from scipy.fft import dctn
 from tmca.cameras import SpectralCamera
 from tmca.design.measures import measures
 from tmca.errors import SettingError, ShapeError
-from tmca.operators.analysis import sparse_matrix
+from tmca.operators import sparse_matrix
 
 
 def camera(**settings):

@@ -6,6 +6,7 @@ import torch
 from tmca.operators import (
     LayeredOperator,
     LinearOperator,
+    SensorColumns,
     SlotwiseDisperser,
     coded_mask,
     coloured_code,
@@ -13,28 +14,39 @@ from tmca.operators import (
     single_disperser,
     sparse_matrix,
 )
-from tmca.operators.sensor_columns import SensorColumns
 from tmca.operators.spectral_depth import framed, transfer_functions
-from tmca.optics import Dispersion, ViewShear, gaussian_spread
+from tmca.optics import Dispersion, ViewShear
 
-SIZES = [(5, 8), (6, 7)]
+SIZES = [(5, 8), (6, 7), (1, 9), (4, 1)]
 SHEAR = ViewShear((3, 3))
 WHOLE, FRACTIONAL = Dispersion.linear(3), Dispersion((0.4, -1.0, 1.7))
 
 
+@pytest.fixture(autouse=True)
+def precision(request):
+    dtype = getattr(request, "param", torch.float64)
+    torch.set_default_dtype(dtype)
+    yield dtype
+    torch.set_default_dtype(torch.float32)
+
+
 def rand(*shape):
-    return torch.rand(*shape, generator=torch.Generator().manual_seed(sum(shape)), dtype=torch.float64)
+    return torch.rand(*shape, generator=torch.Generator().manual_seed(sum(shape)))
 
 
 def planes(size, dispersion, slots=3):
-    return (rand(slots, *size) > 0.4).double(), (rand(slots, size[0], size[1] + dispersion.spread) > 0.4).double()
+    return rand(slots, *size).round(), rand(slots, size[0], size[1] + dispersion.spread).round()
 
 
-def layered(size):
+def slotwise(size, dispersion, **settings):
+    return SlotwiseDisperser(*planes(size, dispersion), dispersion, rand(3), **settings)
+
+
+def layered(size, exposure="equal"):
     psf = rand(2, 3, 2, 3, 3)
-    weights = torch.nn.functional.one_hot((3 * rand(*size)).long(), 3).permute(2, 0, 1)[None].double()
-    transfer, frame = transfer_functions(psf, size), framed(size, (3, 3))
-    return LayeredOperator(weights, transfer, frame, rand(3, 2, *size), rand(2, *size))
+    weights = torch.nn.functional.one_hot((3 * rand(*size)).long(), 3).permute(2, 0, 1)[None].to(psf)
+    frame = framed(size, (3, 3))
+    return LayeredOperator(weights, transfer_functions(psf, frame), frame, rand(3, 2, *size), rand(2, *size), exposure)
 
 
 OPERATORS = {
@@ -42,11 +54,13 @@ OPERATORS = {
     "fractional": lambda size: single_disperser(*planes(size, FRACTIONAL), FRACTIONAL, rand(3)),
     "dual disperser": lambda size: dual_disperser(*planes(size, FRACTIONAL)[::-1], FRACTIONAL),
     "coloured code": lambda size: coloured_code(rand(3, *size), FRACTIONAL),
-    "relay blur": lambda size: SlotwiseDisperser(*planes(size, WHOLE), WHOLE, blur=gaussian_spread(0.7, 3).double()),
-    "moving scene": lambda size: SlotwiseDisperser(*planes(size, FRACTIONAL), FRACTIONAL, moving=True),
+    "relay blur": lambda size: slotwise(size, WHOLE, blur=rand(3, 3, 5)),
+    "moving scene": lambda size: slotwise(size, FRACTIONAL, moving=True),
+    "blurred moving scene": lambda size: slotwise(size, FRACTIONAL, blur=rand(3, 3, 5), moving=True),
     "narrow sensor": lambda size: SensorColumns(single_disperser(*planes(size, WHOLE), WHOLE), (1, 0)),
     "coded mask": lambda size: coded_mask(rand(3, *SHEAR.mask_size(size)), rand(3, *size), SHEAR),
     "layered": layered,
+    "layered, a time for each slot": lambda size: layered(size, "per-slot"),
 }  # fmt: skip
 each_operator = pytest.mark.parametrize("size", SIZES)
 
@@ -79,6 +93,17 @@ def test_shapes_and_batches(make, size):
     torch.testing.assert_close(operator(scene), image)
 
 
+@pytest.mark.parametrize("precision", [torch.float32, torch.float64], indirect=True)
+@each_operator
+def test_inner_products_are_the_same_on_both_sides(make, size, precision):
+    operator = make(size)
+    scene, snapshot = rand(2, *operator.scene_shape) - 0.5, rand(2, *operator.snapshot_shape) - 0.5
+    image, back = operator.A(scene), operator.A_adjoint(snapshot)
+    assert image.dtype == back.dtype == precision
+    error = abs((image * snapshot).sum() - (scene * back).sum())
+    assert error <= 50 * torch.finfo(precision).eps * image.norm() * snapshot.norm()
+
+
 @each_operator
 def test_the_adjoint_is_the_transpose_of_the_explicit_matrix(make, size):
     operator = make(size)
@@ -93,7 +118,7 @@ def test_the_proximal_step_is_the_dense_solution(make, size):
     operator, rho = make(size), 0.3
     matrix = torch.from_numpy(sparse_matrix(operator).toarray())
     point, snapshot = rand(1, *operator.scene_shape), rand(1, *operator.snapshot_shape)
-    system = matrix.T @ matrix + rho * torch.eye(matrix.shape[1], dtype=torch.float64)
+    system = matrix.T @ matrix + rho * torch.eye(matrix.shape[1])
     dense = torch.linalg.solve(system, matrix.T @ snapshot.flatten() + rho * point.flatten())
     torch.testing.assert_close(operator.prox_l2(point, snapshot, rho).flatten(), dense, atol=1e-5, rtol=1e-5)
 
@@ -112,6 +137,6 @@ def test_the_pseudo_inverse_is_the_least_norm_scene(make, size):
 @each_operator
 def test_nothing_comes_of_nothing(make, size):
     operator = make(size)
-    dark = torch.zeros(1, *operator.snapshot_shape, dtype=torch.float64)
+    dark = torch.zeros(1, *operator.snapshot_shape)
     assert not operator.A_dagger(dark).any()
-    assert not operator.A(torch.zeros(1, *operator.scene_shape, dtype=torch.float64)).any()
+    assert not operator.A(torch.zeros(1, *operator.scene_shape)).any()

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tmca.errors import SettingError, ShapeError
-from tmca.optics.depth import DepthPlanes
+from tmca.optics import DepthPlanes
 
 
 def test_planes_are_even_in_inverse_depth_from_far_to_near():

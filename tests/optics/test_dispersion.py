@@ -1,6 +1,7 @@
 """Where bands fall on the sensor."""
 
 import pytest
+import torch
 
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, gaussian_spread
@@ -26,7 +27,15 @@ def test_taps_keep_the_light_and_its_centre():
 
 def test_rounding_errors_make_no_taps():
     nearly = Dispersion(tuple(1.1 * band * 10 / 11 for band in range(12)))
-    assert (nearly.spread, nearly.fractional, len(nearly.taps())) == (11, False, 12)
+    assert (nearly.spread, len(nearly.taps())) == (11, 12)
+
+
+def test_gaussian_spread_has_unit_energy_and_the_width_asked():
+    spread = gaussian_spread([0.0, 1.5], 2, radius=8).double()
+    assert torch.allclose(spread.sum((1, 2)), torch.ones(2, dtype=torch.float64), atol=1e-6)
+    assert spread[0, 8, 8] == 1
+    axis = torch.arange(-8, 9, dtype=torch.float64)
+    assert ((spread[1].sum(0) * axis**2).sum() ** 0.5).item() == pytest.approx(1.5, rel=1e-3)
 
 
 def test_impossible_dispersions_are_refused():

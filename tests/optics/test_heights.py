@@ -4,10 +4,7 @@ import pytest
 import torch
 
 from tmca.errors import SettingError, ShapeError
-from tmca.optics.heights import FreeForm, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
-from tmca.optics.materials import MATERIALS
-from tmca.optics.phase import circular_aperture, mask_field, radians_per_metre
-from tmca.optics.propagation import FocalPlane
+from tmca.optics.heights import FreeForm, RotationalProfile, Stroke, ZernikeHeights
 from tmca.optics.zernike import noll, zernike_modes
 
 GREEN = 550e-9
@@ -49,20 +46,6 @@ def test_a_device_shows_its_stroke_and_levels_and_gradients_pass():
             refused()
 
 
-@pytest.mark.parametrize("material", [MATERIALS["fused-silica"], None])
-def test_a_fresnel_lens_focuses_its_wavelength(material):
-    size, pitch, focal = (200, 200), 8e-6, 100e-3
-    heights = fresnel_lens(size, pitch, focal, GREEN, material, slots=2)
-    factor = 2 if material is None else material.index([GREEN])[0] - 1
-    assert heights.shape == (2, 200, 200)
-    assert 0 <= float(heights.min()) <= float(heights.max()) <= GREEN / factor + 1e-12
-    field = circular_aperture(size) * mask_field(heights[0], radians_per_metre([GREEN], material))
-    plane = FocalPlane(size, pitch, [GREEN], focal, (1, 1), 1e-6)
-    peak = float(plane(field.to(torch.complex64)).abs().squeeze() ** 2)
-    best = (float(circular_aperture(size).sum()) * pitch * 1e-6 / (GREEN * focal)) ** 2
-    assert peak == pytest.approx(best, rel=1e-2)
-
-
 def test_gradients_reach_every_parametrisation():
     for maps in (
         ZernikeHeights(torch.full((2, 2), 1e-8), [noll(4), noll(5)], (6, 7), learnable=True),
@@ -81,5 +64,3 @@ def test_wrong_shapes_are_refused():
     ):
         with pytest.raises(ShapeError, match=f"^{where}: "):
             refused()
-    with pytest.raises(SettingError, match="focal"):
-        fresnel_lens((4, 4), 1e-6, 0.0, GREEN, None)

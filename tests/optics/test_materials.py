@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tmca.errors import DataError, SettingError
-from tmca.optics.materials import MATERIALS, Material
+from tmca.optics.phase import MATERIALS, Material
 
 TABLES = Path(__file__).parents[3] / "shared" / "data" / "tables" / "refractiveindex"
 FRAUNHOFER = {"F": 486.1327e-9, "d": 587.5618e-9, "C": 656.2725e-9}

@@ -8,8 +8,7 @@ import torch
 from tmca.errors import SettingError, ShapeError
 from tmca.optics.heights import FreeForm
 from tmca.optics.phase import circular_aperture, mask_field, pixel_places, radians_per_metre, spherical_wave
-from tmca.optics.point_spread import PointSpread, point_spread
-from tmca.optics.propagation import AngularSpectrum, FocalPlane
+from tmca.optics.point_spread import AngularSpectrum, FocalPlane, PointSpread, point_spread
 
 GREEN, RED = 500e-9, 650e-9
 SIZE, PITCH, FOCUS = (40, 37), 20e-6, 50e-3

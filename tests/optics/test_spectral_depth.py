@@ -10,6 +10,7 @@ from tmca.errors import SettingError, ShapeError
 from tmca.optics import (
     FAMILIES,
     DepthPlanes,
+    FocalPlane,
     FreeForm,
     PhaseMaskBench,
     StrayLight,
@@ -20,7 +21,7 @@ from tmca.optics import (
     steep_share,
     stray_light,
 )
-from tmca.optics.phase import pixel_places
+from tmca.optics.phase import circular_aperture, mask_field, pixel_places, radians_per_metre
 from tmca.optics.zernike import noll, pupil_coordinates
 
 GREEN = 550e-9
@@ -47,7 +48,8 @@ def test_a_point_out_of_focus_is_as_wide_as_geometry_says():
     for depth in (0.4, 0.5, 0.55):
         found = spread(bench, DepthPlanes(depth - 1e-9, depth + 1e-9, 1))()[0, 0, 0].flatten()[order]
         half = radius[(found.cumsum(0) >= found.sum() / 2).nonzero()[0]]
-        assert 2 * 2**0.5 * float(half) == pytest.approx(bench.defocus(depth), rel=0.12)
+        blur = bench.diameter * bench.distance * abs(1 / depth - 1 / bench.focus) / bench.pitch
+        assert 2 * 2**0.5 * float(half) == pytest.approx(blur, rel=0.12)
 
 
 @pytest.mark.parametrize("wavelength", [440e-9, 680e-9])
@@ -76,6 +78,24 @@ def test_a_mask_whose_rim_is_a_longer_path_is_sharp_farther_away(material):
     torch.testing.assert_close(sharp, expected, atol=planes.step, rtol=0)
 
 
+@pytest.mark.parametrize("material", ["fused-silica", "mirror"])
+def test_a_fresnel_lens_focuses_its_wavelength(material):
+    bench = PhaseMaskBench(
+        diameter=1.6e-3, distance=100e-3, focus=None, pitch=1e-6, window=(1, 1), mask_pixels=200, material=material
+    )
+    heights = mask_heights("lens", 2, bench, wavelength=GREEN)()
+    known = bench.phase_material()
+    factor = 2 if known is None else known.index([GREEN])[0] - 1
+    assert heights.shape == (2, 200, 200)
+    assert 0 <= float(heights.min()) <= float(heights.max()) <= GREEN / factor + 1e-12
+    aperture = circular_aperture(bench.mask_size)
+    field = aperture * mask_field(heights[0], radians_per_metre([GREEN], known))
+    plane = FocalPlane(bench.mask_size, bench.mask_pitch, [GREEN], bench.distance, (1, 1), bench.pitch)
+    peak = float(plane(field.to(torch.complex64)).abs().squeeze() ** 2)
+    best = (float(aperture.sum()) * bench.mask_pitch * bench.pitch / (GREEN * bench.distance)) ** 2
+    assert peak == pytest.approx(best, rel=1e-2)
+
+
 def test_stray_light_is_what_a_larger_window_finds():
     planes = DepthPlanes(0.4, 2.0, 3)
     with pytest.warns(StrayLight, match="window"):
@@ -89,6 +109,8 @@ def test_coarse_mask_pixels_and_wide_windows_are_warned_of():
     planes = DepthPlanes(0.2, 5.0, 2)
     with pytest.warns(Undersampled, match="pitch"):
         PhaseMaskBench(diameter=10e-3, mask_pixels=16, window=(3, 3)).check_sampling([GREEN], planes)
+    with pytest.warns(Undersampled, match=r"mask, focused.*20 µm is larger than 13\.8 µm.*550 nm.*finer pitch"):
+        PhaseMaskBench(distance=50e-3, focus=None, mask_pixels=100).check_sampling([GREEN, 650e-9], planes)
     with pytest.warns(Undersampled, match=r"samples of 6 µm are coarser than 2\.75 µm"):
         PhaseMaskBench(oversampling=1).check_sampling([440e-9, 680e-9], DepthPlanes(0.4, 2.0, 8))
     with pytest.warns(Undersampled, match="repeats"):

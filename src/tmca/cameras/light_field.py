@@ -15,7 +15,7 @@ from tmca.codes import Codes
 from tmca.codes.files import json_attribute, tensors
 from tmca.errors import check_shape
 from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code
-from tmca.optics import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
+from tmca.optics import MaskGeometry, ViewShear, view_coordinates, view_grid
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,7 +83,7 @@ class LightFieldCamera(CodedCamera):
     ) -> None:
         super().__init__((270, 480) if size is None else size, slots, exposure, sensor)
         grid = view_grid(5 if views is None else views)
-        self.shear = ViewShear(grid, shear_step(shear), mask_scale)
+        self.shear = ViewShear(grid, shear, mask_scale)  # type: ignore[arg-type]
         self._hold_response(torch.ones(grid) if vignetting is None else vignetting, "vignetting", grid)
         self._hold_codes(codes, self.mask_size, self.size, **coding)
 

@@ -17,6 +17,7 @@ from tmca.codes.files import json_attribute, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import (
     LinearOperator,
+    SensorColumns,
     SlotwiseDisperser,
     TapOperator,
     coloured_code,
@@ -24,7 +25,6 @@ from tmca.operators import (
     single_disperser,
     sum_by_channel,
 )
-from tmca.operators.sensor_columns import SensorColumns
 from tmca.optics import Dispersion, gaussian_spread
 
 if TYPE_CHECKING:

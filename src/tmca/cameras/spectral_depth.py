@@ -20,7 +20,7 @@ from tmca.operators.spectral_depth import (
     check_pixel,
     equivalent_psf,
     framed,
-    periodic_transfer_functions,
+    transfer_functions,
 )
 from tmca.optics import (
     MODES,
@@ -268,7 +268,7 @@ class SpectralDepthCamera(BandCamera):
     def transfer(self, frame: tuple[int, int] | None = None) -> Tensor:
         """(K, D, L, H', W'/2+1) transfer functions in a ``frame``, the camera's own if None; cached unless learned."""
         frame = frame or self.frame
-        return self.cached(f"transfer {frame}", lambda: periodic_transfer_functions(self.psf(), frame))
+        return self.cached(f"transfer {frame}", lambda: transfer_functions(self.psf(), frame))
 
     @property
     def frame(self) -> tuple[int, int]:

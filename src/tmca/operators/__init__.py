@@ -1,20 +1,24 @@
 """Linear maps from scene to snapshot, with adjoint and pseudo-inverse."""
 
-from tmca.operators.analysis import Conditioning, conditioning, sparse_matrix
-from tmca.operators.exposure import EXPOSURES, exposure_weight
 from tmca.operators.light_field import code_through_mask, coded_mask, mask_code
-from tmca.operators.linear import LinearOperator, conjugate_gradients
-from tmca.operators.sheared_code import sheared_code
-from tmca.operators.slotwise import SlotwiseDisperser
-from tmca.operators.spectral import coloured_code, dual_disperser, single_disperser
+from tmca.operators.linear import (
+    EXPOSURES,
+    LinearOperator,
+    SensorColumns,
+    conditioning,
+    conjugate_gradients,
+    exposure_weight,
+    sparse_matrix,
+)
+from tmca.operators.spectral import SlotwiseDisperser, coloured_code, dual_disperser, single_disperser
 from tmca.operators.spectral_depth import LayeredOperator
 from tmca.operators.taps import TapOperator, Taps, sum_by_channel
 
 __all__ = [
     "EXPOSURES",
-    "Conditioning",
     "LayeredOperator",
     "LinearOperator",
+    "SensorColumns",
     "SlotwiseDisperser",
     "TapOperator",
     "Taps",
@@ -26,7 +30,6 @@ __all__ = [
     "dual_disperser",
     "exposure_weight",
     "mask_code",
-    "sheared_code",
     "single_disperser",
     "sparse_matrix",
     "sum_by_channel",

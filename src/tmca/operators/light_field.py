@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
+
 import torch
 from torch import Tensor
 
-from tmca.errors import ShapeError
-from tmca.operators.exposure import exposure_weight
-from tmca.operators.sheared_code import sheared_code
+from tmca.errors import check_shape
+from tmca.operators.kernels import sheared_code
+from tmca.operators.linear import exposure_weight
 from tmca.operators.taps import TapOperator, Taps
 from tmca.optics import ViewShear, view_coordinates
 
@@ -32,12 +35,11 @@ def coded_mask(
         ShapeError: mask, shutter or vignetting do not fit.
     """
     code = mask_code(aperture, shutter, shear).flatten(0, 1)
-    scale = torch.full((len(code),), exposure_weight(exposure, len(shutter)), dtype=code.dtype, device=code.device)
-    if vignetting is not None:
-        if tuple(vignetting.shape) != shear.views:
-            raise ShapeError("vignetting", f"shape {tuple(vignetting.shape)}", f"{shear.views}, one value per view")
-        scale = scale * vignetting.to(scale).flatten()
     views = len(code)
+    scale = code.new_full((views,), exposure_weight(exposure, len(shutter)))
+    if vignetting is not None:
+        check_shape("vignetting", vignetting, shear.views, "one value per view")
+        scale = scale * vignetting.to(scale).flatten()
     return TapOperator(Taps(code * scale[:, None, None], tuple(range(views)), (0,) * views, views, code.shape[2]))
 
 
@@ -51,19 +53,13 @@ def mask_code(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Tensor:
     """
     size = (shutter.shape[1], shutter.shape[2])
     wanted = (len(shutter), *shear.mask_size(size))
-    if tuple(aperture.shape) != wanted:
-        there = f"shape {tuple(aperture.shape)}"
-        raise ShapeError(
-            "aperture", there, f"{wanted}: the sensor's {tuple(shutter.shape)} and the views' shear around it"
-        )
+    check_shape("aperture", aperture, wanted, "it is as large as the sensor and the views' shear around it")
     if shear.whole:
-        return sheared_code(shutter, aperture, _shifts(shear, size)).unflatten(0, shear.views)
-    rows, columns = (_positions(shear, axis, size) for axis in (0, 1))
-    view_rows = []
-    for row in rows:
-        across = _read(aperture, 1, row)
-        view_rows.append(torch.stack([(shutter * _read(across, 2, column)).sum(0) for column in columns]))
-    return torch.stack(view_rows)
+        parts = zip(shear.border(size), shear.step, shear.views, strict=True)
+        tops, lefts = ([edge + int(step) * v for v in view_coordinates(count)] for edge, step, count in parts)
+        return sheared_code(shutter, aperture, list(product(tops, lefts))).unflatten(0, shear.views)
+    rows, columns = (_on_mask(shear, axis, size) for axis in (0, 1))
+    return _between_pixels(shutter, aperture, rows, columns)
 
 
 def code_through_mask(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Tensor:
@@ -75,36 +71,31 @@ def code_through_mask(aperture: Tensor, shutter: Tensor, shear: ViewShear) -> Te
         shutter: (K, H, W).
         shear: views and shear.
     """
-    size = (shutter.shape[1], shutter.shape[2])
-    rows, columns = (_seen_from_mask(shear, axis, size) for axis in (0, 1))
-    view_rows = []
-    for row in rows:
-        across = _read(shutter, 1, row)
-        view_rows.append(torch.stack([(aperture * _read(across, 2, column)).mean(0) for column in columns]))
-    return torch.stack(view_rows)
+    rows, columns = (_on_sensor(shear, axis, (shutter.shape[1], shutter.shape[2])) for axis in (0, 1))
+    return _between_pixels(aperture, shutter, rows, columns) / len(shutter)
 
 
-def _shifts(shear: ViewShear, size: tuple[int, int]) -> list[tuple[int, int]]:
-    """Corner of every view's window of the mask, row by row."""
-    border = shear.border(size)
-    rows, columns = (
-        [border[axis] + int(shear.step[axis]) * v for v in view_coordinates(shear.views[axis])] for axis in (0, 1)
-    )
-    return [(row, column) for row in rows for column in columns]
-
-
-def _positions(shear: ViewShear, axis: int, size: tuple[int, int]) -> list[Tensor]:
+def _on_mask(shear: ViewShear, axis: int, size: tuple[int, int]) -> list[Tensor]:
     """Mask coordinate of every sensor pixel along one axis, for every view."""
     middle = (size[axis] - 1) / 2
     start = shear.scale * (torch.arange(size[axis], dtype=torch.float64) - middle) + middle + shear.border(size)[axis]
     return [start + shear.step[axis] * v for v in view_coordinates(shear.views[axis])]
 
 
-def _seen_from_mask(shear: ViewShear, axis: int, size: tuple[int, int]) -> list[Tensor]:
+def _on_sensor(shear: ViewShear, axis: int, size: tuple[int, int]) -> list[Tensor]:
     """Sensor coordinate of every mask pixel along one axis, for every view."""
     middle, length = (size[axis] - 1) / 2, shear.mask_size(size)[axis]
     place = torch.arange(length, dtype=torch.float64) - shear.border(size)[axis] - middle
     return [(place - shear.step[axis] * v) / shear.scale + middle for v in view_coordinates(shear.views[axis])]
+
+
+def _between_pixels(near: Tensor, far: Tensor, rows: Sequence[Tensor], columns: Sequence[Tensor]) -> Tensor:
+    """(V, U, H, W) sum over slots of the near planes times the far ones, read at the places of every view."""
+    view_rows = []
+    for row in rows:
+        across = _read(far, 1, row)
+        view_rows.append(torch.stack([(near * _read(across, 2, column)).sum(0) for column in columns]))
+    return torch.stack(view_rows)
 
 
 def _read(planes: Tensor, axis: int, positions: Tensor) -> Tensor:

@@ -1,16 +1,37 @@
-"""What every camera's linear part offers: ``A``, ``A_adjoint``, ``A_dagger``, ``prox_l2`` (deepinv's names)."""
+"""What every camera's linear part offers: ``A``, ``A_adjoint``, ``A_dagger``, ``prox_l2`` (deepinv's names); and the
+explicit matrix of a small one: rank, condition number, coherence."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass
+from math import prod
 
+import numpy as np
 import torch
+from scipy import sparse
 from torch import Tensor, nn
+from torch.nn.functional import pad
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import SettingError, check_choice, check_shape
 
+EXPOSURES = ("equal", "per-slot")
 _TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
+_LARGEST = 20_000
+
+
+def exposure_weight(exposure: str, slots: int) -> float:
+    """Weight of one slot in a snapshot.
+
+    1/K where the slots share one exposure time (``"equal"``), 1 where each has a time of its own (``"per-slot"``).
+
+    Raises:
+        SettingError: another name.
+    """
+    check_choice("exposure", exposure, EXPOSURES)
+    return 1 / slots if exposure == "equal" else 1.0
 
 
 def conjugate_gradients(
@@ -123,7 +144,7 @@ class LinearOperator(nn.Module, ABC):
 
     def A_dagger(self, snapshot: Tensor) -> Tensor:
         """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``."""
-        self._check(snapshot, self.snapshot_shape, "snapshot")
+        self._check("snapshot", snapshot)
         return self.A_adjoint(self.gram_solve(snapshot, 0.0, steps=1000))
 
     def prox_l2(self, point: Tensor, snapshot: Tensor, rho: float | Tensor) -> Tensor:
@@ -138,13 +159,96 @@ class LinearOperator(nn.Module, ABC):
         """
         return point + self.A_adjoint(self.gram_solve(snapshot - self.A(point), rho))
 
-    def _check(self, tensor: Tensor, shape: tuple[int, ...], name: str) -> None:
+    def _check(self, name: str, tensor: Tensor) -> None:
         if not isinstance(tensor, Tensor) or not tensor.is_floating_point():
-            kind = str(getattr(tensor, "dtype", type(tensor).__name__))
-            raise SettingError(
-                name, kind, "a floating-point torch tensor", "convert it with torch.as_tensor(…).float()"
-            )
-        if tensor.ndim != len(shape) + 1 or tuple(tensor.shape[1:]) != tuple(shape):
-            expected = f"(batch, {', '.join(map(str, shape))})"
-            remedy = "give the camera this size and number of bands, or crop the input"
-            raise ShapeError(name, f"shape {tuple(tensor.shape)}", expected, remedy)
+            kind, remedy = getattr(tensor, "dtype", type(tensor).__name__), "convert it with torch.as_tensor(…).float()"
+            raise SettingError(name, str(kind), "a floating-point torch tensor", remedy)
+        shape = self.scene_shape if name == "scene" else self.snapshot_shape
+        check_shape(name, tensor, ("batch", *shape), "give the camera this size and number of bands, or crop the input")
+
+
+class SensorColumns(LinearOperator):
+    """An operator whose snapshots are wider than the sensor, which is in their middle.
+
+    Args:
+        wide: the operator.
+        beside: columns to the left and the right of the sensor.
+    """
+
+    def __init__(self, wide: LinearOperator, beside: tuple[int, int]) -> None:
+        super().__init__()
+        self.wide, self.beside, self.scene_shape = wide, beside, wide.scene_shape
+        *front, columns = wide.snapshot_shape
+        self.snapshot_shape = (*front, columns - sum(beside))
+
+    def A(self, scene: Tensor) -> Tensor:
+        left, columns = self.beside[0], self.snapshot_shape[-1]
+        return self.wide.A(scene)[..., left : left + columns]
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        return self.wide.A_adjoint(pad(snapshot, self.beside))
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """Rank, condition number and coherence of a measurement matrix.
+
+    ``condition`` is the ratio of the largest to the smallest non-zero singular value; ``coherence`` the largest cosine
+    between two different non-zero columns; ``dark_columns`` counts scene entries that the camera never sees.
+    """
+
+    rank: int
+    condition: float
+    coherence: float
+    dark_columns: int
+    shape: tuple[int, int]
+
+
+def sparse_matrix(
+    operator: LinearOperator, *, dtype: torch.dtype = torch.float64, batch: int = 256
+) -> sparse.csr_matrix:
+    """The operator as a sparse matrix, by imaging one scene entry after the other.
+
+    Args:
+        operator: any operator, at small size.
+        dtype: of the probes.
+        batch: probes imaged at once.
+
+    Returns:
+        (pixels of the snapshot, entries of the scene), both in C order.
+
+    Raises:
+        SettingError: the scene has more than 20 000 entries.
+    """
+    entries = prod(operator.scene_shape)
+    if entries > _LARGEST:
+        raise SettingError("explicit matrix", f"{entries} scene entries", f"at most {_LARGEST}", "use a smaller camera")
+    columns = []
+    with torch.no_grad():
+        probe = deepcopy(operator).to("cpu", dtype)
+        for start in range(0, entries, batch):
+            count = min(batch, entries - start)
+            unit = torch.zeros(count, entries, dtype=dtype)
+            unit[torch.arange(count), start + torch.arange(count)] = 1
+            image = probe.A(unit.reshape(count, *operator.scene_shape)).reshape(count, -1)
+            columns.append(sparse.csr_matrix(image.numpy()).T)
+    return sparse.hstack(columns).tocsr()
+
+
+def conditioning(matrix: sparse.csr_matrix | np.ndarray) -> Conditioning:
+    """Rank, condition number and coherence of a measurement matrix (dense singular values: small sizes)."""
+    dense = np.asarray(matrix.todense()) if isinstance(matrix, sparse.csr_matrix) else np.asarray(matrix)
+    singular = np.linalg.svd(dense, compute_uv=False)
+    threshold = singular[0] * max(dense.shape) * np.finfo(dense.dtype).eps if singular.size else 0.0
+    nonzero = singular[singular > threshold]
+    norms = np.linalg.norm(dense, axis=0)
+    seen = dense[:, norms > 0] / norms[norms > 0]
+    cosines = np.abs(seen.T @ seen)
+    np.fill_diagonal(cosines, 0)
+    return Conditioning(
+        rank=int(nonzero.size),
+        condition=float(nonzero[0] / nonzero[-1]) if nonzero.size else float("inf"),
+        coherence=float(cosines.max()) if cosines.size else 0.0,
+        dark_columns=int((norms == 0).sum()),
+        shape=(int(dense.shape[0]), int(dense.shape[1])),
+    )

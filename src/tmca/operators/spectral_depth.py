@@ -3,36 +3,28 @@
 from __future__ import annotations
 
 import torch
+from scipy.fft import next_fast_len
 from torch import Tensor
+from torch.nn.functional import pad
 
-from tmca.errors import ShapeError
-from tmca.operators.exposure import exposure_weight
-from tmca.operators.linear import LinearOperator
+from tmca.errors import ShapeError, check_shape
+from tmca.operators.linear import LinearOperator, exposure_weight
 
 Size = tuple[int, int]
-
-
-def transfer_functions(psf: Tensor, size: Size) -> Tensor:
-    """Fourier transforms (K, D, L, H', W'/2+1) of PSFs (K, D, L, h, w), for scenes of (H, W), dark around.
-
-    The middle of a PSF is its pixel (h//2, w//2). The frame (H', W') of ``framed`` holds the whole blurred scene: no
-    light comes round.
-
-    Raises:
-        ShapeError: not five dimensions.
-    """
-    if psf.ndim != 5:
-        raise ShapeError("psf", str(tuple(psf.shape)), "(K, D, L, h, w)")
-    return periodic_transfer_functions(psf, framed(size, (psf.shape[-2], psf.shape[-1])))
+_LEAST = 1e-6
 
 
 def framed(size: Size, psf: Size) -> Size:
-    """(H', W') of the frame: at least scene and PSF less a pixel, of small factors, even width."""
-    return _smooth(size[0] + psf[0] - 1, 1), _smooth(size[1] + psf[1] - 1, 2)
+    """(H', W') of a frame that holds a scene (H, W) and its blur by PSFs (h, w): of small factors, even width."""
+    height, width = size[0] + psf[0] - 1, size[1] + psf[1] - 1
+    return next_fast_len(height, real=True), 2 * next_fast_len((width + 1) // 2, real=True)
 
 
-def periodic_transfer_functions(psf: Tensor, frame: Size) -> Tensor:
-    """Fourier transforms of PSFs for scenes that go on periodically after ``frame`` pixels.
+def transfer_functions(psf: Tensor, frame: Size) -> Tensor:
+    """Fourier transforms (..., H', W'/2+1) of PSFs (..., h, w), whose middle is their pixel (h//2, w//2).
+
+    Scenes go on periodically after ``frame`` (H', W') pixels. In that of ``framed`` they are dark around: no light
+    comes round.
 
     Raises:
         ShapeError: a PSF larger than the frame.
@@ -40,21 +32,8 @@ def periodic_transfer_functions(psf: Tensor, frame: Size) -> Tensor:
     h, w = psf.shape[-2:]
     if h > frame[0] or w > frame[1]:
         raise ShapeError("psf", f"{h}×{w} pixels", f"at most the frame of {frame[0]}×{frame[1]}", "take larger patches")
-    padded = torch.nn.functional.pad(psf, (0, frame[1] - w, 0, frame[0] - h))
+    padded = pad(psf, (0, frame[1] - w, 0, frame[0] - h))
     return torch.fft.rfft2(padded.roll((-(h // 2), -(w // 2)), (-2, -1)))
-
-
-def _smooth(least: int, multiple: int) -> int:
-    """The least number from ``least`` on with factors 2, 3, 5 only, a multiple."""
-    size = -(-least // multiple) * multiple
-    while True:
-        rest = size
-        for factor in (2, 3, 5):
-            while rest % factor == 0:
-                rest //= factor
-        if rest == 1:
-            return size
-        size += multiple
 
 
 def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Tensor:
@@ -64,7 +43,7 @@ def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Te
 
     Args:
         scene: (B, L, H, W), or (B, K, L, H, W) where it changes from slot to slot.
-        weights: ω (B, D, H, W).
+        weights: ω (B, D, H, W), or (1, D, H, W) for any batch.
         transfer: (K, D, L, H', W'/2+1) of ``transfer_functions``.
         frame: (H', W').
 
@@ -82,17 +61,6 @@ def layered(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Te
             total.addcmul_(spectrum, blurs[depth])
         bands.append(torch.fft.irfft2(total, s=frame)[..., : scene.shape[-2], : scene.shape[-1]])
     return torch.stack(bands, 2)
-
-
-def layered_adjoint(image: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Tensor:
-    """The adjoint of ``layered`` in the scene: (B, L, H, W) of (B, K, L, H, W)."""
-    _check(image, weights, transfer, frame)
-    bands = []
-    for band, passed in zip(image.unbind(2), transfer.unbind(2), strict=True):
-        spectra = (torch.fft.rfft2(band, s=frame)[:, :, None] * passed.conj()).sum(1)
-        back = torch.fft.irfft2(spectra, s=frame)[..., : image.shape[-2], : image.shape[-1]]
-        bands.append((back * weights).sum(1))
-    return torch.stack(bands, 1)
 
 
 def composited(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Tensor:
@@ -119,9 +87,6 @@ def composited(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) ->
     return seen
 
 
-_LEAST = 1e-6
-
-
 def _filled(weights: Tensor) -> list[int]:
     """Layers in which there is anything: the others add nothing, except to the gradient in their weights."""
     if weights.requires_grad:
@@ -137,13 +102,9 @@ def _blurred(values: Tensor, transfer: Tensor, frame: Size) -> Tensor:
 
 def _check(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> None:
     slots, depths, bands = transfer.shape[:3]
-    if scene.ndim != 5 or scene.shape[1] not in (1, slots) or scene.shape[2] != bands:
-        raise ShapeError("scene", str(tuple(scene.shape)), f"(B, {bands}, H, W) or (B, {slots}, {bands}, H, W)")
-    wanted = (scene.shape[0], depths, *scene.shape[-2:])
-    if tuple(weights.shape) != wanted:
-        raise ShapeError("weights", str(tuple(weights.shape)), str(wanted))
-    if tuple(transfer.shape[-2:]) != (frame[0], frame[1] // 2 + 1):
-        raise ShapeError("transfer functions", f"{tuple(transfer.shape[-2:])}", f"those of a frame of {frame}")
+    check_shape("scene", scene, ("B", 1 if scene.shape[1] == 1 else slots, bands, "H", "W"))
+    check_shape("weights", weights, (1 if len(weights) == 1 else len(scene), depths, *scene.shape[-2:]))
+    check_shape("transfer functions", transfer, (..., frame[0], frame[1] // 2 + 1), "take those of this frame")
 
 
 def coded_exposure(irradiance: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
@@ -160,21 +121,11 @@ def coded_exposure(irradiance: Tensor, colour: Tensor, shutter: Tensor, exposure
     Raises:
         ShapeError: parts that do not fit each other.
     """
-    slots, bands, height, width = irradiance.shape[1:]
-    for name, given, wanted in (
-        ("colour", colour.shape[1:], (bands, height, width)),
-        ("shutter", shutter.shape, (slots, height, width)),
-    ):
-        if tuple(given) != wanted:
-            raise ShapeError(name, str(tuple(given)), str(wanted))
+    slots, *image = irradiance.shape[1:]
+    check_shape("colour", colour, ("C", *image))
+    check_shape("shutter", shutter, (slots, *image[1:]))
     recorded = torch.einsum("bklhw,khw->blhw", irradiance, shutter) * exposure_weight(exposure, slots)
     return torch.einsum("blhw,clhw->bchw", recorded, colour)
-
-
-def coded_exposure_adjoint(snapshot: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
-    """The adjoint of ``coded_exposure`` in the irradiance: (B, K, L, H, W) of (B, C, H, W)."""
-    light = torch.einsum("bchw,clhw->blhw", snapshot, colour) * exposure_weight(exposure, len(shutter))
-    return light[:, None] * shutter[:, None]
 
 
 def equivalent_psf(
@@ -195,10 +146,10 @@ def equivalent_psf(
     """
     (height, width), (h, w) = shutter.shape[1:], psf.shape[-2:]
     check_pixel(pixel, (height, width))
-    pad = (w, w, h, h)
     top, left = pixel[0] - h // 2 + h, pixel[1] - w // 2 + w
-    own_shutter = torch.nn.functional.pad(shutter, pad)[:, top : top + h, left : left + w]
-    own_colour = torch.nn.functional.pad(colour, pad)[..., top : top + h, left : left + w]
+    own_shutter, own_colour = (
+        pad(plane, (w, w, h, h))[..., top : top + h, left : left + w] for plane in (shutter, colour)
+    )
     mixed = torch.einsum("klhw,khw->lhw", psf[:, depth], own_shutter) * exposure_weight(exposure, len(shutter))
     return own_colour * mixed
 
@@ -235,16 +186,19 @@ class LayeredOperator(LinearOperator):
         self.colour, self.shutter, self.exposure = colour, shutter, exposure
 
     def A(self, scene: Tensor) -> Tensor:
-        """(B, L, H, W) → (B, C, H, W)."""
-        self._check(scene, self.scene_shape, "scene")
-        seen = layered(scene, self._weights_of(scene), self.transfer, self.frame)
-        return coded_exposure(seen, self.colour, self.shutter, self.exposure)
+        self._check("scene", scene)
+        irradiance = layered(scene, self.weights, self.transfer, self.frame)
+        return coded_exposure(irradiance, self.colour, self.shutter, self.exposure)
 
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
-        """(B, C, H, W) → (B, L, H, W)."""
-        self._check(snapshot, self.snapshot_shape, "snapshot")
-        spread = coded_exposure_adjoint(snapshot, self.colour, self.shutter, self.exposure)
-        return layered_adjoint(spread, self._weights_of(snapshot), self.transfer, self.frame)
-
-    def _weights_of(self, batch: Tensor) -> Tensor:
-        return self.weights.expand(len(batch), -1, -1, -1) if len(self.weights) == 1 else self.weights
+        self._check("snapshot", snapshot)
+        check_shape("weights", self.weights, (1 if len(self.weights) == 1 else len(snapshot), "D", "H", "W"))
+        height, width = self.snapshot_shape[1:]
+        light = torch.einsum("bchw,clhw->blhw", snapshot, self.colour)
+        light = light * exposure_weight(self.exposure, len(self.shutter))
+        bands = []
+        for band, passed in zip(light.unbind(1), self.transfer.unbind(2), strict=True):
+            spectra = torch.fft.rfft2(band[:, None] * self.shutter, s=self.frame)[:, :, None] * passed.conj()
+            back = torch.fft.irfft2(spectra.sum(1), s=self.frame)[..., :height, :width]
+            bands.append((back * self.weights).sum(1))
+        return torch.stack(bands, 1)

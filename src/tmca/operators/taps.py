@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError
+from tmca.operators.kernels import backproject, project
 from tmca.operators.linear import LinearOperator
-from tmca.operators.tap_kernels import backproject, project
 
 _SHIFT, _REFINEMENTS = 1e-9, 4
 
@@ -111,11 +111,7 @@ def sum_by_channel(code: Tensor, channels: tuple[int, ...], scene_channels: int)
 
 
 class TapOperator(LinearOperator):
-    """``y[m, n + o_t] = Σ_t code[t, m, n] · x[c_t, m, n]``, with adjoint and closed pseudo-inverse.
-
-    Args:
-        taps: code, channels and offsets.
-    """
+    """``y[m, n + o_t] = Σ_t code[t, m, n] · x[c_t, m, n]``, (B, L, H, W) → (B, 1, H, W'); its inverse is closed."""
 
     code: Tensor
 
@@ -131,23 +127,15 @@ class TapOperator(LinearOperator):
         return Taps(self.code, *self._layout)
 
     def A(self, scene: Tensor) -> Tensor:
-        """(B, L, H, W) → (B, 1, H, W')."""
-        self._check(scene, self.scene_shape, "scene")
+        self._check("scene", scene)
         return project(scene, self.code, self._layout)
 
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
-        """(B, 1, H, W') → (B, L, H, W)."""
-        self._check(snapshot, self.snapshot_shape, "snapshot")
+        self._check("snapshot", snapshot)
         return backproject(snapshot, self.code, self._layout)
 
     def gram_solve(self, snapshot: Tensor, shift: float | Tensor, **iteration: object) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ snapshot``: a division, or a tridiagonal solve along x.
-
-        Args:
-            snapshot: (B, 1, H, W').
-            shift: ≥ 0, or a map of the snapshot's size; with 0, sensor pixels that no light reaches give zero.
-            iteration: settings of an iteration, which a closed solution does not have.
-        """
+        """A division, or a tridiagonal solve along x; without a shift, pixels that no light reaches give zero."""
         taps = self.taps
         coupling = taps.gram_neighbour()
         if coupling is None:
@@ -159,10 +147,9 @@ class TapOperator(LinearOperator):
         return solve_tridiagonal(diagonal + shift, coupling, right).to(snapshot.dtype)
 
     def A_dagger(self, snapshot: Tensor) -> Tensor:
-        """(B, 1, H, W') → (B, L, H, W), the least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``."""
-        self._check(snapshot, self.snapshot_shape, "snapshot")
         if self.taps.gram_neighbour() is None:
-            return self.A_adjoint(self.gram_solve(snapshot, 0.0))
+            return super().A_dagger(snapshot)
+        self._check("snapshot", snapshot)
         precise = self.gram_solve(snapshot.double(), 0.0)
         return backproject(precise, self.code.double(), self._layout).to(snapshot.dtype)
 

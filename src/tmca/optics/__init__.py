@@ -1,6 +1,5 @@
 """Light between scene and sensor: dispersion, view shear, blur, phase masks and their point spread functions."""
 
-from tmca.optics.depth import DepthPlanes
 from tmca.optics.heights import (
     FreeForm,
     HeightMaps,
@@ -8,15 +7,22 @@ from tmca.optics.heights import (
     Stroke,
     ZernikeHeights,
     family_parameters,
-    fresnel_lens,
     restored_maps,
 )
-from tmca.optics.light_field import MaskGeometry, ViewShear, shear_step, view_coordinates, view_grid
-from tmca.optics.materials import MATERIALS, Material
-from tmca.optics.point_spread import PointSpread, StrayLight, check_mask, steep_share, stray_light
-from tmca.optics.propagation import AngularSpectrum, FocalPlane, Undersampled
+from tmca.optics.light_field import MaskGeometry, ViewShear, view_coordinates, view_grid
+from tmca.optics.phase import MATERIALS, Material
+from tmca.optics.point_spread import (
+    AngularSpectrum,
+    FocalPlane,
+    PointSpread,
+    StrayLight,
+    Undersampled,
+    check_mask,
+    steep_share,
+    stray_light,
+)
 from tmca.optics.spectral import Dispersion, gaussian_spread
-from tmca.optics.spectral_depth import FAMILIES, MODES, PhaseMaskBench, changed_bench, mask_heights
+from tmca.optics.spectral_depth import FAMILIES, MODES, DepthPlanes, PhaseMaskBench, changed_bench, mask_heights
 
 __all__ = [
     "FAMILIES",
@@ -41,11 +47,9 @@ __all__ = [
     "changed_bench",
     "check_mask",
     "family_parameters",
-    "fresnel_lens",
     "gaussian_spread",
     "mask_heights",
     "restored_maps",
-    "shear_step",
     "steep_share",
     "stray_light",
     "view_coordinates",

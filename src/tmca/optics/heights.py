@@ -5,13 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
 from tmca.errors import SettingError, ShapeError, check_range, check_shape
-from tmca.optics.materials import Material
-from tmca.optics.phase import pixel_places
 from tmca.optics.zernike import Mode, noll, noll_index, pupil_coordinates, zernike_modes
 
 HIGHEST = 1e-2
@@ -63,30 +62,32 @@ class HeightMaps(nn.Module, ABC):
     """K height maps (K, H, W) in metres, of parameters near 1: metres over ``unit``.
 
     Args:
+        values: (K, ...) start values of the parameters, metres.
         size: (H, W) pixels.
         stroke: of the device; any height without.
-        name: of the parameters.
-        values: (K, ...) their start values, metres.
         learnable: whether they are learned.
+        form: what else makes maps of this family, between values and stroke.
 
     Raises:
         SettingError: start values that are no height.
     """
 
+    name: ClassVar[str]
+    """Of the parameters."""
+
     def __init__(
-        self, size: tuple[int, int], stroke: Stroke | None, name: str, values: Tensor, learnable: bool
+        self, values: Tensor, size: tuple[int, int], stroke: Stroke | None, learnable: bool, *form: Any
     ) -> None:
         super().__init__()
-        self.size, self.stroke, self.name = (int(size[0]), int(size[1])), stroke, name
+        self.size, self.stroke, self._form = (int(size[0]), int(size[1])), stroke, form
         largest = float(values.detach().abs().max())
-        if not largest <= HIGHEST:
-            raise SettingError("heights", f"{largest:g} m", f"finite heights up to {HIGHEST:g} m", "give metres")
+        check_range("heights", largest, 0, HIGHEST, unit="m")
         self.unit = max(1e-6, largest)
         start = (values / self.unit).detach().clone().float()
         if learnable:
-            self.register_parameter(name, nn.Parameter(start))
+            self.register_parameter(self.name, nn.Parameter(start))
         else:
-            self.register_buffer(name, start)
+            self.register_buffer(self.name, start)
 
     def metres(self) -> Tensor:
         """(K, ...) the parameters in metres."""
@@ -108,18 +109,15 @@ class HeightMaps(nn.Module, ABC):
         Raises:
             ShapeError: another number of maps than one or K.
         """
-        values = self._start()
+        values = self._start().detach()
         if len(values) not in (1, slots):
             raise ShapeError("slots", str(slots), f"{len(values)}, as many as there are maps")
-        return self._of(values.detach().expand(slots, *values.shape[1:]), learnable)
+        family: Any = type(self)
+        return family(values.expand(slots, *values.shape[1:]), *self._form, self.stroke, learnable=learnable)
 
     def _start(self) -> Tensor:
         """(K, ...) what maps of this family are made of."""
         return self.metres()
-
-    @abstractmethod
-    def _of(self, values: Tensor, learnable: bool) -> HeightMaps:
-        """Maps of this family of other parameters in metres."""
 
 
 class FreeForm(HeightMaps):
@@ -134,24 +132,20 @@ class FreeForm(HeightMaps):
         SettingError: start values beyond the stroke; what is learned later is kept within it.
     """
 
+    name = "heights"
     heights: Tensor
 
     def __init__(self, heights: Tensor, stroke: Stroke | None = None, *, learnable: bool = False) -> None:
         check_shape("heights", heights, ("K", "H", "W"))
         if stroke is not None:
             stroke.check(heights)
-        super().__init__((heights.shape[1], heights.shape[2]), stroke, "heights", heights, learnable)
+        super().__init__(heights, (heights.shape[1], heights.shape[2]), stroke, learnable)
 
     def profile(self) -> Tensor:
-        """(K, H, W)."""
         return self.metres()
 
     def _start(self) -> Tensor:
-        """Within the stroke."""
-        return self()
-
-    def _of(self, values: Tensor, learnable: bool) -> FreeForm:
-        return FreeForm(values, self.stroke, learnable=learnable)
+        return self()  # within the stroke
 
 
 class ZernikeHeights(HeightMaps):
@@ -167,6 +161,7 @@ class ZernikeHeights(HeightMaps):
         ShapeError: coefficients of another number of modes.
     """
 
+    name = "coefficients"
     coefficients: Tensor
     basis: Tensor
 
@@ -181,16 +176,12 @@ class ZernikeHeights(HeightMaps):
     ) -> None:
         check_shape("coefficients", coefficients, ("K", "M"))
         check_shape("coefficients", coefficients, ("K", len(modes)))
-        super().__init__(size, stroke, "coefficients", coefficients, learnable)
+        super().__init__(coefficients, size, stroke, learnable, modes, size)
         self.modes = tuple(modes)
         self.register_buffer("basis", zernike_modes(modes, self.size).float(), persistent=False)
 
     def profile(self) -> Tensor:
-        """(K, H, W)."""
         return torch.tensordot(self.metres(), self.basis, 1)
-
-    def _of(self, values: Tensor, learnable: bool) -> ZernikeHeights:
-        return ZernikeHeights(values, self.modes, self.size, self.stroke, learnable=learnable)
 
 
 class RotationalProfile(HeightMaps):
@@ -206,6 +197,7 @@ class RotationalProfile(HeightMaps):
         ShapeError: fewer than two heights.
     """
 
+    name = "radii"
     radii: Tensor
     below: Tensor
     share: Tensor
@@ -218,47 +210,17 @@ class RotationalProfile(HeightMaps):
         *,
         learnable: bool = False,
     ) -> None:
-        check_shape("radii", radii, ("K", "R"))
-        if radii.shape[1] < 2:
+        if radii.ndim != 2 or len(radii) < 1 or radii.shape[1] < 2:
             raise ShapeError("radii", str(tuple(radii.shape)), "(K, R), R ≥ 2")
-        super().__init__(size, stroke, "radii", radii, learnable)
+        super().__init__(radii, size, stroke, learnable, size)
         place = pupil_coordinates(self.size)[0].clamp(max=1) * (radii.shape[1] - 1)
         below = place.floor().clamp(max=radii.shape[1] - 2)
         self.register_buffer("below", below.long(), persistent=False)
         self.register_buffer("share", (place - below).float(), persistent=False)
 
     def profile(self) -> Tensor:
-        """(K, H, W)."""
         radii = self.metres()
         return torch.lerp(radii[:, self.below], radii[:, self.below + 1], self.share)
-
-    def _of(self, values: Tensor, learnable: bool) -> RotationalProfile:
-        return RotationalProfile(values, self.size, self.stroke, learnable=learnable)
-
-
-def fresnel_lens(
-    size: tuple[int, int], pitch: float, focal: float, wavelength: float, material: Material | None, slots: int = 1
-) -> Tensor:
-    """(K, H, W) heights of a lens folded to one wavelength of path: the start of a learned mask.
-
-    Args:
-        size: (H, W) pixels.
-        pitch: of the mask's pixels, metres.
-        focal: length, metres; negative for a diverging lens.
-        wavelength: that is focused, metres.
-        material: of the mask; a mirror if None.
-        slots: K equal maps.
-
-    Raises:
-        SettingError: a focal length of zero, or a pitch or wavelength that is not positive.
-    """
-    if focal == 0:
-        raise SettingError("focal", f"{focal:g} m", "not 0")
-    y, x = pixel_places(size, pitch)
-    square = y**2 + x**2
-    path = (abs(focal) - torch.sqrt(focal**2 + square)) * (1 if focal > 0 else -1)
-    factor = 2.0 if material is None else float(material.index([wavelength])[0]) - 1
-    return (torch.remainder(path, wavelength) / factor).expand(slots, -1, -1).clone()
 
 
 def family_parameters(maps: HeightMaps) -> dict[str, Tensor]:
@@ -267,12 +229,12 @@ def family_parameters(maps: HeightMaps) -> dict[str, Tensor]:
     Returns:
         ``coefficients`` (K, M) in metres rms and ``noll`` (M,) of Zernike modes, or ``radii`` (K, R) in metres.
     """
+    parameters = {}
+    if isinstance(maps, ZernikeHeights | RotationalProfile):
+        parameters[maps.name] = maps.metres().detach()
     if isinstance(maps, ZernikeHeights):
-        places = torch.tensor([noll_index(mode) for mode in maps.modes])
-        return {"coefficients": maps.metres().detach(), "noll": places}
-    if isinstance(maps, RotationalProfile):
-        return {"radii": maps.metres().detach()}
-    return {}
+        parameters["noll"] = torch.tensor([noll_index(mode) for mode in maps.modes])
+    return parameters
 
 
 def restored_maps(heights: Tensor, parameters: Mapping[str, Tensor], stroke: Stroke | None = None) -> HeightMaps:
@@ -289,9 +251,9 @@ def restored_maps(heights: Tensor, parameters: Mapping[str, Tensor], stroke: Str
     size, maps = (heights.shape[-2], heights.shape[-1]), FreeForm(heights, stroke)
     if "coefficients" in parameters:
         modes = [noll(int(index)) for index in parameters["noll"]]
-        family: HeightMaps = ZernikeHeights(parameters["coefficients"], modes, size, stroke=stroke)
+        family: HeightMaps = ZernikeHeights(parameters["coefficients"], modes, size, stroke)
     elif "radii" in parameters:
-        family = RotationalProfile(parameters["radii"], size, stroke=stroke)
+        family = RotationalProfile(parameters["radii"], size, stroke)
     else:
         return maps
     if family().shape != heights.shape or not torch.allclose(family(), maps(), rtol=1e-4, atol=1e-9):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import ceil, isfinite
+from math import ceil, inf
 
 from tmca.errors import SettingError, check_range
 
@@ -27,19 +27,6 @@ def view_grid(views: int | tuple[int, int]) -> Grid:
     return rows, columns
 
 
-def shear_step(shear: float | Iterable[float]) -> tuple[float, float]:
-    """Mask pixels per view along y and x, of one number for both or of two.
-
-    Raises:
-        SettingError: anything else.
-    """
-    try:
-        y, x = (float(s) for s in shear) if isinstance(shear, Iterable) else (float(shear), float(shear))
-        return y, x
-    except (TypeError, ValueError):
-        raise SettingError("shear", repr(shear), "mask pixels per view: one number, or (along y, along x)") from None
-
-
 def view_coordinates(count: int) -> tuple[int, ...]:
     """-(n-1)/2 … (n-1)/2: places of the views along one axis, in view steps."""
     return tuple(range(-(count // 2), count // 2 + 1))
@@ -52,7 +39,7 @@ class ViewShear:
 
     Args:
         views: (V, U), odd.
-        step: mask pixels per view along y and x: real numbers; the thesis has 1.
+        step: mask pixels per view along y and x: real numbers, or one for both; the thesis has 1.
         scale: mask pixels per sensor pixel as the sensor sees them; 1 for a mask of pitch (1-s)·p, 1-s for one of the
             sensor's own pitch.
 
@@ -66,11 +53,16 @@ class ViewShear:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "views", view_grid(self.views))
-        step = tuple(round(float(s), _DECIMALS) for s in self.step)
-        if len(step) != 2 or not all(isfinite(s) and abs(s) <= 1000 for s in step):
-            raise SettingError("shear", str(self.step), "mask pixels per view along y and x, within ±1000")
+        try:
+            step = self.step if isinstance(self.step, Iterable) else (self.step, self.step)
+            y, x = (round(float(s), _DECIMALS) for s in step)
+        except (TypeError, ValueError):
+            y = x = inf
+        if not (abs(y) <= 1000 and abs(x) <= 1000):
+            wanted = "mask pixels per view within ±1000: one number, or (along y, along x)"
+            raise SettingError("shear", repr(self.step), wanted)
         check_range("mask_scale", self.scale, 0.1, 10, unit="mask pixels per sensor pixel")
-        object.__setattr__(self, "step", step)
+        object.__setattr__(self, "step", (y, x))
         object.__setattr__(self, "scale", float(self.scale))
 
     @property
@@ -141,9 +133,6 @@ class MaskGeometry:
 
         From ``step = d_l Δu / ((d_a - d_l) p)``: ``d_l = d_a · step · p / (Δu + step · p)``. The angular resolution of
         a mask at d_l is then that of Marwah 2013: neighbouring views are one mask pixel apart.
-
-        Raises:
-            SettingError: a step or a length that is not positive, even views.
         """
         check_range("step", step, above=0, unit="mask pixels per view")
         _check_bench(views, aperture_distance=aperture_distance, pixel_pitch=pixel_pitch, aperture_width=aperture_width)
@@ -155,11 +144,7 @@ class MaskGeometry:
     def for_pitch(
         cls, mask_pitch: float, aperture_distance: float, pixel_pitch: float, aperture_width: float, views: int = 5
     ) -> MaskGeometry:
-        """The distance at which pixels of a mask fall on sensor pixels: ``d_l = d_a (1 - q/p)`` for a mask of pitch q.
-
-        Raises:
-            SettingError: a length that is not positive, a mask no finer than the sensor, even views.
-        """
+        """The mask of pitch q whose pixels fall on sensor pixels: at the distance ``d_l = d_a (1 - q/p)``."""
         _check_bench(views, mask_pitch=mask_pitch, pixel_pitch=pixel_pitch, aperture_distance=aperture_distance)
         if mask_pitch >= pixel_pitch:
             remedy = "a mask before the sensor needs smaller pixels than it; for others give the distance"
@@ -189,11 +174,7 @@ class MaskGeometry:
         return self.mask_distance * self.view_spacing / (before * self.pixel_pitch)
 
     def shear(self, mask_pitch: float | None = None) -> ViewShear:
-        """The shear of a mask of this pitch, metres; of ``(1-s) · p`` if None.
-
-        Raises:
-            SettingError: a pitch that is not positive, or too far from the pixels'.
-        """
+        """The shear of a mask of this pitch, metres; of ``(1-s) · p`` if None."""
         if mask_pitch is not None:
             check_range("mask_pitch", mask_pitch, above=0, unit="m")
         scale = 1.0 if mask_pitch is None else self.mask_pitch / mask_pitch

@@ -1,19 +1,21 @@
-"""Point spread functions of a phase mask for every slot, depth and wavelength (thesis eq. 27), and what their
-simulation cannot follow: light beyond the window, surfaces steeper than their pixels."""
+"""From the mask to the sensor: propagation of light, point spread functions of a phase mask for every slot, depth and
+wavelength (thesis eqs 26, 27), and what their simulation cannot follow: light beyond the window, surfaces steeper than
+their pixels."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi
-from typing import Any, Protocol
+from typing import Any
 from warnings import warn
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.errors import check_choice, check_shape
+from tmca.errors import check_choice, check_range, check_shape
 from tmca.optics.heights import HeightMaps, RotationalProfile, ZernikeHeights
-from tmca.optics.phase import mask_field
-from tmca.optics.propagation import Undersampled
+from tmca.optics.phase import mask_field, pixel_places
 from tmca.optics.zernike import pupil_coordinates
 
 ENERGIES = ("unit", "aperture")
@@ -21,16 +23,159 @@ STEEP = 0.01
 """Share of neighbouring mask pixels that may be more than half a wave apart: point spread functions are then off by up
 to 0.04 of their light, and by 2 to 4 times the share beyond (against 256 pixels a side, Zernike masks of 50 to 500 nm
 on both preset benches)."""
+LEAST_KEPT = 16
+"""Frequencies along a side that ``AngularSpectrum`` needs: with fewer the light behind a round aperture is off by more
+than a twentieth (against ``FocalPlane``, grids of 64 to 128 pixels, padding 2)."""
 
 
-class Propagator(Protocol):
-    """Light from the mask to the sensor: a linear map of fields (..., L, H, W)."""
+class Undersampled(UserWarning):
+    """A field whose phase turns faster than its pixels can follow."""
 
-    def __call__(self, field: Tensor) -> Tensor:
-        """Fields on the sensor."""
+
+class AngularSpectrum(nn.Module):
+    """Free space by its transfer function (eq. 26), band-limited, on a padded grid; exact, evanescent waves left out.
+
+    Frequencies that the padded grid would fold back are cut: ``|f| ≤ 1 / (λ √((2 s Δf)² + 1))``. Source: Matsushima and
+    Shimobaba, Opt. Express 17, 19662 (2009).
+
+    Args:
+        size: (H, W) of the fields, pixels.
+        pitch: metres.
+        wavelengths: (L,) metres.
+        distance: s, metres; negative goes back.
+        padding: sides of the padded grid over those of the field, ≥ 1.
+
+    Raises:
+        SettingError: impossible numbers.
+
+    Warns:
+        Undersampled: fewer than ``LEAST_KEPT`` frequencies along a side are left, or some are cut that would arrive.
+    """
+
+    transfer: Tensor
+
+    def __init__(
+        self, size: tuple[int, int], pitch: float, wavelengths: Sequence[float], distance: float, padding: float = 2.0
+    ) -> None:
+        super().__init__()
+        check_range("pitch", pitch, above=0, unit="m")
+        check_range("distance", distance, unit="m")
+        check_range("padding", padding, 1)
+        check_range("wavelengths", min(wavelengths), above=0, unit="m")
+        self.size = (int(size[0]), int(size[1]))
+        self.padded = (round(self.size[0] * padding), round(self.size[1] * padding))
+        fy, fx = (torch.fft.fftfreq(n, pitch, dtype=torch.float64) for n in self.padded)
+        waves = torch.as_tensor(wavelengths, dtype=torch.float64)[:, None, None]
+        sine = waves**2 * (fy[:, None] ** 2 + fx**2)
+        cosine = torch.sqrt((1 - sine).clamp(min=0))
+        phase = -2 * pi * distance / waves * sine / (1 + cosine)  # without that of the axis
+        highest = [1 / (waves * ((2 * distance / (n * pitch)) ** 2 + 1) ** 0.5) for n in self.padded]
+        passed = (fy[:, None].abs() <= highest[0]) & (fx.abs() <= highest[1]) & (sine < 1)
+        self.register_buffer("transfer", torch.polar(passed.double(), phase).to(torch.complex64), persistent=False)
+        for padded, side, limit in zip(self.padded, self.size, highest, strict=True):
+            left = 2 * float(limit.min()) * padded * pitch
+            if left < padded and (left < LEAST_KEPT or padded < 2 * side):
+                warn(
+                    f"angular spectrum: {left:.0f} of {padded} frequencies follow {max(wavelengths) * 1e9:.0f} nm over "
+                    f"{abs(distance):.4g} m, {LEAST_KEPT} and a padding of 2 are needed; take more padding, or "
+                    "FocalPlane",
+                    Undersampled,
+                    stacklevel=2,
+                )
+                break
+
+    def forward(self, field: Tensor) -> Tensor:
+        """Fields (..., L, H, W) at the distance.
+
+        Raises:
+            ShapeError: fields of another size or number of wavelengths.
+        """
+        check_shape("field", field, (..., len(self.transfer), *self.size))
+        return self._filtered(field, self.transfer)
 
     def adjoint(self, field: Tensor) -> Tensor:
-        """The adjoint map."""
+        """The adjoint of ``forward``."""
+        return self._filtered(field, self.transfer.conj())
+
+    def _filtered(self, field: Tensor, transfer: Tensor) -> Tensor:
+        """Rows that are zero are not transformed, rows that are cut are not brought back."""
+        (rows, columns), (height, width) = self.padded, self.size
+        spectrum = torch.fft.fft(torch.fft.fft(field, columns), rows, dim=-2)
+        arrived = torch.fft.ifft(spectrum * transfer.to(spectrum.dtype), dim=-2)[..., :height, :]
+        return torch.fft.ifft(arrived)[..., :width]
+
+
+class FocalPlane(nn.Module):
+    """One Fresnel step to any sampling of the sensor, by two matrix products: exact sums, no padding.
+
+    ``U(x) ∝ ∫ U(x') exp(iπ x'²/(λ s)) exp(-2πi x x'/(λ s)) dx'``; without the chirp, the pupil form: a lens of focal
+    length s takes it away, as on a 4f bench with a mirror in the pupil. Source: Soummer et al., Opt. Express 15, 15935
+    (2007).
+
+    Args:
+        size: (H, W) of the fields, pixels.
+        pitch: of the mask's pixels, metres.
+        wavelengths: (L,) metres.
+        distance: s, metres, or the focal length.
+        out_size: (h, w) of the sensor, pixels.
+        out_pitch: metres.
+        chirp: whether light travels freely; False for the pupil form.
+        samples: per side of a sensor pixel, at the nodes of Gauss–Legendre quadrature: the sum of their intensities is
+            the light on the pixel's area.
+
+    Raises:
+        SettingError: impossible numbers.
+    """
+
+    rows: Tensor
+    columns: Tensor
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        pitch: float,
+        wavelengths: Sequence[float],
+        distance: float,
+        out_size: tuple[int, int],
+        out_pitch: float,
+        *,
+        chirp: bool = True,
+        samples: int = 1,
+    ) -> None:
+        super().__init__()
+        check_range("distance", distance, above=0, unit="m")
+        check_range("samples", samples, 1)
+        check_range("wavelengths", min(wavelengths), above=0, unit="m")
+        self.size, self.out_size = (int(size[0]), int(size[1])), (int(out_size[0]), int(out_size[1]))
+        nodes, weights = (torch.from_numpy(part) for part in np.polynomial.legendre.leggauss(samples))
+        waves = torch.as_tensor(wavelengths, dtype=torch.float64)[:, None, None]
+        places, seen = pixel_places(self.size, pitch), pixel_places(self.out_size, out_pitch)
+        for axis, name in enumerate(("rows", "columns")):
+            here, there = places[axis].flatten(), (seen[axis].reshape(-1, 1) + out_pitch / 2 * nodes).flatten()
+            phase = -2 * pi * there[:, None] * here / (waves * distance)
+            if chirp:
+                phase = phase + pi * here**2 / (waves * distance)
+            share = (weights / 2).repeat(self.out_size[axis])[:, None]
+            scale = (pitch * out_pitch * share / (waves * distance)) ** 0.5
+            matrix = torch.polar(scale.expand_as(phase).clone(), phase)
+            self.register_buffer(name, matrix.to(torch.complex64), persistent=False)
+
+    def forward(self, field: Tensor) -> Tensor:
+        """(..., L, h·samples, w·samples) fields on the sensor of fields (..., L, H, W) at the mask.
+
+        Raises:
+            ShapeError: fields of another size.
+        """
+        check_shape("field", field, (..., len(self.rows), *self.size))
+        return self.rows.to(field.dtype) @ field @ self.columns.to(field.dtype).mT
+
+    def adjoint(self, field: Tensor) -> Tensor:
+        """The adjoint of ``forward``: (..., L, H, W) of (..., L, h, w)."""
+        return self.rows.to(field.dtype).mH @ field @ self.columns.to(field.dtype).conj()
+
+
+Propagator = AngularSpectrum | FocalPlane
+"""Light from the mask to the sensor: a linear map of fields (..., L, H, W), with its ``adjoint``."""
 
 
 class PointSpread(nn.Module):
@@ -91,8 +236,6 @@ class PointSpread(nn.Module):
     def _pixels(self) -> Tensor:
         """(K, D, L, h, w) light of every pixel."""
         samples = point_spread(self.heights(), self.waves, self.per_metre, self.propagator)
-        if self.oversampling == 1:
-            return samples
         flat = torch.nn.functional.avg_pool2d(samples.flatten(0, 1), self.oversampling, divisor_override=1)
         return flat.unflatten(0, samples.shape[:2])
 
@@ -104,16 +247,10 @@ class PointSpread(nn.Module):
 def point_spread(heights: Tensor, waves: Tensor, per_metre: Tensor, propagator: Propagator) -> Tensor:
     """Intensities (K, D, L, h, w) on the sensor of waves (D, L, H, W) through masks of heights (K, H, W).
 
-    What has to be kept for the gradient are the fields on the sensor; all else is made again depth by depth.
-
-    Args:
-        heights: metres.
-        waves: fields just before the mask.
-        per_metre: (L,) radians per metre of height.
-        propagator: to the sensor.
+    What has to be kept for the gradient are the fields on the sensor; all else is made again depth by depth. Heights in
+    metres, ``per_metre`` (L,) of ``radians_per_metre``, the waves just before the mask.
     """
-    intensities: Tensor = _Spread.apply(heights, waves, per_metre, propagator)
-    return intensities
+    return _Spread.apply(heights, waves, per_metre, propagator)
 
 
 class _Spread(torch.autograd.Function):
@@ -151,7 +288,7 @@ class StrayLight(UserWarning):
 
 
 def check_mask(spread: PointSpread) -> None:
-    """Warns of what ``stray_light`` and ``steep_share`` find.
+    """Warn of what ``stray_light`` and ``steep_share`` find.
 
     Warns:
         StrayLight: light beyond the window.
@@ -173,11 +310,8 @@ def check_mask(spread: PointSpread) -> None:
 def steep_share(heights: HeightMaps, per_metre: Tensor) -> float:
     """Share of neighbouring pixels in the aperture that differ by more than half a wave of the shortest wavelength.
 
-    Of smooth surfaces only: a free-form map is what its pixels are, and what it sends where is exact.
-
-    Args:
-        heights: K maps.
-        per_metre: (L,) of ``radians_per_metre``.
+    Of smooth surfaces only: a free-form map is what its pixels are, and what it sends where is exact. Takes K maps
+    and the (L,) of ``radians_per_metre``.
     """
     if not isinstance(heights, ZernikeHeights | RotationalProfile):
         return 0.0

@@ -71,11 +71,6 @@ class Dispersion:
         """Columns that the snapshot is wider than the scene: ⌈max d⌉ - ⌊min d⌋."""
         return ceil(max(self.displacement)) - self.origin
 
-    @property
-    def fractional(self) -> bool:
-        """Whether any band falls between two pixels."""
-        return any(d != floor(d) for d in self.displacement)
-
     def taps(self) -> tuple[tuple[int, int, float], ...]:
         """(band, offset on the snapshot, weight) of every tap: one per band, two where it falls between pixels."""
         taps = []
@@ -88,15 +83,12 @@ class Dispersion:
 
 
 def gaussian_spread(sigma: float | Sequence[float], bands: int, radius: int | None = None) -> Tensor:
-    """Blur of the relay optics between mask and sensor: a Gaussian of unit energy for each band.
+    """(L, 2·radius+1, 2·radius+1) blur of the relay optics between mask and sensor: Gaussians of unit energy.
 
     Args:
         sigma: standard deviation in pixels, one value or one per band; 0 is a perfect relay.
         bands: number of bands L.
-        radius: half width of the kernel, pixels; 3 standard deviations if None.
-
-    Returns:
-        (L, 2·radius+1, 2·radius+1).
+        radius: half width of the kernels, pixels; 3 standard deviations if None.
 
     Raises:
         SettingError: negative sigma or a wrong number of them.

@@ -1,5 +1,5 @@
-"""Optics of the spectral-depth camera: a lens, a phase mask in its aperture, a sensor behind (thesis section 5); named
-masks to start from."""
+"""Optics of the spectral-depth camera: depth planes (thesis eq. 29, errata), a lens, a phase mask in its aperture, a
+sensor behind (section 5); named masks to start from."""
 
 from __future__ import annotations
 
@@ -12,19 +12,88 @@ from warnings import warn
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, check_choice, check_range
-from tmca.optics.depth import DepthPlanes
-from tmca.optics.heights import HIGHEST, FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights, fresnel_lens
-from tmca.optics.materials import Material
-from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
-from tmca.optics.point_spread import PointSpread
-from tmca.optics.propagation import FocalPlane, Undersampled, check_sampling
+from tmca.errors import SettingError, check_choice, check_range, check_shape
+from tmca.optics.heights import HIGHEST, FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights
+from tmca.optics.phase import Material, circular_aperture, pixel_places, radians_per_metre, spherical_wave
+from tmca.optics.point_spread import FocalPlane, PointSpread, Undersampled
 from tmca.optics.zernike import noll, pupil_coordinates
 
 FAMILIES = ("flat", "zernike", "free-form", "rotational", "lens")
 MODES = 18
 """Noll modes 4 to 21: those of a mirror with 40 actuators, less piston and tilts, which shift an image only."""
 _RADII = 16
+_ROUNDING = 1e-6
+"""By how much of itself a depth may be beyond the range: what single precision makes of its ends."""
+
+
+@dataclass(frozen=True)
+class DepthPlanes:
+    """D planes from far to near, evenly spaced in inverse depth.
+
+    Args:
+        near, far: nearest and farthest plane, metres; ``far`` may be ``inf``.
+        count: D ≥ 1; one plane is the one in the middle.
+
+    Raises:
+        SettingError: planes that are not in front of the camera, or none.
+    """
+
+    near: float
+    far: float
+    count: int
+
+    def __post_init__(self) -> None:
+        if not 0 < self.near < self.far:
+            raise SettingError("depth", f"{self.near:g} to {self.far:g} m", "0 < near < far")
+        check_range("depth planes", self.count, 1, whole=True)
+
+    @property
+    def step(self) -> float:
+        """Distance of planes in inverse metres: a depth bin."""
+        return (1 / self.near - 1 / self.far) / max(1, self.count - 1)
+
+    @property
+    def inverse(self) -> Tensor:
+        """(D,) inverse metres, from far to near, float64."""
+        low, high = 1 / self.far, 1 / self.near
+        if self.count == 1:
+            return torch.tensor([(low + high) / 2], dtype=torch.float64)
+        return torch.linspace(low, high, self.count, dtype=torch.float64)
+
+    @property
+    def metres(self) -> Tensor:
+        """(D,) from far to near, float64; the first may be infinite."""
+        return 1 / self.inverse
+
+    def share_of(self, depth: Tensor) -> Tensor:
+        """Inverse depth as a share of the range: 0 at the farthest plane, 1 at the nearest, not clamped."""
+        return (1 / depth - 1 / self.far) / (1 / self.near - 1 / self.far)
+
+    def depth_of(self, share: Tensor) -> Tensor:
+        """Metres of a share of the range."""
+        return 1 / (1 / self.far + share * (1 / self.near - 1 / self.far))
+
+    def within(self, depth: Tensor) -> Tensor:
+        """Where depth is a number in the design range, rounding apart; boolean, shape of ``depth``."""
+        inside = (depth >= self.near * (1 - _ROUNDING)) & (depth <= self.far * (1 + _ROUNDING))
+        return torch.isfinite(depth) & inside
+
+    def nearest(self, depth: Tensor) -> Tensor:
+        """Index of the plane nearest in inverse depth, int64, beyond the range that of its end; of what is no depth
+        (not finite, zero, negative) 0."""
+        place = (1 / depth.double() - 1 / self.far) / self.step
+        place = torch.where(torch.isfinite(depth) & (depth > 0), place, torch.zeros_like(place))
+        return place.clamp(0, self.count - 1).round().long()
+
+    def weights(self, depth: Tensor) -> Tensor:
+        """ω (B, D, H, W) of depth (B, 1, H, W) in metres: one in the plane of every pixel, zero in the others.
+
+        Raises:
+            ShapeError: another shape.
+        """
+        check_shape("depth", depth, ("B", 1, "H", "W"))
+        planes = torch.arange(self.count, device=depth.device)[None, :, None, None]
+        return (self.nearest(depth) == planes).to(torch.float32)
 
 
 @dataclass(frozen=True)
@@ -62,6 +131,7 @@ class PhaseMaskBench:
             check_range(name, getattr(self, name), above=0, unit="m")
         if self.focus is not None:
             check_range("focus", self.focus, above=0, high=inf, unit="m")
+        object.__setattr__(self, "window", tuple(self.window))
         if len(self.window) != 2 or any(side < 1 or side % 2 == 0 for side in self.window):
             raise SettingError("window", str(self.window), "(h, w), odd")
         check_range("mask_pixels", self.mask_pixels, 2)
@@ -82,18 +152,11 @@ class PhaseMaskBench:
         """Of the height maps, metres."""
         return self.diameter / self.mask_pixels
 
-    def defocus(self, depth: float) -> float:
-        """Diameter of the geometric blur of a point behind the flat mask, pixels: ``D s |1/z - 1/z_f| / p``."""
-        sharp = -1 / self.distance if self.focus is None else 1 / self.focus
-        return self.diameter * self.distance * abs(1 / depth - sharp) / self.pitch
-
     def waves(self, wavelengths: Sequence[float], planes: DepthPlanes) -> Tensor:
         """(D, L, H, W) fields of points on the axis just before the mask, behind aperture and lens."""
-        aperture = circular_aperture(self.mask_size)
-        size, pitch = self.mask_size, self.mask_pitch
-        return torch.stack(
-            [aperture * spherical_wave(size, pitch, wavelengths, float(z), self.focus) for z in planes.metres]
-        )
+        optics = self.mask_size, self.mask_pitch, wavelengths
+        waves = [spherical_wave(*optics, float(z), self.focus) for z in planes.metres]
+        return circular_aperture(self.mask_size) * torch.stack(waves)
 
     def propagator(self, wavelengths: Sequence[float]) -> FocalPlane:
         """Light from the mask to the samples of the sensor."""
@@ -105,13 +168,7 @@ class PhaseMaskBench:
     def point_spread(
         self, heights: HeightMaps, wavelengths: Sequence[float], planes: DepthPlanes, energy: str = "unit"
     ) -> PointSpread:
-        """The point spread functions of height maps on this bench.
-
-        Args:
-            heights: K maps of ``mask_size``.
-            wavelengths: (L,) metres.
-            planes: D depth planes.
-            energy: see ``PointSpread``.
+        """The point spread functions of K height maps of ``mask_size`` at D depths and (L,) wavelengths in metres.
 
         Raises:
             ShapeError: maps of another size.
@@ -131,30 +188,35 @@ class PhaseMaskBench:
         The Fourier pair of mask and sensor repeats every ``λ s / mask_pitch`` on the sensor: the window has to be
         smaller than that.
         """
-        radius, shortest = self.diameter / 2, min(wavelengths)
+        radius, shortest, rounding = self.diameter / 2, min(wavelengths), 1 + 1e-9
+        cones, warnings = {} if self.focus is not None else {"focused on the sensor": self.distance}, []
         for depth in (planes.near, planes.far):
             difference = abs(1 / depth - 1 / (inf if self.focus is None else self.focus))
             if difference > 0:
-                check_sampling(self.mask_pitch, wavelengths, radius, 1 / difference, f"mask, points at {depth:g} m")
-        if self.focus is None:
-            check_sampling(self.mask_pitch, wavelengths, radius, self.distance, "mask, focused on the sensor")
+                cones[f"points at {depth:g} m"] = 1 / difference
+        for cone, length in cones.items():
+            bound = shortest * (radius**2 + length**2) ** 0.5 / (2 * radius)  # half a wave at the rim
+            if self.mask_pitch > bound * rounding:
+                warnings.append(
+                    f"mask, {cone}: a pitch of {self.mask_pitch * 1e6:.3g} µm is larger than {bound * 1e6:.3g} µm, the "
+                    f"most that a cone of radius {radius * 1e3:.3g} mm over {length * 1e3:.3g} mm allows at "
+                    f"{shortest * 1e9:.0f} nm; take a finer pitch, a smaller aperture or a longer distance"
+                )
         step, finest = self.pitch / self.oversampling, shortest * self.distance / (2 * self.diameter)
-        if step > finest * (1 + 1e-9):
-            warn(
+        if step > finest * rounding:
+            warnings.append(
                 f"sensor: samples of {step * 1e6:.3g} µm are coarser than {finest * 1e6:.3g} µm, the most that follows "
-                f"the light of this aperture at {shortest * 1e9:.0f} nm; take more oversampling",
-                Undersampled,
-                stacklevel=3,
+                f"the light of this aperture at {shortest * 1e9:.0f} nm; take more oversampling"
             )
         period, wide = shortest * self.distance / self.mask_pitch, max(self.window) * self.pitch
-        if wide > period * (1 + 1e-9):
-            warn(
+        if wide > period * rounding:
+            warnings.append(
                 f"window: {max(self.window)} pixels of {self.pitch * 1e6:.3g} µm are wider than the "
                 f"{period * 1e6:.4g} µm after which light repeats at {shortest * 1e9:.0f} nm; "
-                "take more mask pixels or a smaller window",
-                Undersampled,
-                stacklevel=3,
+                "take more mask pixels or a smaller window"
             )
+        for text in warnings:
+            warn(text, Undersampled, stacklevel=3)
 
 
 def changed_bench(bench: PhaseMaskBench, changes: Mapping[str, Any]) -> PhaseMaskBench:
@@ -165,8 +227,7 @@ def changed_bench(bench: PhaseMaskBench, changes: Mapping[str, Any]) -> PhaseMas
     """
     for name in changes:
         check_choice("bench", name, (field.name for field in fields(bench)))
-    given = {**changes, **({"window": tuple(changes["window"])} if "window" in changes else {})}
-    return replace(bench, **given)
+    return replace(bench, **changes)
 
 
 def mask_heights(
@@ -212,18 +273,26 @@ def mask_heights(
     if family == "rotational":
         radii = 1e-6 * torch.randn(slots, _RADII, generator=generator)
         shown = RotationalProfile(radii, size).profile()[:, pupil_coordinates(size)[0] <= 1].std(1, correction=0)
-        return RotationalProfile(radii * (rms / shown)[:, None], size, stroke=stroke, learnable=learnable)
+        return RotationalProfile(radii * (rms / shown)[:, None], size, stroke, learnable=learnable)
     if family == "flat":
         heights = torch.zeros(slots, *size)
     elif family == "lens":
-        heights = fresnel_lens(size, bench.mask_pitch, bench.distance, wavelength, bench.phase_material(), slots)
+        heights = _fresnel_lens(bench, wavelength).expand(slots, -1, -1).clone()
     else:
         # modes have unit variance, and their squares add up
         drawn = torch.randn(slots, modes, generator=generator)
         coefficients, indices = drawn * (rms / drawn.norm(dim=-1, keepdim=True)), [noll(4 + n) for n in range(modes)]
-        maps = ZernikeHeights(coefficients, indices, size, stroke=stroke, learnable=learnable)
+        maps = ZernikeHeights(coefficients, indices, size, stroke, learnable=learnable)
         if family == "zernike":
             return maps
         heights = maps.profile().detach()
     heights = heights if stroke is None else heights.clamp(stroke.low, stroke.high)
     return FreeForm(heights, stroke, learnable=learnable)
+
+
+def _fresnel_lens(bench: PhaseMaskBench, wavelength: float) -> Tensor:
+    """(H, W) heights of a lens that focuses on the sensor, folded to one wavelength of path."""
+    (y, x), material = pixel_places(bench.mask_size, bench.mask_pitch), bench.phase_material()
+    path = bench.distance - torch.sqrt(bench.distance**2 + (y**2 + x**2))
+    factor = 2.0 if material is None else float(material.index([wavelength])[0]) - 1
+    return torch.remainder(path, wavelength) / factor

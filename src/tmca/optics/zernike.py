@@ -1,4 +1,4 @@
-"""Zernike polynomials on a circular aperture: indices, modes, coefficients of a map."""
+"""Zernike polynomials on the circle in a map: indices, modes, coefficients of a map."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tmca.errors import SettingError, check_range
+from tmca.optics.phase import pixel_places
 
 Mode = tuple[int, int]
 """(n, m): radial order and azimuthal frequency, negative for the sine."""
@@ -33,9 +34,8 @@ def noll_index(mode: Mode) -> int:
     """The Noll index of (n, m)."""
     n, m = _checked(mode)
     first = n * (n + 1) // 2 + abs(m)
-    even = n % 4 in (0, 1)
-    later = (m >= 0) if not even else (m <= 0)
-    return first + 1 if (later and m != 0) or (m == 0) else first
+    later = m > 0 if n % 4 in (2, 3) else m < 0
+    return first + 1 if later or m == 0 else first
 
 
 def _checked(mode: Mode) -> Mode:
@@ -45,32 +45,21 @@ def _checked(mode: Mode) -> Mode:
     return n, m
 
 
-def pupil_coordinates(size: tuple[int, int], diameter: float | None = None) -> tuple[Tensor, Tensor]:
-    """(ρ, θ) of the pixels (H, W) around the middle; ρ = 1 on the circle of the diameter in pixels, min(H, W) without.
+def pupil_coordinates(size: tuple[int, int]) -> tuple[Tensor, Tensor]:
+    """(ρ, θ) of the pixels (H, W) around the middle, ρ = 1 on the circle of diameter min(H, W); θ from x towards y."""
+    y, x = (2 * place / min(size) for place in pixel_places(size, 1.0))
+    return torch.hypot(y, x), torch.atan2(y.expand(*size), x.expand(*size))
+
+
+def zernike_modes(modes: Sequence[Mode], size: tuple[int, int]) -> Tensor:
+    """(M, H, W) modes (n, m) of unit rms over the circle (Noll's normalisation), zero outside it, float64.
+
+    A map in metres is then the sum of coefficients in metres rms times modes. y runs downwards.
 
     Raises:
-        SettingError: a diameter that is not positive.
+        SettingError: impossible modes.
     """
-    wide = min(size) if diameter is None else diameter
-    check_range("diameter", wide, above=0, unit="pixels")
-    y, x = (2 * (torch.arange(n, dtype=torch.float64) - (n - 1) / 2) / wide for n in size)
-    return torch.hypot(y[:, None], x[None]), torch.atan2(y[:, None].expand(*size), x[None].expand(*size))
-
-
-def zernike_modes(modes: Sequence[Mode], size: tuple[int, int], diameter: float | None = None) -> Tensor:
-    """(M, H, W) modes of unit rms over the unit disk (Noll's normalisation), zero outside it, float64.
-
-    A map in metres is then the sum of coefficients in metres rms times modes. y runs downwards, θ from x towards y.
-
-    Args:
-        modes: (n, m) of each, see ``noll``.
-        size: (H, W) pixels.
-        diameter: of the unit disk, pixels; the smaller side without.
-
-    Raises:
-        SettingError: impossible modes or diameter.
-    """
-    rho, theta = pupil_coordinates(size, diameter)
+    rho, theta = pupil_coordinates(size)
     inside = (rho <= 1).double()
     maps = torch.zeros(len(modes), *size, dtype=torch.float64)
     for place, (n, m) in enumerate(map(_checked, modes)):
@@ -89,19 +78,16 @@ def radial(n: int, m: int, rho: NDArray[np.float64]) -> NDArray[np.float64]:
     return value
 
 
-def fit_zernike(values: Tensor, modes: Sequence[Mode], diameter: float | None = None) -> tuple[Tensor, Tensor]:
-    """Coefficients (M,) of a map (H, W) over the unit disk by least squares, and what they leave (H, W), 0 outside it.
+def fit_zernike(values: Tensor, modes: Sequence[Mode]) -> tuple[Tensor, Tensor]:
+    """Coefficients (M,) of a map (H, W) over the circle by least squares, and what they leave (H, W), 0 outside it.
 
-    Args:
-        values: map; pixels that are not finite do not count.
-        modes: (n, m) of each.
-        diameter: of the unit disk, pixels.
+    Pixels that are not finite do not count.
 
     Raises:
         SettingError: fewer known pixels than modes.
     """
     size = (values.shape[0], values.shape[1])
-    basis, (rho, _) = zernike_modes(modes, size, diameter), pupil_coordinates(size, diameter)
+    basis, rho = zernike_modes(modes, size), pupil_coordinates(size)[0]
     valid = (rho <= 1) & torch.isfinite(values)
     if int(valid.sum()) < len(basis):
         raise SettingError("values", f"{int(valid.sum())} known pixels", f"at least {len(basis)}, one for each mode")

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError
-from tmca.operators.spectral_depth import framed, periodic_transfer_functions
+from tmca.operators.spectral_depth import framed, transfer_functions
 from tmca.priors.gaussian import GaussianPrior
 
 WINDOW = 12
@@ -86,7 +86,7 @@ def snapshot_moments(
     pairs, kinds = _pairs(len(colour), tile, window)
     covariances, crosses = [], []
     for sensed in seen.unbind(1):
-        spectrum = periodic_transfer_functions(sensed, frame).flatten(2).permute(2, 0, 1)
+        spectrum = transfer_functions(sensed, frame).flatten(2).permute(2, 0, 1)
         with_scene = power @ spectrum.mH
         level = sensed.sum((-2, -1)) @ mean
         lags = _lags(spectrum @ with_scene, frame, window) + brightness * torch.outer(level, level)[..., None, None]
@@ -139,7 +139,7 @@ def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
 def _power(prior: GaussianPrior, needed: tuple[int, int], frame: tuple[int, int]) -> Tensor:
     """(F, L, L) spectrum of the prior's covariance over the displacements that are needed, F frequencies."""
     rows, columns = (slice(have - need, have + need - 1) for have, need in zip(prior.block[1:], needed, strict=True))
-    return periodic_transfer_functions(prior.displaced[..., rows, columns], frame).flatten(2).permute(2, 0, 1)
+    return transfer_functions(prior.displaced[..., rows, columns], frame).flatten(2).permute(2, 0, 1)
 
 
 def _lags(spectrum: Tensor, frame: tuple[int, int], window: int) -> Tensor:
