@@ -10,7 +10,7 @@ from PIL import Image
 
 from tests.cli.refusals import refused
 from tmca.cli import main
-from tmca.lab.calibration.calibration_file import load_calibration
+from tmca.lab.calibration.file import load_calibration
 
 SHOWN = ("--patterns", "bench/patterns")
 AGAINST = ("--truth", "bench/scene.nc", "--no-figures", "--json")

@@ -1,0 +1,1 @@
+"""Benches: drivers, captures, snapshots of them."""
