@@ -211,9 +211,9 @@ def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwra
 def _out_of_range(why: Why, found: Why, capture: Capture, depth: Array) -> dict[str, float]:
     """Shares of the depths that are behind the camera, and out of range; DataError where there is none."""
     told, outside = int((why == 0).sum()), int((found == REASONS.index("out of range")).sum())
-    if not told:
-        reasons = ", ".join(f"{int((why == i).sum())} {name}" for i, name in enumerate(REASONS) if (why == i).any())
-        remedy = "give more light, project frequencies that are closer together, or put the frames in order"
+    if not (found == 0).any():
+        reasons = ", ".join(f"{int((found == i).sum())} {name}" for i, name in enumerate(REASONS) if (found == i).any())
+        remedy = f"give more light, project frequencies that are closer together; {_PLACE}"
         raise DataError(capture.source, f"no pixel with a depth ({reasons})", "some", remedy)
     behind = int((~np.isfinite(depth) & (why == 0)).sum())
     return {"behind_the_camera": behind / told, "out_of_range": outside / told}
