@@ -31,8 +31,8 @@ from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import DEPTH_STARTS
 from tmca.errors import SettingError
 from tmca.experiments.light_field.rows import NETWORKS
-from tmca.lab.exported_decoder import FORMATS, export_decoder, load_exported
-from tmca.lab.real_captures.movie import MOVIE_METHODS, decode_movie
+from tmca.lab.deploy import FORMATS, export_decoder, load_exported
+from tmca.lab.movies import MOVIE_METHODS, decode_movie
 from tmca.operators import TapOperator
 from tmca.optics import DepthPlanes
 from tmca.priors import PatchDictionary, find_prior, learn_prior

@@ -13,7 +13,7 @@ from tests.lab.calibration.test_apply import dispersed, registered, with_parts
 from tmca.cameras import Snapshot
 from tmca.cli import main
 from tmca.codes import write_codes
-from tmca.lab.calibration import calibration_file
+from tmca.lab.calibration import file as calibration_file
 
 SIZE, SENSOR, WAVES = (24, 28), (24, 30), (400e-9, 550e-9, 700e-9)
 TAKE = ["simulate", "spectral", "coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures", "--out"]

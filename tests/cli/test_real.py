@@ -11,7 +11,7 @@ from tests.cli.refusals import refused
 from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
 from tmca.cli import main
-from tmca.lab.real_captures import Registration, registered
+from tmca.lab.registering import Registration, registered
 
 
 def said(capsys, *arguments):

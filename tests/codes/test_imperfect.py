@@ -9,7 +9,7 @@ from scipy.ndimage import affine_transform
 
 from tmca.codes import leaked, misplaced, slot_overlap, through_time
 from tmca.errors import ShapeError
-from tmca.lab.calibration.measurements.registration import register
+from tmca.lab.calibration.registration import register
 
 FINE = 2000
 

@@ -12,7 +12,7 @@ from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
 from tmca.experiments.tuning.folder import held_out
 from tmca.experiments.tuning.run import prepared
-from tmca.lab.calibration.as_taken import bench_of
+from tmca.lab.calibration.apply import bench_of
 from tmca.sensor import Sensor
 from tmca.training.tuning.captured import Window, Windows
 from tmca.training.tuning.run import _prepare

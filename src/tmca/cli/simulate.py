@@ -165,7 +165,7 @@ def _mapped(taken: Any) -> str:
 
 
 def _bench_of(camera: Any, calibration: Path | None, codes: list[Path]) -> Any:
-    from tmca.lab.calibration.as_taken import bench_of
+    from tmca.lab.calibration.apply import bench_of
 
     return bench_of(camera, calibration, codes)
 

@@ -193,7 +193,7 @@ def take(
     """A snapshot of a scene, and where it goes."""
     from tmca.cameras.spectral_depth import PROBE
     from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
-    from tmca.lab.calibration.as_taken import bench_of
+    from tmca.lab.calibration.apply import bench_of
 
     probe, faults = options.camera(sensor, bench, PROBE), hardware.faults()
     loaded = reading.load(scene, probe, size(crop, "--crop"))

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+from numpy.typing import ArrayLike
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.errors import SettingError
 from tmca.lab.calibration.apply import calibrated_snapshot
-from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.calibration.measurements.zernike_fit import wavefront_rms
-from tmca.lab.calibration.rendered import write_bench
-from tmca.lab.calibration.rendered.cameras import DEPTH, NAME, WAVES
-from tmca.lab.calibration.rendered.known import true_calibration
-from tmca.lab.calibration.rendered.truth import REFERENCE
-from tmca.lab.calibration.steps.optics import dispersion_step, registration_step, shear_step, timing_step
-from tmca.lab.calibration.steps.psf import psf_step
-from tmca.lab.calibration.steps.sensor import dark_step, flat_step, linearity_step
+from tmca.lab.calibration.bench_physics import REFERENCE
+from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.fits import Told
+from tmca.lab.calibration.psf import wavefront_rms
+from tmca.lab.calibration.rendered_bench import DEPTH, NAME, WAVES, write_bench
+from tmca.lab.calibration.steps import measure_all
+from tmca.lab.frames import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,28 +127,17 @@ def prove(
                 folder = Path(place) / "bench"
                 slots = 2 if camera == "spectral-depth" else 4
                 truth = write_bench(folder, camera=camera, size=size, slots=slots, snr_db=snr_db, seed=seed)
-                calibration = calibrate_bench(folder, camera)
+                calibration = calibrate_bench(folder)
                 _compare(proof, calibration, truth)
                 _reconstruct(proof, folder, camera, seed, calibration, truth)
     return proof
 
 
-def calibrate_bench(folder: Path, camera: str) -> Calibration:
-    """Every step of a camera, in the order of ``tmca calibrate``."""
-    found = dark_step(Calibration.empty(NAME), folder / "dark")
-    found = linearity_step(flat_step(found, folder / "flat", white=folder / "white"), folder / "linearity")
-    if camera == "spectral-depth":
-        snapshot = Snapshot.load(folder / "snapshot.nc").camera
-        for slot in range(snapshot.slots):
-            nominal = snapshot.codes()[0][slot].double().numpy()
-            found = psf_step(found, folder / f"psf{slot}", snapshot.bench, slot=slot, nominal=nominal)
-        return found
-    shown = folder / "patterns"
-    found = registration_step(found, folder / "registration", shown, wavelength=REFERENCE)
-    found = timing_step(found, folder / "timing")
-    if camera == "spectral":
-        return dispersion_step(found, folder / "dispersion", shown, power=folder / "source.csv")
-    return shear_step(found, folder / "shear", shown)
+def calibrate_bench(folder: Path) -> Calibration:
+    """Every step of a camera, as ``tmca calibrate all`` measures them."""
+    told = Told(wavelength=REFERENCE, camera=folder / "snapshot.nc")
+    *_, (_, found) = measure_all(folder, Calibration.empty(NAME), told)
+    return found
 
 
 def _compare(proof: Proof, calibration: Calibration, truth: dict[str, Any]) -> None:
@@ -206,6 +194,49 @@ def _reconstruct(
         proof.rows.append(row)
         if camera == "spectral" and seed == 0 and estimate is not None and not name.startswith("without"):
             proof.cubes[name], proof.scene, proof.wavelengths = estimate, scene, taken.camera.wavelengths
+
+
+@dataclass(frozen=True)
+class TrueDispersion(MeasuredDispersion):
+    """The bench's own curve instead of a fitted one, at its wavelengths and between them by a fine interpolation."""
+
+    fine: tuple[Array, Array, Array] | None = None
+
+    def at(self, wavelengths: ArrayLike) -> Array:
+        """(n, 2) true displacement."""
+        waves, shifts, _ = self.fine or (self.wavelengths, self.shifts, self.response)
+        asked = np.asarray(wavelengths, dtype=np.float64)
+        return np.stack([np.interp(asked, waves, shifts[:, axis]) for axis in (0, 1)], axis=1)
+
+    def response_at(self, wavelengths: ArrayLike) -> Array:
+        """(n,) true κ."""
+        waves, _, response = self.fine or (self.wavelengths, self.shifts, self.response)
+        return np.interp(np.asarray(wavelengths, dtype=np.float64), waves, response)
+
+
+def true_calibration(calibration: Calibration, truth: dict[str, Any]) -> Calibration:
+    """A calibration with the bench's true numbers; the sensor's stays as it was measured."""
+    parts = dict(calibration.parts)
+    if "registration" in parts:
+        parts["registration"] = replace(
+            parts["registration"],
+            matrix=np.asarray(truth["matrix"]),
+            blur=float(truth["blur"]),
+            leakage=1 / truth["contrast_ratio"],
+        )
+        parts["timing"] = replace(parts["timing"], delay=truth["delay"], ratio=truth["ratio"], leakage=truth["leakage"])
+    if "dispersion" in parts:
+        fine = tuple(np.asarray(truth[f"fine_{name}"]) for name in ("wavelengths", "shifts", "response"))
+        known = {f.name: getattr(parts["dispersion"], f.name) for f in fields(MeasuredDispersion)}
+        parts["dispersion"] = TrueDispersion(**known, fine=(fine[0], fine[1], fine[2]))
+    if "shear" in parts:
+        places = parts["shear"].places
+        light = 1 - truth["fall_off"] * (places**2).sum(axis=1)
+        parts["shear"] = replace(parts["shear"], step=np.asarray(truth["step"]), light=light)
+    for name in [name for name in parts if name.startswith("wavefront")]:
+        own = truth["coefficients"][int(name.removeprefix("wavefront"))]
+        parts[name] = replace(parts[name], coefficients=np.asarray(own))
+    return Calibration(parts, calibration.about, calibration.path)
 
 
 def _without_leaks(calibration: Calibration) -> Calibration:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from tmca.data import read_array
 from tmca.errors import DataError, SettingError
+from tmca.lab.quality import Doubtful
 
+Array = NDArray[np.float64]
 SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".bmp")
-
-_CLIPPED = 0.01
-_FLAT = 2
-"""Digital numbers that the values of a frame may span, within which a fixed pattern may hide all noise."""
+_SAME = 2
+"""Digital numbers between the darkest and the brightest hundredth of a frame, within which it may equal another."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,19 @@ def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
         raise DataError(path, "no such file or folder", "a folder of frames or a stack", "check the path")
     _same(path, names, arrays)
     return _frames(path, names, np.stack(arrays), saturation)
+
+
+def warn_of_copies(*series: Frames) -> None:
+    """Warn of frames of one session that are the same in every pixel, for noise never repeats; frames that hardly vary
+    over their pixels, such as dark ones of 8 bits, may be."""
+    seen: dict[bytes, tuple[Path, str]] = {}
+    for frames in series:
+        for name, values in zip(frames.names, frames.values, strict=True):
+            other = seen.setdefault(values.tobytes(), (frames.source, name))
+            if other != (frames.source, name) and np.ptp(np.percentile(values, (1, 99))) > _SAME * frames.step:
+                found = f"{name} is the same as {other[1]} of {other[0]} in every pixel"
+                hint = "is it a copy, or did the bench give an old frame?"
+                warnings.warn(f"{frames.source}: {found}: {hint}", Doubtful, stacklevel=2)
 
 
 def frame_files(folder: Path) -> list[Path]:
@@ -133,61 +146,6 @@ def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: f
     return Frames(
         path, names, values, saturated, 1.0 if whole else 0.0, top, "float" if raw.dtype.kind == "f" else raw.dtype.name
     )
-
-
-class Distinct:
-    """Frames of one session, no two of which may be the same in every pixel: noise alone makes two exposures differ.
-
-    Frames that are clipped to one value but for a hundredth of their pixels may: dark ones of 8 bits, saturated ones.
-    So may whole numbers that span two digital numbers: a fixed pattern of 1 at black hides all noise.
-    """
-
-    def __init__(self) -> None:
-        self._seen: dict[bytes, tuple[Path, str]] = {}
-
-    def add(self, name: str, values: NDArray[Any], top: float, source: Path) -> None:
-        """Add a frame.
-
-        Args:
-            name: of it.
-            values: of its pixels, of one type and shape for all frames.
-            top: from which on they are saturated.
-            source: that errors name.
-
-        Raises:
-            DataError: it is one that was added before; naming both.
-        """
-        digest, own = hashlib.sha256(np.ascontiguousarray(values).tobytes()).digest(), (source, name)
-        other = self._seen.setdefault(digest, own)
-        if other is not own and not _is_flat(values) and _alive(values, top) > _CLIPPED:
-            elsewhere = f" of {other[0]}" if other[0] != source else ""
-            found = f"frame {name} the same as {other[1]}{elsewhere} in every pixel"
-            remedy = "capture it again: the bench gave an old frame, or a copy was renamed"
-            raise DataError(source, found, "an exposure of its own for each", remedy)
-
-
-def check_distinct(*series: Frames) -> None:
-    """Refuse frames of one session that are the same in every pixel, see ``Distinct``.
-
-    Raises:
-        DataError: naming both.
-    """
-    known = Distinct()
-    for frames in series:
-        for name, values in zip(frames.names, frames.values, strict=True):
-            known.add(name, values, frames.top, frames.source)
-
-
-def _is_flat(values: NDArray[Any]) -> bool:
-    """Whether whole numbers span next to nothing; floats may have any unit."""
-    low, high = values.min(), values.max()
-    return bool(float(high) - float(low) <= _FLAT and (values == np.round(values)).all())
-
-
-def _alive(values: NDArray[Any], top: float) -> float:
-    """Share of the pixels that are neither saturated nor of the commonest value."""
-    found, counts = np.unique(values[values < top], return_counts=True)
-    return float(counts.sum() - counts.max()) / values.size if len(found) else 0.0
 
 
 def _full_scale(raw: NDArray[Any]) -> float:

@@ -9,13 +9,12 @@ import torch
 from tests.lab.calibration.test_apply import WAVES, dispersed, registered, with_parts
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.errors import DataError
-from tmca.lab.calibration import calibration_file
-from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
-from tmca.lab.calibration.as_taken import bench_of
-from tmca.lab.calibration.measurements.dark_flat import DarkField, FlatField
-from tmca.lab.calibration.measurements.shear import MeasuredShear
-from tmca.lab.calibration.measurements.timing import Timing
-from tmca.lab.calibration.measurements.zernike_fit import ZernikeFit
+from tmca.lab.calibration import file as calibration_file
+from tmca.lab.calibration.apply import bench_of, calibrated, calibrated_snapshot
+from tmca.lab.calibration.displacement import MeasuredShear
+from tmca.lab.calibration.psf import ZernikeFit
+from tmca.lab.calibration.sensor import DarkField, FlatField
+from tmca.lab.calibration.timing import Timing
 
 
 def saved(folder, when=None, monkeypatch=None, **parts):

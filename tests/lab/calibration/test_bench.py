@@ -7,19 +7,20 @@ import pytest
 import torch
 
 from tmca.cameras import Hardware, SpectralCamera, imperfect
-from tmca.lab.calibration.measurements.registration import nominal_matrix
-from tmca.lab.calibration.rendered.cameras import nominal_spectral, place_of_codes, spectral_truth
-from tmca.lab.calibration.rendered.light import light_field_light, spectral_light
-from tmca.lab.calibration.rendered.physics import (
+from tmca.lab.calibration.bench_physics import (
     BenchSensor,
+    BenchTruth,
     glass_shift,
+    light_field_light,
     overlap_in_time,
     pairs_in_time,
     point_of,
     seen_by_rays,
+    spectral_light,
     time_beside,
 )
-from tmca.lab.calibration.rendered.truth import BenchTruth
+from tmca.lab.calibration.registration import nominal_matrix
+from tmca.lab.calibration.rendered_bench import nominal_spectral, place_of_codes, spectral_truth
 from tmca.optics import PhaseMaskBench
 
 

@@ -8,10 +8,10 @@ from PIL import Image
 from tmca.cameras import Hardware, SpectralCamera, imperfect
 from tmca.errors import DataError
 from tmca.lab.calibration.apply import calibrated
-from tmca.lab.calibration.calibration_file import Calibration, load_calibration
-from tmca.lab.calibration.patterns import calibration_patterns, write_patterns
-from tmca.lab.calibration.steps.optics import registration_step, timing_step
-from tmca.lab.calibration.steps.sensor import dark_step
+from tmca.lab.calibration.captures import calibration_patterns, write_patterns
+from tmca.lab.calibration.file import Calibration, load_calibration
+from tmca.lab.calibration.fits import Told
+from tmca.lab.calibration.steps import measure
 
 SIZES, SLOTS, WHITE, OFFSET = [(32, 41), (33, 40)], 3, 30000.0, 400.0
 WAVE = 550e-9
@@ -46,9 +46,9 @@ def measured(folder, size, hardware):
     seen = {f"p_{i}": recorded(imperfect(one_band(size, 1, one[None]), hardware), rng) for i, one in enumerate(shown)}
     timing = {f"aperture_{i}_shutter_{j}": recorded(imperfect(own, hardware), rng) for (i, j), own in pairs.items()}
     darks = {f"d_{i}": OFFSET + 5 * rng.standard_normal(size) for i in range(8)}
-    found = dark_step(Calibration.empty("bench"), pictures(folder / "dark", darks))
-    found = registration_step(found, pictures(folder / "seen", seen), folder / "shown", wavelength=WAVE)
-    return timing_step(found, pictures(folder / "timing", timing))
+    found = measure("dark", Calibration.empty("bench"), pictures(folder / "dark", darks))
+    found = measure("registration", found, pictures(folder / "seen", seen), Told(folder / "shown", wavelength=WAVE))
+    return measure("timing", found, pictures(folder / "timing", timing))
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
@@ -58,7 +58,7 @@ def test_a_mirrored_mask_is_told(tmp_path, mirrored):
     rng = np.random.default_rng(0)
     seen = {f"p_{i}": 400 + 9000 * one + rng.normal(0, 5, size) for i, one in enumerate(calibration_patterns(size))}
     frames = {name: np.fliplr(one) if mirrored else one for name, one in seen.items()}
-    found = registration_step(Calibration.empty(), pictures(tmp_path / "seen", frames), tmp_path / "shown")
+    found = measure("registration", Calibration.empty(), pictures(tmp_path / "seen", frames), Told(tmp_path / "shown"))
     assert found.about["steps"]["registration"]["residuals"]["mirrored"] == mirrored
 
 
@@ -66,7 +66,7 @@ def test_a_slot_is_captured_with_both_beside_it(tmp_path):
     found = measured(tmp_path, SIZES[0], Hardware(delay=0.1))
     (tmp_path / "timing" / "aperture_1_shutter_2.png").unlink()
     with pytest.raises(DataError, match=r"no aperture_1_shutter_2, expected every slot .* with both beside it"):
-        timing_step(found, tmp_path / "timing")
+        measure("timing", found, tmp_path / "timing")
 
 
 def left(camera, other, scene):

@@ -12,8 +12,8 @@ from tmca.cameras import Snapshot
 from tmca.data import checksum_of, read_array
 from tmca.decoders import decode
 from tmca.errors import DataError, SettingError
-from tmca.lab.real_captures import import_capture, load_prototype
-from tmca.lab.real_captures.noise import dark_noise
+from tmca.lab.importing import dark_noise, import_capture
+from tmca.lab.prototype import load_prototype
 
 
 @pytest.fixture

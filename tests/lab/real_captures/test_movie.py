@@ -8,7 +8,7 @@ from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDep
 from tmca.decoders.kriging import shutter_samples
 from tmca.decoders.space_time import frame_operator
 from tmca.errors import SettingError
-from tmca.lab.real_captures.movie import decode_movie, frame_dataset
+from tmca.lab.movies import decode_movie, frame_dataset
 from tmca.sensor import Sensor
 
 

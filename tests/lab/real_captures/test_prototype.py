@@ -6,7 +6,7 @@ import yaml
 
 from tests.lab.real_captures.bench import DESCRIBED, NM
 from tmca.errors import DataError, SettingError
-from tmca.lab.real_captures import PixelShutter, SingleDisperser, load_prototype, prototype_names
+from tmca.lab.prototype import PixelShutter, SingleDisperser, load_prototype, prototype_names
 
 
 def described(tmp_path, **changes):

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from tests.lab.real_captures.bench import captured, mask_of, smooth_scene
 from tmca.errors import DataError, SettingError
-from tmca.lab.real_captures.registration import Registration, explained, fine_part, register_mask, registered
+from tmca.lab.registering import Registration, explained, fine_part, register_mask, registered
 
 
 @pytest.mark.parametrize("size", [(64, 51), (63, 50)])

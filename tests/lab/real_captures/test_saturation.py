@@ -11,9 +11,9 @@ from tmca.decoders.space_time import frame_operator
 from tmca.errors import DataError, SettingError
 from tmca.experiments.real.merit import foretelling_error, withheld
 from tmca.experiments.real.movies import moving_part
-from tmca.lab.real_captures import import_capture, load_prototype
-from tmca.lab.real_captures.movie import decode_movie
-from tmca.lab.real_captures.saturation import without_pixels
+from tmca.lab.importing import import_capture, without_pixels
+from tmca.lab.movies import decode_movie
+from tmca.lab.prototype import load_prototype
 
 
 def prototype(folder, **described):

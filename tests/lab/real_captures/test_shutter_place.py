@@ -5,8 +5,8 @@ import pytest
 
 from tmca.data import read_array
 from tmca.errors import DataError, SettingError
-from tmca.lab.real_captures import load_prototype, shutter_place
-from tmca.lab.real_captures.shutter_place import overlapping
+from tmca.lab.prototype import load_prototype
+from tmca.lab.registering import overlapping, shutter_place
 
 
 def poured(size, slots, shift, first, seed=0, moves=True):

@@ -60,7 +60,7 @@ class AskedBench:
             done: frames that it took before.
             whole: whether its frames are whole exposures, or slots.
         """
-        from tmca.lab.devices import find_device
+        from tmca.lab.acquisition.drivers import find_device
 
         if self.device != "simulated":
             return find_device(self.device, **_driver_settings(self.settings))
@@ -100,7 +100,7 @@ def _driver_settings(texts: list[str]) -> dict[str, str]:
 def known_camera(export: Path, like: Path | None) -> Any:
     """The snapshot whose camera is known."""
     from tmca.cameras import Snapshot
-    from tmca.lab.devices.manifest import SOURCE_AT
+    from tmca.lab.display.manifest import SOURCE_AT
 
     if like is not None:
         return Snapshot.load(like)

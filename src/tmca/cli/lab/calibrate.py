@@ -11,23 +11,25 @@ from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
 
 app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
-for name, (place, text) in {
-    "dark": ("sensor", "Offset, read noise and hot pixels, from frames without light."),
-    "flat": ("sensor", "Response of every pixel, and the level of white, from frames of even light."),
-    "linearity": ("sensor", "Linearity, saturation and electrons per digital number, from a series of exposures."),
-    "registration": ("optics", "Where mask pixels fall on the sensor, from captures of known patterns."),
-    "dispersion": ("optics", "Displacement and response of every wavelength, from monochromatic captures."),
-    "shear": ("optics", "Pixels per view, and the light of views, from captures with one view open."),
-    "timing": ("optics", "Delay and duration of the shutter's slots, from captures with one slot open."),
-    "psf": ("optics", "Point spread functions and the wavefront of a mask, from captures of a point source."),
+for name, text in {
+    "dark": "Offset, read noise and hot pixels, from frames without light.",
+    "flat": "Response of every pixel, and the level of white, from frames of even light.",
+    "linearity": "Linearity, saturation and electrons per digital number, from a series of exposures.",
+    "registration": "Where mask pixels fall on the sensor, from captures of known patterns.",
+    "dispersion": "Displacement and response of every wavelength, from monochromatic captures.",
+    "shear": "Pixels per view, and the light of views, from captures with one view open.",
+    "timing": "Delay and duration of the shutter's slots, from captures with one slot open.",
+    "psf": "Point spread functions and the wavefront of a mask, from captures of a point source.",
 }.items():
-    app.command(f"tmca.cli.lab.calibrate_{place}:{name}", name=name, help=text)
+    app.command(f"tmca.cli.lab.calibrate_steps:{name}", name=name, help=text)
 
 app.command(
     "tmca.cli.lab.calibrate_capture:capture", name="capture", help="Frames for a step, taken by a device or simulated."
 )
 app.command(
-    "tmca.cli.lab.calibrate_capture:measure_all", name="all", help="Every step whose frames are in a folder, in order."
+    "tmca.cli.lab.calibrate_capture:measured",
+    name="all",
+    help="Every step whose frames are in a folder, in order.",
 )
 
 Flag = Annotated[bool, Parameter(negative="")]
@@ -54,7 +56,7 @@ def patterns(
         seed: of them.
         overwrite: replace the folder if it exists.
     """
-    from tmca.lab.calibration.patterns import write_patterns
+    from tmca.lab.calibration.captures import write_patterns
 
     names = write_patterns(folder, parsed_size(device, "--device") or (64, 80), count, seed, overwrite=overwrite)
     print(f"{folder}: {', '.join(names)}")
@@ -84,7 +86,7 @@ def render(
         overwrite: replace the folder if it exists.
     """
     from tmca.data import check_target
-    from tmca.lab.calibration.rendered import write_bench
+    from tmca.lab.calibration.rendered_bench import write_bench
 
     check_target(folder, overwrite)
     asked = parsed_size(size) or (64, 80)
@@ -101,7 +103,7 @@ def show(calibration: Path, /, *, json: Flag = False) -> None:
         json: print JSON instead of text.
     """
     from tmca.cli.lab.calibrate_words import said_all
-    from tmca.lab.calibration.calibration_file import load_calibration
+    from tmca.lab.calibration.file import load_calibration
 
     said_all(load_calibration(calibration), json)
 

@@ -15,7 +15,7 @@ from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
-    from tmca.lab.calibrating.shots import Asked
+    from tmca.lab.calibration.shots import Asked
 
 _BENCH = Group("Simulated bench", sort_key=1)
 _HARDWARE, _USUAL = HardwareOptions(), CalibrationOptions()
@@ -68,9 +68,10 @@ def capture(
         seed: of its noise and faults, 0 without.
         stops_after: frames after which it does not answer any more.
     """
-    from tmca.lab.calibrating.session import refuse_recorded
-    from tmca.lab.calibrating.shots import Asked, steps_of
-    from tmca.lab.devices.manifest import exposed_whole, read_manifest
+    from tmca.lab.calibration.capturing import refuse_recorded
+    from tmca.lab.calibration.shots import Asked
+    from tmca.lab.calibration.steps import steps_of
+    from tmca.lab.display.manifest import exposed_whole, read_manifest
 
     if device == "folder":
         refuse_recorded(device)
@@ -97,7 +98,7 @@ def _all(known: tuple[str, ...], device: str, camera: Any, whole: bool) -> list[
     return [one for one in known if not (silent and one == "linearity")]
 
 
-def measure_all(
+def measured(
     folder: Path,
     /,
     *,
@@ -121,12 +122,16 @@ def measure_all(
         snapshot: a snapshot file of the camera, for points before a spectral-depth camera (psf0, …).
     """
     from tmca.data import nm_to_metres
-    from tmca.lab.calibrating.measuring import Known, measured_steps
+    from tmca.lab.calibration.fits import Told
+    from tmca.lab.calibration.steps import measure_all
 
     waves = _parsed(f"{wavelength:g}") if wavelength is not None else ()
     metres = float(nm_to_metres(waves[0])) if waves else None
-    known = Known(metres, reflectance, power, curve, scale, how.saturation, snapshot)
-    for step, found in measured_steps(folder, started(how), known):
+    told = Told(
+        reflectance=reflectance, wavelength=metres, scale=scale, power=power, curve=curve, camera=snapshot,
+        saturation=how.saturation,
+    )  # fmt: skip
+    for step, found in measure_all(folder, started(how), told):
         finished(found, step, how)
 
 
@@ -170,7 +175,7 @@ def _parsed(text: str) -> list[float]:
 
 def _captured(step: str, export: Path, bench: Any, out: Path, camera: Any, wanted: Asked, asked: AskedBench) -> None:
     from tmca.cli.progress import progress_bar
-    from tmca.lab.calibrating.session import capture_step
+    from tmca.lab.calibration.capturing import capture_step
 
     with progress_bar(f"capture: {step}") as told:
         capture_step(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 if TYPE_CHECKING:
-    from tmca.lab.calibration.calibration_file import Calibration
+    from tmca.lab.calibration.file import Calibration
 
 _OUTPUT = Group("Calibration", sort_key=3)
 
@@ -78,7 +78,7 @@ def started(how: CalibrationOptions) -> Calibration:
     """
     from tmca.data import check_target
     from tmca.errors import DataError
-    from tmca.lab.calibration.calibration_file import Calibration, load_calibration
+    from tmca.lab.calibration.file import Calibration, load_calibration
 
     check_target(how.prefix.with_name(f"{how.prefix.name}_date.nc"), overwrite=True)
     if how.onto is None:
@@ -93,18 +93,13 @@ def started(how: CalibrationOptions) -> Calibration:
 
 def finished(calibration: Calibration, part: str, how: CalibrationOptions) -> None:
     """Save, draw and say what a step measured."""
-    from tmca.cli.options.output import warned
-    from tmca.lab.calibration.remarks import remarks
-    from tmca.lab.figures import part_figure
+    from tmca.lab.calibration.steps import part_figure
     from tmca.plots.style import save_figure
 
     saved = calibration.save(how.prefix)
     if how.figures and saved.path is not None:
-        figure = part_figure(saved.part(part), saved.path.stem, saved.part(part.replace("wavefront", "psf")))
-        save_figure(figure, saved.path.with_suffix(".png"))
+        save_figure(part_figure(saved, part, saved.path.stem), saved.path.with_suffix(".png"))
     residuals = saved.about["steps"][part]["residuals"]
-    for line in remarks(saved, part):
-        warned(line)
     if how.json:
         print(json_module.dumps({"calibration": str(saved.path), "step": part, **plain_numbers(residuals)}, indent=1))
         return

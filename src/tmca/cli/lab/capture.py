@@ -64,9 +64,9 @@ def capture(
         stops_after: frames after which it does not answer any more.
         json: print what was written as JSON.
     """
-    from tmca.lab.devices import check_camera, joined
-    from tmca.lab.devices.captures import kept_so_far
-    from tmca.lab.devices.manifest import exposed_whole, read_manifest
+    from tmca.lab.acquisition.captures import captured_so_far
+    from tmca.lab.acquisition.session import check_camera, joined
+    from tmca.lab.display.manifest import exposed_whole, read_manifest
 
     taken = known_camera(export, like)
     check_camera(export, taken.camera)
@@ -79,7 +79,7 @@ def capture(
     if device == "simulated" and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene, timeout)
-    bench = asked.bench(taken, len(kept_so_far(out, export)["frames"]), exposed_whole(read_manifest(export)))
+    bench = asked.bench(taken, len(captured_so_far(out, export)["frames"]), exposed_whole(read_manifest(export)))
     how = {"gain": None, "repeats": repeat, "camera": taken.camera, "bench": asked.said(), "timeout": timeout}
     _captured(export, bench, out, how)
     found = joined(out, export, taken.camera)
@@ -90,15 +90,15 @@ def capture(
 
 
 def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:
-    from tmca.lab.devices import capture as run
+    from tmca.lab.acquisition.session import capture as run
 
     with progress_bar(f"capture: {out.name}") as told:
         run(export, bench, out, **how, progress=lambda done, total, name: told(done / total, name))
 
 
 def _say(target: Path, out: Path, found: Any, as_json: bool) -> None:
-    from tmca.lab.captured_notes import SATURATED
-    from tmca.lab.devices.frame_sources import said_sources
+    from tmca.lab.acquisition.captures import said_sources
+    from tmca.lab.notes import SATURATED
 
     shape = [int(n) for n in found.values.shape[-2:]]
     if as_json:

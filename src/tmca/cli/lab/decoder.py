@@ -38,7 +38,7 @@ def export(
         overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.lab.exported_decoder import export_decoder
+    from tmca.lab.deploy import export_decoder
 
     names = tuple(name.strip() for name in formats.split(",") if name.strip())
     found = export_decoder(run, out, names, size=size(frame, "--frame"), noise=noise, overwrite=overwrite)
@@ -54,7 +54,7 @@ def check(folder: Path, /, *, run: Path, json: Flag = False) -> None:
         run: the training run.
         json: print JSON instead of text.
     """
-    from tmca.lab.exported_decoder import check_decoder
+    from tmca.lab.deploy import check_decoder
 
     _say(check_decoder(folder, run), json)
 
@@ -71,7 +71,7 @@ def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", ov
         overwrite: replace the file if it exists.
     """
     from tmca.data import write_dataset
-    from tmca.lab.exported_decoder import decode_exported
+    from tmca.lab.deploy import decode_exported
 
     check_targets([out], overwrite, snapshot)
     cube, seconds = decode_exported(folder, snapshot, format)

@@ -56,7 +56,8 @@ def export(
             placed so that they fall on the sensor pixels that the camera of SOURCE, a snapshot, was drawn with.
         figures: write overview.png.
     """
-    from tmca.lab.devices import export_codes, read_planes
+    from tmca.lab.display.codes import read_planes
+    from tmca.lab.display.export import export_codes
 
     own: dict[str, Any] = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
     own |= {"lut": None if lut is None else str(lut.absolute())}
@@ -72,7 +73,7 @@ def export(
         overwrite=overwrite,
     ).manifest  # fmt: skip
     if figures:
-        from tmca.lab.figures import export_figure
+        from tmca.lab.display.export import export_figure
         from tmca.plots.style import save_figure
 
         save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
@@ -90,8 +91,8 @@ def _refuse_beside(own: dict[str, Any], offset: str | None) -> None:
 
 def _registered(source: Path, calibration: Path, devices: list[Any]) -> Any:
     """Where codes lie on the aperture's device by a registration."""
-    from tmca.lab.calibration.calibration_file import load_calibration
-    from tmca.lab.devices.registered import registered_affine
+    from tmca.lab.calibration.apply import registered_affine
+    from tmca.lab.calibration.file import load_calibration
 
     showing = [device for device in devices if device.plane == "aperture"]
     if not showing:
@@ -101,7 +102,7 @@ def _registered(source: Path, calibration: Path, devices: list[Any]) -> Any:
 
 def _described(name: str, changes: dict[str, Any]) -> Any:
     """A device; what is said of the aperture's holds for that one only."""
-    from tmca.lab.devices import device_named
+    from tmca.lab.display.devices import device_named
 
     plain = device_named(name)
     return device_named(name, **changes) if plain.plane == "aperture" else plain
@@ -115,7 +116,7 @@ def check(folder: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fa
         folder: of the export.
         json: print its manifest.
     """
-    from tmca.lab.devices import check_export, read_export
+    from tmca.lab.display.manifest import check_export, read_export
 
     read_export(folder)
     _say(check_export(folder), folder, json)
@@ -150,7 +151,7 @@ def named_export(folder: Path) -> dict[str, Any]:
     Raises:
         SettingError: a file in its place.
     """
-    from tmca.lab.devices import check_export
+    from tmca.lab.display.manifest import check_export
 
     if folder.is_file():
         raise SettingError("EXPORT", f"the file {folder}", "the folder of an export", "make one with `tmca export`")

@@ -41,9 +41,9 @@ def import_(
         overwrite: replace the file if it exists.
         json: print JSON instead of text.
     """
-    from tmca.lab.captured_notes import SATURATED
-    from tmca.lab.real_captures import import_capture, load_prototype
-    from tmca.lab.real_captures.saturation import WITHHELD
+    from tmca.lab.importing import WITHHELD, import_capture
+    from tmca.lab.notes import SATURATED
+    from tmca.lab.prototype import load_prototype
 
     check_targets([out], overwrite, capture)
     known = load_prototype(prototype)

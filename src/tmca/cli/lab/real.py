@@ -39,8 +39,9 @@ def register(
         json: print JSON instead of text.
     """
     from tmca.errors import SettingError
-    from tmca.lab.real_captures import SingleDisperser, load_prototype, register_mask
-    from tmca.lab.real_captures.captures import read_plane
+    from tmca.lab.importing import read_plane
+    from tmca.lab.prototype import SingleDisperser, load_prototype
+    from tmca.lab.registering import register_mask
 
     found = load_prototype(prototype)
     if not isinstance(found, SingleDisperser):
@@ -63,8 +64,8 @@ def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift
     from tmca.cli.options.numbers import pair
     from tmca.data import read_array
     from tmca.errors import SettingError
-    from tmca.lab.real_captures import shutter_place
-    from tmca.lab.real_captures.captures import read_plane
+    from tmca.lab.importing import read_plane
+    from tmca.lab.registering import shutter_place
 
     if name not in prototype.captures:
         raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
@@ -116,7 +117,7 @@ def movie(
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
     from tmca.experiments.real.figures import movie_figure
-    from tmca.lab.real_captures.movie import decode_movie, frame_dataset
+    from tmca.lab.movies import decode_movie, frame_dataset
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite, snapshot)
@@ -139,7 +140,7 @@ def movie(
 def _numbers_of(decoder: str, **given: float | None) -> dict[str, Any]:
     """The numbers that are given; SettingError if one of them is another decoder's."""
     from tmca.errors import SettingError
-    from tmca.lab.real_captures.movie import MOVIE_NUMBERS
+    from tmca.lab.movies import MOVIE_NUMBERS
 
     numbers = {name: value for name, value in given.items() if value is not None}
     for name, value in numbers.items():

@@ -46,8 +46,8 @@ def fringes(
         overwrite: replace the folder if it exists.
     """
     from tmca.cli.lab.scan_words import fringe_plan
-    from tmca.lab.structured_light import write_fringes
-    from tmca.lab.structured_light.unwrap import ladder
+    from tmca.lab.ground_truth.fringes import write_fringes
+    from tmca.lab.ground_truth.phase import ladder
 
     plan = fringe_plan(projector, fringes, steps, across)
     ladder(plan.fringes)
@@ -94,9 +94,9 @@ def depth(
     """
     from tmca.cli.lab.scan_words import said_depth
     from tmca.data import read_depth_map, write_dataset
-    from tmca.lab.figures import depth_figure
-    from tmca.lab.structured_light import load_calibration, load_plan, measure_depth, read_capture
-    from tmca.lab.structured_light.depth import depth_error
+    from tmca.lab.ground_truth.depth import depth_error, depth_figure, measure_depth
+    from tmca.lab.ground_truth.fringes import load_plan, read_capture
+    from tmca.lab.ground_truth.geometry import load_calibration
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
@@ -141,7 +141,7 @@ def render(
     """
     from tmca.cli.lab.scan_words import fringe_plan
     from tmca.data import check_target
-    from tmca.lab.rendered_bench import write_bench
+    from tmca.lab.ground_truth.rendered import write_bench
 
     check_target(folder, overwrite)
     plan, camera = fringe_plan("800x1280", fringes, 4, "x"), parsed_size(size) or (96, 128)

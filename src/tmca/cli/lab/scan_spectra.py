@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -50,9 +49,7 @@ def spectra(
     from tmca.cli.lab.scan_words import said_spectra
     from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
-    from tmca.lab.figures import reflectance_figure
-    from tmca.lab.spectral_scan import measure_reflectance, read_scan
-    from tmca.lab.spectral_scan.reflectance import white_of
+    from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, reflectance_figure, white_of
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
@@ -62,8 +59,6 @@ def spectra(
     rho = white_of(white_reflectance, scan.nm)
     measured = measure_reflectance(scan, white_reflectance=rho, read_noise=read_noise, gain=gain)
     write_dataset(measured, out, overwrite=overwrite)
-    for line in scan.doubts:
-        print(f"tmca: {line}", file=sys.stderr)
     if figure is not None:
         save_figure(reflectance_figure(measured, out.name), figure, overwrite=overwrite)
     said_spectra(measured, out, json)
@@ -96,9 +91,8 @@ def compare(
         json: print JSON instead of text.
     """
     from tmca.cli.lab.scan_words import places, said_comparison
-    from tmca.lab.figures import comparison_figure
-    from tmca.lab.ground_truth import open_cube
-    from tmca.lab.spectral_scan import compare_spectra, read_spectra
+    from tmca.lab.ground_truth.join import open_cube
+    from tmca.lab.ground_truth.spectra import compare_spectra, comparison_figure, read_spectra
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite, spectra)
@@ -134,7 +128,7 @@ def join(
     from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
     from tmca.experiments.pictures import picture_of
-    from tmca.lab.ground_truth import DEPTH, SPECTRA, join_ground_truth, open_part
+    from tmca.lab.ground_truth.join import DEPTH, SPECTRA, join_ground_truth, open_part
 
     check_figure(figure, overwrite)
     for source in (spectra, depth):

@@ -13,8 +13,8 @@ from tmca.errors import SettingError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tmca.lab.spectral_scan import Comparison
-    from tmca.lab.structured_light import FringePlan
+    from tmca.lab.ground_truth.fringes import FringePlan
+    from tmca.lab.ground_truth.spectra import Comparison
 
 _FAR = 10.0
 """Times by which a reference may be larger or smaller than the spectrum before it is told of."""
@@ -22,7 +22,7 @@ _FAR = 10.0
 
 def fringe_plan(projector: str, fringes: str, steps: int, across: Literal["x", "y"]) -> FringePlan:
     """A plan from ``HEIGHTxWIDTH`` and ``1,4,16,64``."""
-    from tmca.lab.structured_light import FringePlan
+    from tmca.lab.ground_truth.fringes import FringePlan
 
     counts = numbers(fringes, "--fringes")
     each = counts if isinstance(counts, list) else [counts]

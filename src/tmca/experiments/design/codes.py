@@ -20,7 +20,7 @@ from tmca.experiments.design.checks import check_search, check_size
 from tmca.experiments.design.words import code_advice
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import check_new, repository_commit
-from tmca.lab.codes_date import CODES_DATE, now
+from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from tmca.experiments.camera_figures import phase_codes_figure, psf_figure
 from tmca.experiments.design.words import mask_advice
 from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import repository_commit
-from tmca.lab.codes_date import CODES_DATE, now
+from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import distances_figure, fisher_figure
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior

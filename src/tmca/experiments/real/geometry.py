@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import admm_tv, default_weight
 from tmca.experiments.real.merit import brightest_rows, foretelling_error, reprojection_error, withheld
-from tmca.lab.real_captures.registration import explained, fine_part, flattened
+from tmca.lab.registering import explained, fine_part, flattened
 
 Array = NDArray[np.floating]
 _SIDE = 72

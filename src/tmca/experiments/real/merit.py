@@ -13,7 +13,7 @@ from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.errors import SettingError
-from tmca.lab.real_captures.saturation import without_pixels
+from tmca.lab.importing import without_pixels
 from tmca.metrics import psnr, sam
 from tmca.operators import LinearOperator
 

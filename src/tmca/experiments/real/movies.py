@@ -11,7 +11,7 @@ import numpy as np
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders.space_time import frame_operator
 from tmca.experiments.real.merit import foretelling_error, neighbours_error, reprojection_error, withheld
-from tmca.lab.real_captures.movie import Movie, decode_movie
+from tmca.lab.movies import Movie, decode_movie
 from tmca.metrics import psnr
 
 _HOW: dict[str, dict[str, Any]] = {

@@ -25,9 +25,9 @@ from tmca.experiments.real.merit import (
     withheld,
 )
 from tmca.experiments.real.movies import study_movie
-from tmca.lab.real_captures import import_capture, load_prototype, register_mask, registered
-from tmca.lab.real_captures.prototype import PixelShutter, SingleDisperser
-from tmca.lab.real_captures.registration import block_shifts, explained, fine_part, flattened
+from tmca.lab.importing import import_capture
+from tmca.lab.prototype import PixelShutter, SingleDisperser, load_prototype
+from tmca.lab.registering import block_shifts, explained, fine_part, flattened, register_mask, registered
 
 MASK, SCENES, WINE = "tsa/mask_660_real.mat", ("real_scene1", "real_scene2", "real_scene3"), "pixel_shutter_wine"
 _ROWS = 200

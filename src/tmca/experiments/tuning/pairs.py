@@ -16,8 +16,8 @@ from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError
 from tmca.experiments.tuning.folder import PairFiles
 from tmca.lab.calibration.apply import RAW, calibrated_snapshot
-from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.captured_notes import SATURATED
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.notes import SATURATED
 from tmca.training.tuning.captured import Pair
 
 if TYPE_CHECKING:

@@ -19,10 +19,9 @@ from tmca.experiments.spectral.own_camera import training_of
 from tmca.experiments.tuning.pairs import read_pair
 from tmca.experiments.tuning.pictures import decoded
 from tmca.experiments.tuning.run import Prepared, prepared
-from tmca.lab.calibration.calibration_file import Calibration, find_calibration, load_calibration
-from tmca.lab.calibration.rendered.bench import write_bench
-from tmca.lab.calibration.rendered.cameras import nominal_spectral
-from tmca.lab.calibration.sensor_scale import measured_sensor
+from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
+from tmca.lab.calibration.measured_cameras import measured_sensor
+from tmca.lab.calibration.rendered_bench import nominal_spectral, write_bench
 from tmca.plots.cube import reconstruction_figure
 from tmca.training import settings_from, train_spectral
 
@@ -113,7 +112,7 @@ class TuningProof:
             self.work.mkdir(parents=True, exist_ok=True)
             write_bench(folder, size=self.size, slots=self.slots, seed=self.seed, scenes=scenes)
         if not any(self.work.glob("calibration_*.nc")):
-            calibrate_bench(folder, "spectral").save(prefix)
+            calibrate_bench(folder).save(prefix)
         return load_calibration(find_calibration(prefix))
 
     def _trained(self, calibration: Calibration) -> Weights:

@@ -12,7 +12,7 @@ from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
 from tmca.experiments.tuning.folder import PairFiles, find_pairs, held_out
 from tmca.experiments.tuning.pairs import read_pair
-from tmca.lab.calibration.calibration_file import Calibration, load_calibration
+from tmca.lab.calibration.file import Calibration, load_calibration
 from tmca.training.run import Trained
 from tmca.training.tuning.captured import Pair
 from tmca.training.tuning.run import Tuning, tune

@@ -1,23 +1,70 @@
-"""A calibration applied: does it fit the camera, the camera as it was measured, and snapshots on its planes."""
+"""A calibration applied: does it fit the camera, and snapshots on the planes of the camera as it was measured."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.calibration_file import Calibration, load_calibration
+from tmca.lab.calibration.dispersion import REGISTERED_AT
+from tmca.lab.calibration.file import Calibration, load_calibration
 from tmca.lab.calibration.measured_cameras import (
+    captured_sensor,
     columns_of,
+    from_digital_numbers,
     light_field_camera,
+    measured_sensor,
+    reference_shift,
     spectral_camera,
     spectral_depth_camera,
 )
-from tmca.lab.calibration.order import check_order
-from tmca.lab.calibration.sensor_scale import captured_sensor, from_digital_numbers, measured_sensor
-from tmca.lab.captured_notes import AVERAGED, GAIN, WHITE
-from tmca.lab.codes_date import CODES_DATE, parsed_date
+from tmca.lab.calibration.pattern_image import moved
+from tmca.lab.calibration.registration import nominal_matrix
+from tmca.lab.display.devices import DeviceDescription
+from tmca.lab.display.placement import Affine
+from tmca.lab.notes import AVERAGED, CODES_DATE, GAIN, WHITE, date_of_codes, now, parsed_date
+
+_SAME_LEAKAGE = 2e-3
+_SAME_WAVELENGTH = 1e-10
+"""Metres: below the steps in which the light of a registration is told."""
+
+
+def out_of_date(calibration: Calibration) -> DataError | None:
+    """A step that a registration which was measured since has put out of date: a timing that took what the mask leaks
+    for the shutter's, or a dispersion against another wavelength.
+
+    Displacements hold for a mask that lies elsewhere now, for they are those of the prism. Shear does not depend on the
+    registration: it is a difference between views.
+    """
+    registration = calibration.part("registration")
+    if registration is None:
+        return None
+    leaks = calibration.settings("timing").get("aperture_leakage")
+    if (
+        leaks is not None
+        and registration.leakage is not None
+        and abs(registration.closed_light - leaks) > _SAME_LEAKAGE
+    ):
+        found, expected = f"a timing for a mask that leaks {leaks:.2%}", f"one for {registration.closed_light:.2%}"
+        return _measure_again(calibration, "timing", found, f"{expected}, as the registration found since")
+    # files of before do not say against what they were measured, nor does a registration of unknown light
+    wave, now = calibration.settings("dispersion").get(REGISTERED_AT), registration.wavelength
+    if wave is not None and now is not None and abs(wave - now) > _SAME_WAVELENGTH:
+        found = f"a dispersion measured against a registration at {metres_to_nm(wave):.6g} nm"
+        return _measure_again(calibration, "dispersion", found, f"one against that at {metres_to_nm(now):.6g} nm")
+    return None
+
+
+def _measure_again(calibration: Calibration, step: str, found: str, expected: str) -> DataError:
+    remedy = f"measure the {step} again: tmca calibrate {step} … --onto it"
+    return DataError(calibration.where, found, expected, remedy)
+
 
 RAW = "digital numbers"
 """Attribute ``values`` of a snapshot that is not yet relative irradiance."""
@@ -39,7 +86,7 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
 
     Raises:
         DataError: another name, sensor, mask or kind of camera, a calibration before the date of the codes, or see
-            `tmca.lab.calibration.order.check_order`.
+            `tmca.lab.calibration.apply.check_order`.
     """
     own, said = calibration.about["camera"], notes or {}
     if own.get("name") and said.get("camera_name") and own["name"] != said["camera_name"]:
@@ -54,23 +101,17 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         if own.get(what) and tuple(own[what]) != size:
             found, known = ("×".join(map(str, n)) for n in (own[what], size))
             _refuse(calibration, f"{what} of {found} pixels", f"{known}, those of the snapshot's camera")
-    check_order(calibration)
-    _check_date(calibration, said.get(CODES_DATE))
+    if old := out_of_date(calibration):
+        raise old
+    stated, measured = said.get(CODES_DATE), calibration.codes_seen
+    if stated is not None and measured is not None and measured < (date := parsed_date(stated)):
+        found = f"a calibration of {measured:%Y-%m-%d %H:%M}"
+        known = f"one after the codes, which are of {date:%Y-%m-%d %H:%M}"
+        raise DataError(calibration.where, found, known, "calibrate again with the device as it is now")
 
 
 def _refuse(calibration: Calibration, found: str, expected: str) -> None:
     raise DataError(calibration.where, found, expected, "name the calibration of this camera")
-
-
-def _check_date(calibration: Calibration, stated: object) -> None:
-    measured = calibration.codes_seen
-    if stated is None or measured is None:
-        return
-    date = parsed_date(stated)
-    if measured < date:
-        found = f"a calibration of {measured:%Y-%m-%d %H:%M}"
-        known = f"one after the codes, which are of {date:%Y-%m-%d %H:%M}"
-        raise DataError(calibration.where, found, known, "calibrate again with the device as it is now")
 
 
 def calibrated(camera: Camera, calibration: Calibration, notes: dict[str, Any] | None = None) -> Any:
@@ -151,3 +192,114 @@ def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Sn
         remedy = "name the calibration of its camera (--calibration)"
         raise DataError(path, "a snapshot in digital numbers", "relative irradiance", remedy)
     return taken
+
+
+SIMULATED = "simulated_calibration"
+"""Attribute of a snapshot that a calibrated camera took in simulation: the calibration's file."""
+
+
+@dataclass(frozen=True)
+class CalibratedBench:
+    """A camera as it is known, and the one that takes snapshots.
+
+    Args:
+        nominal: as it was designed; snapshot files hold this one, like those of captures.
+        camera: with what was measured of it; ``nominal`` without a calibration.
+        notes: of its snapshots: date of the codes, name of the camera, calibration.
+    """
+
+    nominal: Camera
+    camera: Any
+    notes: dict[str, Any]
+
+    def recorded(self, taken: Snapshot[Any]) -> Snapshot[Any]:
+        """A snapshot of ``camera`` as the sensor's pixels record it, with the nominal camera.
+
+        Columns of the sensor that no light reaches are 0.
+        """
+        values = taken.values
+        if isinstance(self.nominal, SpectralCamera):
+            values = columns_of(self.nominal, self.camera).cut(values, self.nominal.snapshot_shape[2])
+        return Snapshot(values, self.nominal, {**taken.notes, **self.notes})
+
+
+def bench_of(
+    camera: Camera, calibration: str | Path | None = None, codes: Sequence[str | Path] = ()
+) -> CalibratedBench:
+    """A bench for simulated snapshots.
+
+    Codes that are drawn for the simulation have no date of their own: it is that of the calibration under which they
+    are shown, or now.
+
+    Args:
+        camera: nominal, with the codes.
+        calibration: of the camera; None for the camera as it was designed.
+        codes: files that the codes come from.
+
+    Raises:
+        DataError: a calibration of another camera, or one that is older than the codes.
+        SettingError: optics for which there is no calibration.
+    """
+    date = date_of_codes(codes)
+    if calibration is None:
+        return CalibratedBench(camera, camera, {CODES_DATE: date or now()})
+    found = load_calibration(calibration)
+    notes = {
+        CODES_DATE: date or (now() if found.codes_seen is None else found.codes_seen.isoformat()),
+        SIMULATED: found.where,
+    }
+    if name := found.about["camera"].get("name"):
+        notes["camera_name"] = name
+    return CalibratedBench(camera, calibrated(camera, found, notes), notes)
+
+
+def registered_affine(source: str | Path, calibration: Calibration, device: DeviceDescription) -> Affine:
+    """The map from code to device pixels, (row, column, 1) each, that undoes how the device is mounted.
+
+    The registration says on which sensor pixel every device pixel falls, the camera on which one every code pixel
+    should: behind a disperser at the wavelength of the registration.
+
+    Args:
+        source: snapshot file of a spectral or light-field camera, whose codes are exported.
+        calibration: with a registration of patterns of the device's own pixels.
+        device: that shows the aperture.
+
+    Raises:
+        DataError: no snapshot, no registration, or one of another device or camera.
+        SettingError: a device whose pixels lie on no square lattice, or a camera without a mask to register.
+    """
+    registration = calibration.part("registration")
+    if registration is None:
+        raise DataError(calibration.where, "no registration", "one", "measure it: tmca calibrate registration")
+    if device.lattice != "square":
+        raise SettingError("--calibration", f"a device with a {device.lattice} lattice", "a square one")
+    if device.size is None or tuple(registration.codes) != tuple(device.size):
+        found, known = ("×".join(map(str, size or ("?",))) for size in (registration.codes, device.size))
+        remedy = f"register patterns of its own pixels: tmca calibrate patterns --device {known.replace('×', 'x')}"
+        raise DataError(calibration.where, f"a registration of {found} pixels", f"{device.name}'s {known}", remedy)
+    wanted = _drawn(_camera(source), calibration)
+    back = np.linalg.inv(registration.matrix[:, :2])
+    affine = np.hstack([back @ wanted[:, :2], back @ (wanted[:, 2:] - registration.matrix[:, 2:])])
+    (a, b, c), (d, e, f) = affine.tolist()
+    return (a, b, c), (d, e, f)
+
+
+def _camera(source: str | Path) -> Any:
+    try:
+        return Snapshot.load(source).camera
+    except (DataError, OSError):
+        remedy = "simulate one with these codes: tmca simulate … --codes, --out sim.nc"
+        raise DataError(source, "no snapshot", "one, whose camera says where codes fall", remedy) from None
+
+
+def _drawn(camera: Any, calibration: Calibration) -> Any:
+    """(2, 3) map from code to sensor pixels of the camera as it was drawn."""
+    sensor = calibration.about["camera"].get("sensor")
+    if sensor and tuple(sensor) != tuple(camera.snapshot_shape[-2:]):
+        check_fits(camera, calibration.without("registration"))
+    if isinstance(camera, SpectralCamera):
+        shift = reference_shift(camera, calibration) - camera.dispersion.origin
+        return moved(np.eye(2, 3), (0.0, shift))
+    if isinstance(camera, LightFieldCamera):
+        return nominal_matrix(camera.mask_size, camera.size, 1 / camera.shear.scale)
+    raise SettingError("--calibration", f"a {camera.kind} camera", "one with a coded aperture")

@@ -1,4 +1,4 @@
-"""Captures for calibration: all there, known by name, not saturated, of one size; corrected for the sensor."""
+"""Captures for calibration: read, known by name, corrected for the sensor; the patterns that are shown."""
 
 from __future__ import annotations
 
@@ -10,21 +10,75 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tmca.errors import DataError
-from tmca.lab.calibration.arrays import Array
-from tmca.lab.calibration.calibration_file import Calibration
-from tmca.lab.codes_date import CAPTURES
-from tmca.lab.frames import Frames, check_distinct, read_frames
+from tmca.data import atomic_path
+from tmca.errors import DataError, SettingError
+from tmca.lab.acquisition.captures import read_captures as captures_of_bench
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.frames import Array, Frames, read_frames, warn_of_copies
+from tmca.lab.notes import CAPTURES
 
 _SATURATED = 0.01
-RED_WIDER = "red_wider"
-"""Kept with the frames of a dispersion where the camera as drawn spreads red light wider than blue."""
 
-VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
-SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
-POINT = re.compile(r"(\d+(?:\.\d+)?)m_(\d+(?:\.\d+)?)nm(?:_|$)")
-WAVE = re.compile(r"(\d+(?:\.\d+)?)nm(?:_|$)")
-EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)ms(?:_|$)")
+
+def calibration_patterns(size: tuple[int, int], count: int = 2, seed: int = 0) -> Array:
+    """(2 + count, h, w): all open, all dark, then random blocks of 4, 2, 4, 2, … pixels, half of them open.
+
+    Blocks are large enough to be seen after a rotation or blur, and no two places, turns or flips of them are alike.
+
+    Args:
+        size: (h, w) of the mask, pixels.
+        count: of random patterns.
+        seed: of them.
+
+    Raises:
+        SettingError: a mask below 16 pixels, or no random pattern.
+    """
+    if min(size) < 16 or count < 1:
+        raise SettingError("patterns", f"{count} of {size[0]}×{size[1]} pixels", "1 or more of 16×16 pixels or more")
+    rng = np.random.default_rng(seed)
+    planes: list[Array] = [np.ones(size), np.zeros(size)]
+    for index in range(count):
+        side = 4 if index % 2 == 0 else 2
+        blocks = rng.integers(2, size=tuple(-(-n // side) for n in size)).astype(np.float64)
+        shown = np.kron(blocks, np.ones((side, side)))[: size[0], : size[1]]
+        planes.append(np.asarray(shown, dtype=np.float64))
+    return np.stack(planes)
+
+
+def write_patterns(
+    folder: str | Path, size: tuple[int, int], count: int = 2, seed: int = 0, *, overwrite: bool = False
+) -> list[str]:
+    """Write ``pattern_0.png`` … into a folder, white where the mask is open, and give back their names.
+
+    Raises:
+        SettingError: see ``calibration_patterns``.
+        OutputError: see `tmca.data.atomic_path`.
+    """
+    from PIL import Image
+
+    planes = calibration_patterns(size, count, seed)
+    names = [f"pattern_{index}.png" for index in range(len(planes))]
+    with atomic_path(folder, overwrite=overwrite) as place:
+        place.mkdir()
+        for name, plane in zip(names, planes, strict=True):
+            Image.fromarray((255 * plane).astype(np.uint8)).save(place / name)
+    return names
+
+
+def read_patterns(path: str | Path, device: Sequence[int] | None = None) -> Array:
+    """(P, h, w) patterns that were shown, zeros and ones, from a folder of pictures or a stack.
+
+    Raises:
+        DataError: grey patterns, or a size that is not the device's.
+    """
+    values = read_frames(path).values
+    top = float(values.max())
+    if not top > 0 or not np.isin(values, (0, top)).all():
+        raise DataError(path, "grey patterns", "pictures of two levels: dark and open", "save them without smoothing")
+    if device is not None and values.shape[1:] != tuple(device):
+        found, known = ("×".join(map(str, n)) for n in (values.shape[1:], device))
+        raise DataError(path, f"patterns of {found} pixels", f"{known}, those of the device", "name what was shown")
+    return np.asarray(values, dtype=np.float64) / top
 
 
 def read_captures(
@@ -34,7 +88,7 @@ def read_captures(
     may_saturate: bool = False,
     sensor: Sequence[int] | None = None,
 ) -> Frames:
-    """Frames of a folder or stack; those that a bench took have to be as it kept them.
+    """Frames of a folder or stack; those that a bench took have to be as it kept them. Warns of copies.
 
     Args:
         path: see `tmca.lab.frames.read_frames`.
@@ -43,10 +97,10 @@ def read_captures(
         sensor: (H, W) they have to have.
 
     Raises:
-        DataError: no frames, another size, frames that are missing, changed or in another's place, one more than a
-            hundredth of which is saturated, or one that repeats another value by value.
+        DataError: no frames, another size, frames that are missing or changed, or one more than a hundredth of which is
+            saturated.
     """
-    kept = kept_with(Path(path))
+    kept = taken_with(path)
     frames = read_frames(path, kept.get("saturation") if saturation is None else saturation)
     size = frames.values.shape[1:]
     if sensor is not None and tuple(sensor) != size:
@@ -57,17 +111,13 @@ def read_captures(
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
     if kept.get("driver") != "simulated":
-        check_distinct(frames)
+        warn_of_copies(frames)
     return frames
 
 
-def kept_with(path: Path) -> dict[str, Any]:
-    """What the bench whose frames, checked, are in a folder was taken with; nothing of other frames."""
-    if not (path / CAPTURES).is_file():
-        return {}
-    from tmca.lab.devices.captures import read_captures as kept_captures
-
-    return dict(kept_captures(path)["taken_with"])
+def taken_with(path: str | Path) -> dict[str, Any]:
+    """What the bench kept with the frames of a folder; nothing of other frames."""
+    return dict(captures_of_bench(path)["taken_with"]) if (Path(path) / CAPTURES).is_file() else {}
 
 
 def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[float, ...]]:
@@ -85,35 +135,25 @@ def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[
     return found
 
 
-def averaged(values: Array, keys: Sequence[tuple[float, ...]]) -> tuple[Array, list[tuple[float, ...]]]:
+def averaged(values: ArrayLike, keys: Sequence[tuple[float, ...]]) -> tuple[Array, list[tuple[float, ...]]]:
     """Mean of the frames of every key, and the keys in ascending order."""
-    distinct = sorted(set(keys))
-    return np.stack([values[[k == key for k in keys]].mean(axis=0) for key in distinct]), distinct
-
-
-def in_order(frames: Frames, count: int, what: str) -> Array:
-    """(count, H, W) frames in the order of their names.
-
-    Raises:
-        DataError: another number of them.
-    """
-    if len(frames.names) != count:
-        remedy = "capture the missing ones, in the order of the patterns"
-        raise DataError(frames.source, f"{len(frames.names)} frames", f"{count}, one for each {what}", remedy)
-    return frames.values.astype(np.float64)
+    distinct, own = np.unique(np.array(keys), axis=0, return_inverse=True)
+    frames = np.asarray(values, dtype=np.float64)
+    means = np.stack([frames[own.ravel() == k].mean(axis=0) for k in range(len(distinct))])
+    return means, [tuple(key) for key in distinct.tolist()]
 
 
 def corrected(values: ArrayLike, calibration: Calibration) -> Array:
     """Frames (…, H, W) without dark, over the flat field, defects replaced by the median of their neighbours; steps
     that were not measured are left out."""
     dark, flat = calibration.part("dark"), calibration.part("flat")
-    found = np.asarray(values, dtype=np.float64)
+    light = np.asarray(values, dtype=np.float64)
     if dark is not None:
-        found = found - dark.mean
+        light = light - dark.mean
     if flat is not None:
-        found = found / np.where(flat.defects == 0, np.maximum(flat.gain, 1e-3), 1.0)
+        light = light / np.where(flat.defects == 0, np.maximum(flat.gain, 1e-3), 1.0)
     bad = defects(calibration)
-    return found if bad is None or not bad.any() else _mended(found, bad)
+    return light if bad is None or not bad.any() else _mended(light, bad)
 
 
 def defects(calibration: Calibration) -> np.ndarray | None:
@@ -123,13 +163,11 @@ def defects(calibration: Calibration) -> np.ndarray | None:
 
 
 def _mended(values: Array, bad: np.ndarray) -> Array:
-    found = values.copy()
-    padded = np.pad(
-        np.where(bad, np.nan, values), [(0, 0)] * (values.ndim - 2) + [(1, 1), (1, 1)], constant_values=np.nan
-    )
+    mended = values.copy()
+    border = [(0, 0)] * (values.ndim - 2) + [(1, 1), (1, 1)]
+    padded = np.pad(np.where(bad, np.nan, values), border, constant_values=np.nan)
     for y, x in np.argwhere(bad):
         around = padded[..., y : y + 3, x : x + 3].reshape(*values.shape[:-2], 9)
         with np.errstate(all="ignore"):
-            middle = np.nanmedian(around, axis=-1)
-        found[..., y, x] = np.nan_to_num(middle)
-    return found
+            mended[..., y, x] = np.nan_to_num(np.nanmedian(around, axis=-1))
+    return mended

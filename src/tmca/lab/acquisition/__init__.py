@@ -1,0 +1,6 @@
+"""Benches: their drivers, captures of exports, and snapshots of them."""
+
+from tmca.lab.acquisition.drivers import Device, Lamp, Light, Named, Recorded, find_device
+from tmca.lab.acquisition.session import capture, check_camera, joined
+
+__all__ = ["Device", "Lamp", "Light", "Named", "Recorded", "capture", "check_camera", "find_device", "joined"]

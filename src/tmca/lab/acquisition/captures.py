@@ -1,0 +1,211 @@
+"""The folder of a capture: frames in digital numbers, and a list of them with their checksums."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import DataError, OutputError
+from tmca.lab.display.manifest import NAME, checksum, exposed_whole, read_manifest, shown_digest
+from tmca.lab.frames import Frames, warn_of_copies
+from tmca.lab.notes import CAPTURES
+from tmca.lab.quality import Doubtful
+
+DARK, WHOLE = "dark", "exposure"
+EXPORT, SHOWN = "export_sha256", "shown_sha256"
+"""Of the manifest that was captured, and of what it shows, whenever it was written."""
+SOURCE = "source"
+"""Of a frame in the list of captures: name and SHA-256 of the file that it was taken from."""
+_AGAIN = "delete this one file and run again what captured it: it alone is taken again"
+_DARKS = 4
+"""Least number of dark frames: their mean is taken from every other frame, and their spread is the read noise."""
+_UNDONE = re.compile(r"\..+\.[0-9a-f]{12}\.tmp\.(json|tif)")
+"""Names of files that were not written to their end."""
+_SATURATED = 0.5
+_DARKEST = 3.0
+"""Mean of a frame above the dark one in its standard deviations, below which it has no light."""
+_LOW = 1 / 8
+"""Of saturation, up to which numbers may be those of fewer bits."""
+_SAID = 4
+_NOTHING: Mapping[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of a capture.
+
+    Args:
+        name: of its file.
+        slot: that is shown; None for dark, and for a whole exposure.
+        of: the frame that it repeats; its own name for the first.
+    """
+
+    name: str
+    slot: int | None
+    of: str
+
+
+def frames_of(manifest: dict[str, Any], repeats: int = 1) -> list[Frame]:
+    """Frames of an export: a dark one, then one a slot, or one exposure of a sensor whose shutter is coded; again for
+    every repeat. As many dark ones follow as there are slots, for what they leave is taken from every slot alike."""
+    slots = {f"slot_{k:03d}": k for k in range(manifest["slots"])}
+    once: dict[str, int | None] = {DARK: None, **({WHOLE: None} if exposed_whole(manifest) else slots)}
+    ends = ["", *(f"_r{n}" for n in range(1, repeats))]
+    frames = [Frame(name + end, slot, name) for end in ends for name, slot in once.items()]
+    darks = max(_DARKS, 0 if exposed_whole(manifest) else manifest["slots"])
+    return frames + [Frame(f"{DARK}_r{n}", None, DARK) for n in range(repeats, darks)]
+
+
+def captured_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
+    """What a folder holds of this export's capture; a new list where there is none. Frames whose file is gone are to be
+    taken again.
+
+    Raises:
+        OutputError: the folder holds something else, or frames of another export.
+        DataError: no export, or what ``read_captures`` raises.
+    """
+    if not (folder / CAPTURES).exists():
+        if folder.exists() and (folder.is_file() or any(not _UNDONE.fullmatch(file.name) for file in folder.iterdir())):
+            raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
+        of = {EXPORT: checksum(Path(export) / NAME), SHOWN: shown_digest(read_manifest(export))}
+        return {"export": str(export), **of, "taken_with": {}, "frames": {}}
+    kept = read_captures(folder, whole=False)
+    if not is_of(kept, export):
+        raise OutputError(folder, f"a capture of {kept['export']}", "one of this export", "choose another folder")
+    return kept
+
+
+def is_of(kept: dict[str, Any], export: str | Path) -> bool:
+    """Whether a capture is of this export, or of one that shows the same; lists of before know the manifest alone."""
+    manifest = read_manifest(export)
+    return kept[EXPORT] == checksum(Path(export) / NAME) or kept.get(SHOWN) == shown_digest(manifest)
+
+
+def resumed(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """A list of frames with what they were taken with; frames that were taken otherwise are never joined with others.
+
+    Raises:
+        OutputError: the folder holds frames of another bench.
+    """
+    before = kept["taken_with"] if kept["frames"] else how
+    for name in sorted(before.keys() | how.keys()):
+        if before.get(name) != how.get(name):
+            found = f"frames of {name} {before.get(name)}"
+            raise OutputError(folder, found, f"{name} {how.get(name)}", "choose another folder, or delete this one")
+    return {**kept, "taken_with": how}
+
+
+def keep(
+    values: NDArray[np.integer],
+    frame: Frame,
+    kept: dict[str, Any],
+    folder: Path,
+    about: Mapping[str, Any] = _NOTHING,
+) -> None:
+    """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it, what is known about it included.
+
+    The list is there before the first frame, so that whatever ends the process leaves a capture that goes on; what was
+    left half-written is swept away.
+    """
+    import tifffile
+
+    from tmca.data import atomic_path, make_folder, write_json
+
+    file = make_folder(folder) / f"{frame.name}.tif"
+    for left in [one for one in folder.iterdir() if _UNDONE.fullmatch(one.name)]:
+        left.unlink(missing_ok=True)
+    if not (folder / CAPTURES).exists():
+        write_json(kept, folder / CAPTURES)
+    with atomic_path(file, overwrite=True) as temporary:
+        tifffile.imwrite(temporary, values.astype(np.uint16), photometric="minisblack")
+    taken = {"sha256": checksum(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    kept["frames"][frame.name] = {"slot": frame.slot, "of": frame.of, **taken, **about}
+    write_json(kept, folder / CAPTURES, overwrite=True)
+
+
+def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
+    """What was captured, every frame as it was written.
+
+    Args:
+        folder: of the capture.
+        whole: refuse frames whose file is missing, instead of leaving them out.
+
+    Raises:
+        DataError: no capture, or a frame that is missing, changed, or in another's place.
+    """
+    file = Path(folder) / CAPTURES
+    try:
+        stated = json.loads(file.read_text(encoding="utf-8"))
+        there = {name: a for name, a in stated["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
+        frames = {name: (about["sha256"], about["of"]) for name, about in there.items()}
+        stated["export"], stated[EXPORT], stated["taken_with"]["gain"], stated["taken_with"]["saturation"]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
+    for name, (known, _) in frames.items():
+        frame = Path(folder) / f"{name}.tif"
+        if not frame.is_file():
+            remedy = "run again what captured it, which takes it again"
+            raise DataError(frame, "no such file", f"the frame {name}", remedy)
+        if checksum(frame) != known:
+            raise DataError(frame, "another content", "what was captured", _AGAIN)
+    return {**stated, "frames": there}
+
+
+def read_tif(file: Path) -> NDArray[np.integer]:
+    """A frame as it was kept.
+
+    Raises:
+        DataError: no picture.
+    """
+    import tifffile
+
+    try:
+        return np.asarray(tifffile.imread(file))
+    except (OSError, ValueError, tifffile.TiffFileError):
+        raise DataError(file, "no TIFF", "a frame of the capture", _AGAIN) from None
+
+
+def check_frame(values: NDArray[np.integer], where: Path, size: tuple[int, ...], saturation: float) -> None:
+    """Raises DataError for a frame of another size than (H, W), or (C, H, W) of a sensor with channels, or one of which
+    more than half is saturated."""
+    if values.shape not in ((size, size[1:]) if size[0] == 1 else (size,)):
+        found, known = ("×".join(map(str, one)) for one in (values.shape, size if size[0] > 1 else size[1:]))
+        raise DataError(where, f"a frame of {found}", f"{known} pixels", "set the sensor's region to that")
+    if (share := float((values >= saturation).mean())) > _SATURATED:
+        remedy = "open the aperture of the lens less, or expose shorter"
+        raise DataError(where, f"{share:.0%} saturated pixels", f"{_SATURATED:.0%} at most", remedy)
+
+
+def warn_of_frames(folder: Path, kept: dict[str, Any]) -> None:
+    """Warn of frames that are copies, of those without light, and of numbers so low that they may have fewer bits."""
+    names, saturation = tuple(kept["frames"]), float(kept["taken_with"]["saturation"])
+    values = np.stack([read_tif(folder / f"{name}.tif") for name in names])
+    warn_of_copies(Frames(folder, names, values.astype(np.float32), values >= saturation))
+    dark, doubts = values[names.index(DARK)].astype(np.float64), []
+    least = dark.mean() + _DARKEST * dark.std() / np.sqrt(dark.size)
+    if unlit := [
+        n for n, v in zip(names, values, strict=True) if kept["frames"][n]["of"] != DARK and v.mean() <= least
+    ]:
+        doubts.append(f"{', '.join(unlit[:_SAID])} no brighter than the dark frame: check lamp, shutter and lens cap")
+    if 0 < (largest := int(values.max())) <= saturation * _LOW:
+        bits = 2 ** largest.bit_length() - 1
+        remedy = f"if the sensor has fewer bits, its driver has to say so (--set saturation={bits} of folder)"
+        doubts.append(f"no number above {largest} where {saturation:g} is saturation: {remedy}, else expose longer")
+    for line in doubts:
+        warnings.warn(f"{folder}: {line}", Doubtful, stacklevel=2)
+
+
+def said_sources(folder: str | Path) -> str:
+    """Which file became which frame of a capture, the first and the last of them; empty where a driver took them."""
+    frames = read_captures(folder)["frames"]
+    pairs = [f"{name} ← {about[SOURCE]['file']}" for name, about in frames.items() if SOURCE in about]
+    return ", ".join(pairs if len(pairs) <= 2 * _SAID else [*pairs[:_SAID], "…", *pairs[-_SAID:]])

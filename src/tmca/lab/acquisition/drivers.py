@@ -1,0 +1,312 @@
+"""A bench, as this package sees it: it loads an export, shows a slot, captures a frame; drivers are entry points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from inspect import signature
+from math import inf, isfinite
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import TIMEOUT_MAX, Thread
+from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data import metres_to_nm
+from tmca.errors import DeviceError, SettingError, TmcaError
+from tmca.lab.display.export import Export
+
+Kind = Literal["none", "even", "white", "point"]
+
+
+_WORDS = {"none": "no light", "even": "even light on the sensor", "white": "a white scene", "point": "a point source"}
+
+
+@dataclass(frozen=True)
+class Light:
+    """What is before the camera.
+
+    Args:
+        kind: ``none`` (lens covered), ``even`` (light on the bare sensor, out of focus), ``white`` (a white scene),
+            ``point`` (a point source in the middle of the view, as bright as the sensor bears).
+        wavelength: of the light, metres; all of them without.
+        view: (row, column) from the middle one that alone is open; all without.
+        reflectance: of the white scene, or of the even light as a share of it.
+        exposure: of a frame, as a multiple of the usual one.
+        depth: of the point, metres.
+    """
+
+    kind: Kind
+    wavelength: float | None = None
+    view: tuple[int, int] | None = None
+    reflectance: float = 1.0
+    exposure: float = 1.0
+    depth: float | None = None
+
+    def said(self) -> str:
+        """In words."""
+        words = _WORDS[self.kind]
+        words += "" if self.wavelength is None else f" at {metres_to_nm(self.wavelength):g} nm"
+        words += "" if self.view is None else f", view {self.view[0]}, {self.view[1]} alone open"
+        words += "" if self.depth is None else f", {self.depth:g} m away"
+        return words + ("" if self.exposure == 1 else f", exposed {self.exposure:g} times as long")
+
+
+@runtime_checkable
+class Lamp(Protocol):
+    """A `Device` that sets the light itself; without, a person does, one light at a time."""
+
+    def illuminate(self, light: Light) -> None:
+        """Set the light, and the exposure time of the frames to come.
+
+        Raises:
+            DeviceError: it cannot.
+        """
+
+
+GROUP = "tmca.devices"
+OWN = {
+    name: EntryPoint(name, place, GROUP)
+    for name, place in {
+        "simulated": "tmca.lab.acquisition.simulated:SimulatedBench",
+        "folder": "tmca.lab.acquisition.frame_folder:FrameFolder",
+    }.items()
+}
+"""The package's own drivers."""
+
+
+@runtime_checkable
+class Device(Protocol):
+    """A bench: what shows codes, and the camera behind it.
+
+    A package plugs one in by the entry point ``NAME = "module:factory"`` of the group ``tmca.devices``; the factory
+    takes the settings of ``tmca capture`` as keyword arguments, texts all of them.
+
+    A bench that knows its scale has ``snapshot_units_per_dn``, the snapshot units of a digital number above the dark;
+    without, saturation is a white scene in one frame.
+    """
+
+    saturation: float
+    """Digital number from which on a pixel is saturated."""
+
+    def load(self, export: Export) -> None:
+        """Take the patterns of an export into the devices' memory.
+
+        Raises:
+            DeviceError: they do not fit.
+        """
+
+    def show(self, slot: int | None) -> None:
+        """Show the patterns of a slot until something else is shown; None shuts all, for dark frames.
+
+        Raises:
+            DeviceError: no answer.
+        """
+
+    def capture(self, whole: bool = False) -> NDArray[np.integer]:
+        """(H, W) digital numbers of a frame, (C, H, W) of a sensor with channels: of what is shown, or of a whole
+        exposure in which the shutter is coded.
+
+        Raises:
+            DeviceError: no answer.
+        """
+
+
+@runtime_checkable
+class Named(Protocol):
+    """A `Device` that is told which frame comes next."""
+
+    def name_frame(self, name: str) -> None:
+        """The frame that is captured next, by the name of its file."""
+
+
+@runtime_checkable
+class Recorded(Protocol):
+    """A `Device` whose frames are files that were there before."""
+
+    def files_of_frames(self, names: Sequence[str]) -> Mapping[str, Path]:
+        """Name of a frame → its file, of those that are named and of further dark ones.
+
+        Raises:
+            DataError: no file for one of them, or files that are none of them.
+        """
+
+
+def device_drivers() -> dict[str, EntryPoint]:
+    """Benches that can be named: the package's own, whose names nobody else's can take, and those of packages that are
+    installed."""
+    points = {point.name: point for point in entry_points(group=GROUP)}
+    return {**OWN, **points, **OWN}
+
+
+def find_device(name: str, /, **settings: Any) -> Device:
+    """A bench by its name.
+
+    Args:
+        name: one of ``OWN``, or that of an entry point of the group ``tmca.devices``.
+        settings: of its factory.
+
+    Raises:
+        SettingError: an unknown name, a setting that one of ``OWN`` lacks or does not have, or a factory that makes
+            none.
+        DeviceError: a driver that cannot be loaded, or whose factory fails.
+    """
+    known = device_drivers()
+    if name not in known:
+        raise SettingError("--device", repr(name), f"one of {', '.join(known)}", "install the package of its driver")
+    if name in OWN:
+        factory = OWN[name].load()
+        _check_settings(factory, settings)
+        own: Device = factory(**settings)
+        return own
+    with answering(name):
+        found = known[name].load()(**settings)
+    if not isinstance(found, Device):
+        raise SettingError("--device", f"{name}: {type(found).__name__}", "load, show, capture and saturation")
+    return found
+
+
+def _check_settings(factory: Any, settings: Mapping[str, Any]) -> None:
+    """Raises SettingError where a driver of the package lacks a setting, or is given one that it does not have."""
+    known = signature(factory).parameters
+    for name in settings:
+        if name not in known:
+            raise SettingError(
+                f"--set {name}", "a setting that this device does not have", f"one of {', '.join(known)}"
+            )
+    for name, parameter in known.items():
+        if parameter.default is parameter.empty and name not in settings:
+            raise SettingError(f"--set {name}", "none", f"{name}, which this device needs", f"pass --set {name}=…")
+
+
+def units_of(device: Device, white: float) -> float:
+    """Snapshot units of a digital number: what the driver says, else those by which saturation is white.
+
+    Args:
+        device: the driver.
+        white: level of a white scene in one of its frames, snapshot units.
+
+    Raises:
+        DeviceError: none that is finite and above 0.
+    """
+    with answering(device):
+        found = float(getattr(device, "snapshot_units_per_dn", white / saturation_of(device)))
+    if not 0 < found < inf:
+        said = f"snapshot_units_per_dn {found:g}"
+        raise DeviceError(f"device {type(device).__name__}", said, "a finite number above 0", "mend it")
+    return found
+
+
+def saturation_of(device: Device) -> float:
+    """Its digital number of saturation.
+
+    Raises:
+        DeviceError: none, or one that is not above 0.
+    """
+    with answering(device):
+        found = float(device.saturation)
+    if not 0 < found < inf:
+        raise DeviceError(f"device {type(device).__name__}", f"saturation at {found:g}", "a number above 0", "mend it")
+    return found
+
+
+@contextmanager
+def answering(device: object) -> Iterator[None]:
+    """Whatever fails in a driver is a device that does not answer, in one line; the cause stays beneath.
+
+    Args:
+        device: the driver, or its name.
+
+    Raises:
+        DeviceError: in the place of an exception that is none of the package's.
+    """
+    try:
+        yield
+    except TmcaError:
+        raise
+    except (Exception, SystemExit) as error:
+        name = device if isinstance(device, str) else type(device).__name__
+        said = f"{type(error).__name__}: {error}".rstrip(": ")
+        remedy = "see to the device, and run the same command again"
+        raise DeviceError(f"device {name}", said, "an answer", remedy) from error
+
+
+_LEAST, _EXPOSURES = 30.0, 3.0
+"""Seconds, and exposures, that a call is waited for; the larger of the two."""
+T = TypeVar("T")
+
+
+def time_limit(manifest: dict[str, Any], asked: float | None) -> float | None:
+    """Seconds that a call of a driver is waited for; None for as long as it takes.
+
+    Args:
+        manifest: of the export that is captured.
+        asked: seconds; 0 for no limit; without, 30 s or three exposures, whichever is longer.
+
+    Raises:
+        SettingError: a time below 0, or none at all.
+    """
+    if asked is None:
+        return max(_LEAST, _EXPOSURES * float(manifest["exposure_s"]))
+    if not (isfinite(asked) and asked >= 0):
+        raise SettingError("--timeout", f"{asked:g} s", "seconds above 0, or 0 for as long as it takes")
+    return asked or None
+
+
+class Calls:
+    """Calls of a driver, each answered within a limit; a context, in which they share one thread.
+
+    One thread, for there are drivers that answer none but the one that loaded them; a daemon, for nothing but the end
+    of the process ends a driver that hangs.
+
+    Args:
+        device: the driver.
+        limit: seconds; None calls where it stands, and waits as long as it takes.
+    """
+
+    def __init__(self, device: Device, limit: float | None) -> None:
+        self.device, self.limit = device, limit
+        self._asked: SimpleQueue[tuple[Callable[[], Any], SimpleQueue[Any]] | None] = SimpleQueue()
+
+    def __enter__(self) -> Calls:
+        if self.limit is not None:
+            Thread(target=self._answer, name="tmca device", daemon=True).start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._asked.put(None)
+
+    def of(self, call: Callable[[], T]) -> T:
+        """What a call returns.
+
+        Raises:
+            DeviceError: whatever fails in it, or no answer within the limit.
+        """
+        with answering(self.device):
+            return call() if self.limit is None else self._waited(call, self.limit)
+
+    def _waited(self, call: Callable[[], T], limit: float) -> T:
+        answer: SimpleQueue[Any] = SimpleQueue()
+        self._asked.put((call, answer))
+        try:
+            found, error = answer.get(timeout=min(limit, TIMEOUT_MAX))
+        except Empty:
+            remedy = "see to the device, and run the same command again, or with a longer --timeout"
+            said = f"no answer in {limit:g} s"
+            raise DeviceError(f"device {type(self.device).__name__}", said, "one", remedy) from None
+        if error is not None:
+            raise error
+        result: T = found
+        return result
+
+    def _answer(self) -> None:
+        while (asked := self._asked.get()) is not None:
+            call, answer = asked
+            try:
+                answer.put((call(), None))
+            except BaseException as error:  # KeyboardInterrupt and SystemExit too: whoever waits has to hear of it
+                answer.put((None, error))

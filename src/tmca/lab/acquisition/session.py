@@ -1,0 +1,265 @@
+"""A capture: every frame of an export on a bench, kept as soon as it is there, and joined to a snapshot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from tmca.cameras import Camera, Snapshot
+from tmca.errors import DataError, DeviceError, SettingError, check_range
+from tmca.lab.acquisition.captures import (
+    DARK,
+    SOURCE,
+    WHOLE,
+    Frame,
+    captured_so_far,
+    check_frame,
+    frames_of,
+    is_of,
+    keep,
+    read_captures,
+    read_tif,
+    resumed,
+    warn_of_frames,
+)
+from tmca.lab.acquisition.drivers import Calls, Device, Named, Recorded, saturation_of, time_limit, units_of
+from tmca.lab.acquisition.simulated import SimulatedBench
+from tmca.lab.display.codes import Planes, planes_of, terms_of
+from tmca.lab.display.devices import DeviceDescription, step_of
+from tmca.lab.display.export import Export
+from tmca.lab.display.manifest import check_export, checksum, device_of, exposed_whole, read_export, read_manifest
+from tmca.lab.notes import AVERAGED, CODES_DATE, DRIVER, GAIN, SATURATED, WHITE
+from tmca.sensor import Sensor
+
+_SAME_SURFACE = 1e-10
+"""Metres by which Zernike terms of the same masks may differ."""
+Progress = Callable[[int, int, str], None]
+
+
+def capture(
+    export: str | Path,
+    device: Device,
+    out: str | Path,
+    *,
+    gain: float | None = 1.0,
+    repeats: int = 1,
+    camera: Camera | None = None,
+    bench: Mapping[str, Any] | None = None,
+    timeout: float | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Capture every frame of an export; what is there already stays, but of frames that are files.
+
+    Writes ``dark.tif``, ``slot_NNN.tif`` or ``exposure.tif`` (16 bits), repeats as ``…_r1.tif`` and so on, and
+    ``captures.json`` with their checksums. Warns of copies, of frames without light and of too low numbers.
+
+    Args:
+        export: its folder.
+        device: the bench.
+        out: folder of the capture; a capture that was stopped goes on there.
+        gain: snapshot units of a digital number, for files; None for those of the bench (``units_of``), which needs the
+            camera.
+        repeats: times that every frame is captured; more of them later add to those that are there.
+        camera: as it is known; where it is given, other codes and frames of another size are refused at once.
+        bench: what frames depend on beside the export (driver, its settings, scene), as JSON values; kept with them.
+        timeout: seconds that a driver has for each of its answers, which then run in a thread of their own; 0 for as
+            long as it takes; 30 s or three exposures, whichever is longer, without. A simulated bench has no limit.
+        progress: told (frames done, all, name).
+
+    Raises:
+        DeviceError: the bench does not answer, not in time, or with something that is no frame; frames so far are kept.
+        DataError: an export or a kept frame that was changed, a saturated capture, another camera's codes, files that
+            are not the frames that are wanted.
+        OutputError: the folder holds something else, or frames of another bench, gain or saturation.
+        SettingError: no repeat, or a time below 0.
+    """
+    check_range("--repeat", repeats, 1, whole=True)
+    manifest, folder = check_export(export), Path(out)
+    if camera is not None:
+        check_camera(export, camera)
+    wanted = frames_of(manifest, repeats)
+    files: Mapping[str, Path] = {}
+    with calls_of(device, manifest, timeout) as calls:
+        saturation = calls.of(lambda: saturation_of(device))
+        units = calls.of(lambda: _units(device, camera, manifest)) if gain is None else gain
+        about = {"gain": units, "saturation": saturation, **(bench or {})}
+        kept = resumed(captured_so_far(folder, export), about, folder)
+        calls.of(lambda: device.load(Export(Path(export), manifest)))
+        if isinstance(device, Recorded):
+            names = [frame.name for frame in wanted]
+            files, kept["frames"] = calls.of(partial(device.files_of_frames, names)), {}
+            wanted += [Frame(name, None, DARK) for name in files if name not in names]
+        size = None if camera is None else tuple(camera.snapshot_shape)
+        for done, frame in enumerate(wanted):
+            if frame.name not in kept["frames"]:
+                values = frame_of(calls, frame.slot, frame.of == WHOLE, frame.name)
+                size = size or (values.shape if values.ndim == 3 else (1, *values.shape))
+                check_frame(values, folder / frame.name, size, saturation)
+                file = files.get(frame.name)
+                source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum(file)}}
+                keep(values, frame, kept, folder, source)
+            if progress:
+                progress(done + 1, len(wanted), frame.name)
+    if not isinstance(device, SimulatedBench):
+        warn_of_frames(folder, kept)
+    return folder
+
+
+def _units(device: Device, camera: Camera | None, manifest: dict[str, Any]) -> float:
+    if camera is None:
+        raise SettingError("gain", "None", "snapshot units of a digital number where no camera is known")
+    return units_of(device, camera.full_scale if exposed_whole(manifest) else camera.white)
+
+
+def calls_of(device: Device, manifest: dict[str, Any], timeout: float | None) -> Calls:
+    """A context of calls of a bench; a simulated one takes as long as it computes."""
+    return Calls(device, None if isinstance(device, SimulatedBench) else time_limit(manifest, timeout))
+
+
+def frame_of(calls: Calls, slot: int | None, whole: bool, name: str) -> NDArray[np.integer]:
+    """(H, W) or (C, H, W) digital numbers of a slot, or of a whole exposure, and its name for benches that ask for it.
+
+    Raises:
+        DeviceError: no answer, or something that is no frame.
+    """
+    device = calls.device
+    if isinstance(device, Named):
+        named = device
+        calls.of(lambda: named.name_frame(name))
+    calls.of(lambda: device.show(slot))
+    values: NDArray[Any] = calls.of(lambda: np.asarray(device.capture(whole=whole)))
+    whole_numbers = np.issubdtype(values.dtype, np.integer)
+    if not whole_numbers or values.ndim not in (2, 3) or values.size == 0 or values.min() < 0 or values.max() > 65535:
+        said = f"{values.dtype} values of shape {values.shape}"
+        said += f", {values.min()} to {values.max()}" if whole_numbers and values.size else ""
+        name = type(device).__name__
+        raise DeviceError(f"device {name}", said, "(H, W) or (C, H, W) whole numbers, 0 to 65535", "mend its driver")
+    return values
+
+
+def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[Any]:
+    """The snapshot of a capture: frames less the dark one, masked by the shutter's codes and averaged.
+
+    Repeats of a frame are averaged first. A shutter that was not exported is that of the camera. The share of pixels
+    that saturate in any frame is a note: behind the dark frame and the mask nobody can tell.
+
+    Args:
+        folder: of the capture.
+        export: that was captured.
+        camera: as it is known.
+
+    Raises:
+        DataError: frames that are missing or changed, of another size than the camera's, or of another export; codes
+            that are not the camera's.
+    """
+    kept, place = read_captures(folder), Path(folder)
+    if not is_of(kept, export):
+        raise DataError(folder, f"a capture of {kept['export']}", f"one of {export}", "name the export it is of")
+    check_camera(export, camera)
+    manifest, how = read_manifest(export), kept["taken_with"]
+    wanted = frames_of(manifest)
+    if missing := [frame.name for frame in wanted if frame.name not in kept["frames"]]:
+        raise DataError(folder, f"no frame {', '.join(missing[:3])}", "all of the export", "go on with `tmca capture`")
+    series = _series(place, kept, camera)
+    means = {of: frames.mean(0) for of, frames in series.items()}
+    reached = torch.stack([(frames >= float(how["saturation"])).any(1).any(0) for frames in series.values()]).any(0)
+    names = [frame.name for frame in wanted if frame.of != DARK]
+    whole = names == [WHOLE]
+    frames = torch.stack([means[name] - means[DARK] for name in names]) * float(how["gain"])
+    opened = torch.ones(1, *camera.snapshot_shape[1:]) if whole else _shutter(export, camera)
+    frames = frames * opened.to(frames)[:, None]
+    values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
+    repeats = torch.tensor([float(len(series[name])) for name in names])
+    alike = _repeats(repeats, opened)
+    camera = _with_noise(camera, float(how["gain"]) * _read_noise(series[DARK], repeats, opened, camera), alike)
+    about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
+    about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
+    about |= {SATURATED: float(reached.double().mean()), WHITE: camera.full_scale if whole else camera.white}
+    about |= {AVERAGED: alike * (1 if whole or camera.exposure == "per-slot" else camera.slots)}
+    about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
+    return Snapshot(values[None].float(), camera, about)
+
+
+def _series(folder: Path, kept: dict[str, Any], camera: Camera) -> dict[str, torch.Tensor]:
+    """(R, C, H, W) digital numbers of every frame, with its repeats."""
+    found: dict[str, list[torch.Tensor]] = {}
+    for name, about in kept["frames"].items():
+        values = read_tif(folder / f"{name}.tif").astype(np.float64)
+        values = values[None] if values.ndim == 2 else values
+        if values.shape != camera.snapshot_shape:
+            own, known = ("×".join(map(str, size)) for size in (values.shape, camera.snapshot_shape))
+            raise DataError(folder / f"{name}.tif", f"a frame of {own}", f"{known} pixels")
+        found.setdefault(about["of"], []).append(torch.from_numpy(values))
+    return {of: torch.stack(frames) for of, frames in found.items()}
+
+
+def _repeats(taken: torch.Tensor, opened: torch.Tensor) -> float:
+    """Of every slot alike, that leave as much shot noise of even light as those that were taken of each; whole numbers
+    where all are alike, else less than their mean."""
+    left = (opened / taken[:, None, None]).sum()
+    return float(taken[0]) if bool((taken == taken[0]).all()) or not left else float(opened.sum() / left)
+
+
+def _read_noise(darks: torch.Tensor, repeats: torch.Tensor, opened: torch.Tensor, camera: Camera) -> float:
+    """Root mean square over the pixels of what reading leaves in a joined snapshot, digital numbers.
+
+    Frames of the open slots k, each the mean of R_k repeats, less for each the mean of D dark ones, n times in all:
+    ``σ² (Σ 1 / R_k + n² / D)``, over K² where they are averaged.
+    """
+    opened = opened.to(darks)
+    share = ((opened / repeats.to(darks)[:, None, None]).sum(0) + opened.sum(0) ** 2 / len(darks)).mean()
+    over = 1 if camera.exposure == "per-slot" else len(opened)
+    return float((darks.var(0).mean() * share).sqrt()) / over
+
+
+def _with_noise(camera: Camera, read: float, repeats: float) -> Camera:
+    """The camera, whose sensor reads with this noise in snapshot units, and collects the light of all repeats."""
+    settings: dict[str, Any] = {**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0}
+    if settings["full_well"] is not None:
+        settings["full_well"] *= repeats
+    return camera.replace(sensor=Sensor(**settings))
+
+
+def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:
+    shown = read_export(export)
+    if "shutter" not in shown.planes:
+        shown = planes_of(camera, str(export))
+    return shown.full("shutter", camera.snapshot_shape[1:])
+
+
+def check_camera(export: str | Path, camera: Camera) -> None:
+    """Raises DataError unless an export shows the codes of a camera: else its snapshot would name codes that were not
+    shown."""
+    shown, own = read_export(export), planes_of(camera, str(export))
+    known = {plane["plane"]: plane for plane in read_manifest(export)["planes"]}
+    remedy = "name a snapshot of the camera with these codes (--like)"
+    if shown.slots != camera.slots:
+        raise DataError(export, f"{shown.slots} slots", f"the camera's {camera.slots}", remedy)
+    for name, plane in own.planes.items():
+        if name in known:
+            _check_plane(export, name, device_of(known[name], export), shown, own, remedy)
+        elif name != "shutter" and not torch.equal(plane, plane[:1].expand_as(plane)):
+            raise DataError(export, f"no {name}", "one, which changes from slot to slot", "export it to a device too")
+
+
+def _check_plane(
+    export: str | Path, name: str, device: DeviceDescription, shown: Planes, own: Planes, remedy: str
+) -> None:
+    if device.kind == "deformable-mirror":
+        assert shown.modes is not None
+        codes, wanted = shown.modes["coefficients"], torch.from_numpy(terms_of(own, device).rms).float()
+        allowed = _SAME_SURFACE
+    else:
+        codes, wanted = shown.planes[name], own.planes[name]
+        allowed = step_of(device) if device.kind == "lcos" else 0.0
+    if codes.shape != wanted.shape:
+        size = f"{name} of {tuple(codes.shape)}"
+        raise DataError(export, size, f"the camera's {tuple(wanted.shape)}", f"export it for that size, or {remedy}")
+    if float((codes - wanted).abs().max()) > allowed:
+        raise DataError(export, f"other codes in the {name}", "those of the camera", remedy)

@@ -1,1 +1,0 @@
-"""Frames that the steps of a calibration need, taken by a bench."""

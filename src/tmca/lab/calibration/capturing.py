@@ -1,0 +1,190 @@
+"""Frames that the steps of a calibration need, taken by a bench and kept as soon as they are there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import torch
+
+from tmca.cameras import Camera
+from tmca.data import make_folder, metres_to_nm
+from tmca.errors import DataError, OutputError, SettingError
+from tmca.lab.acquisition.captures import captured_so_far, check_frame, keep, resumed
+from tmca.lab.acquisition.drivers import Device, Lamp, Recorded, saturation_of
+from tmca.lab.acquisition.session import Progress, calls_of, check_camera, frame_of
+from tmca.lab.calibration.captures import calibration_patterns, read_patterns, write_patterns
+from tmca.lab.calibration.shots import CODES, OPEN, PATTERNS, Asked, Shot, pair_name
+from tmca.lab.calibration.steps import step_of, steps_of
+from tmca.lab.display.codes import Planes
+from tmca.lab.display.export import Export, export_like
+from tmca.lab.display.manifest import check_export, device_of, placement_of, read_manifest
+
+
+def shots_of(step: str, camera: Camera, manifest: dict[str, Any], asked: Asked) -> list[Shot]:
+    """Frames of a step, named as `tmca calibrate` knows them.
+
+    Raises:
+        SettingError: a step that this camera does not have, or needs a wavelength.
+    """
+    known = steps_of(camera, manifest)
+    if step not in known:
+        raise SettingError("step", repr(step), f"one of this camera behind these devices: {', '.join(known)}")
+    slot = int(step.removeprefix("psf")) if step.startswith("psf") else 0
+    return list(step_of(step).acquire(camera, manifest, asked, slot))
+
+
+def capture_step(
+    step: str,
+    export: str | Path,
+    device: Device,
+    out: str | Path,
+    camera: Camera,
+    asked: Asked | None = None,
+    *,
+    bench: Mapping[str, Any] | None = None,
+    timeout: float | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Capture the frames of a step into ``OUT/STEP``, 16-bit TIFF named as `tmca calibrate` reads them.
+
+    What is there already stays. The codes that are shown lie on the devices as those of the export do, so that a
+    registration holds for them; ``OUT/patterns`` keeps the patterns as pictures.
+
+    Args:
+        step: of ``steps_of``.
+        export: folder of `tmca export` with the codes that are to be captured afterwards.
+        device: the bench; one that is a ``Lamp`` is told the light of every frame.
+        out: folder of all steps.
+        camera: whose codes were exported.
+        asked: how many frames and which light.
+        bench: what frames depend on beside the export, as JSON values; kept with them.
+        timeout: see `tmca.lab.acquisition.capture`.
+        progress: told (frames done, all, name).
+
+    Returns:
+        The folder of the step.
+
+    Raises:
+        SettingError: a step that this camera does not have, several lights before a bench that sets none, or frames
+            that were taken before in the place of a bench.
+        DeviceError: the bench does not answer; frames so far are kept.
+        DataError: another camera's export, or saturated frames of a step that may have none.
+        OutputError: the folder holds something else, or frames of another bench.
+    """
+    asked = asked or Asked()
+    if isinstance(device, Recorded):
+        refuse_recorded(type(device).__name__)
+    manifest = check_export(export)
+    check_camera(export, camera)
+    shots = shots_of(step, camera, manifest, asked)
+    lights = len({shot.light for shot in shots})
+    if lights > 1 and not isinstance(device, Lamp):
+        remedy = "take them one after the other (--wavelength), or give the driver illuminate(light)"
+        raise SettingError(f"frames of {step}", f"{lights} lights", "one, where the bench sets none", remedy)
+    shown, folder, loaded = ShownCodes(export, Path(out), asked), Path(out) / step, ""
+    with calls_of(device, manifest, timeout) as calls:
+        saturation = calls.of(lambda: saturation_of(device))
+        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_kept_with(step, asked)}
+        kept = resumed(captured_so_far(folder, export), about, folder)
+        for done, shot in enumerate(shots):
+            if shot.name not in kept["frames"]:
+                if shot.shown != loaded:
+                    calls.of(partial(device.load, shown.export(shot.shown)))
+                    loaded = shot.shown
+                if isinstance(device, Lamp):
+                    calls.of(partial(device.illuminate, shot.light))
+                values = frame_of(calls, shot.slot, shot.whole, f"{step}/{shot.name}")
+                most = np.inf if step == "linearity" else saturation
+                check_frame(values, folder / shot.name, tuple(camera.snapshot_shape), most)
+                # of a sensor with channels their mean, as colours are read
+                keep(
+                    values if values.ndim == 2 else np.rint(values.mean(0)).astype(np.uint16), shot.frame, kept, folder
+                )
+            if progress:
+                progress(done + 1, len(shots), shot.name)
+    return folder
+
+
+def refuse_recorded(name: str) -> NoReturn:
+    """Raises SettingError for frames of other software in the place of a bench."""
+    found = f"{name}, frames that were taken before"
+    remedy = "name other frames as docs/calibration.md says, and measure their folder: tmca calibrate STEP FOLDER"
+    raise SettingError("--device", found, "simulated or a driver, which takes the frames of a calibration", remedy)
+
+
+def _kept_with(step: str, asked: Asked) -> dict[str, Any]:
+    """What measuring a step has to know of its frames."""
+    if step == "white":
+        return {"reflectance": asked.reflectance}
+    if step == "registration" and asked.wavelengths:
+        return {"wavelength_nm": round(float(metres_to_nm(asked.wavelengths[0])), 6)}
+    return {"pattern": asked.pattern} if step in ("dispersion", "shear") else {}
+
+
+class ShownCodes:
+    """Exports of what a calibration shows, for the devices of a capture, placed as its own codes are; written into
+    ``FOLDER/shown`` when they are asked for.
+
+    Args:
+        export: of the codes that are to be captured afterwards.
+        folder: of the calibration's frames; ``FOLDER/patterns`` holds the patterns as pictures.
+        asked: how many of them.
+    """
+
+    def __init__(self, export: str | Path, folder: Path, asked: Asked) -> None:
+        self.source, self.manifest, self.folder, self.asked = Path(export), read_manifest(export), folder, asked
+        # the shutter of other devices than a coded exposure is laid on the frames afterwards
+        planes = {about["plane"]: (device_of(about, export), about) for about in self.manifest["planes"]}
+        self.placed = {
+            plane: (device, placement_of(about))
+            for plane, (device, about) in planes.items()
+            if plane == "aperture" or device.kind == "coded-exposure"
+        }
+
+    def export(self, name: str) -> Export:
+        """The codes of a ``Shot`` for the devices.
+
+        Raises:
+            DataError: an export without an aperture of pixels.
+            OutputError: other patterns in their place.
+        """
+        if name == CODES:
+            return Export(self.source, self.manifest)
+        if "aperture" not in self.placed:
+            found = f"an export of {', '.join(self.placed) or 'masks'}"
+            raise DataError(self.source, found, "an aperture of pixels", "export it to the device that shows it")
+        planes = self._patterns() if name == PATTERNS else self._slots(name)
+        placed = {plane: self.placed[plane] for plane in planes}
+        codes = Planes("codes of a calibration", self.manifest["camera"], planes)
+        slot = float(self.manifest["exposure_s"]) / int(self.manifest["slots"])
+        return export_like(codes, placed, self.folder / "shown" / name, slot)
+
+    def _patterns(self) -> dict[str, torch.Tensor]:
+        size, place = self.placed["aperture"][1].code, self.folder / "patterns"
+        own = calibration_patterns(size, self.asked.count)
+        if not place.exists():
+            make_folder(self.folder)
+            write_patterns(place, size, self.asked.count)
+        if not np.array_equal(read_patterns(place), own):
+            raise OutputError(place, "other patterns", "those of this calibration", "choose another folder")
+        return {"aperture": torch.from_numpy(own).float()}
+
+    def _slots(self, name: str) -> dict[str, torch.Tensor]:
+        """All open in every slot, or in one slot of each plane."""
+        slots = int(self.manifest["slots"])
+        pairs = {pair_name(i, j): (i, j) for i in range(slots) for j in range(slots)} | {OPEN: (None, None)}
+        return {
+            plane: _open(slots, self.placed[plane][1].code, only)
+            for plane, only in zip(("aperture", "shutter"), pairs[name], strict=True)
+            if plane in self.placed
+        }
+
+
+def _open(slots: int, size: tuple[int, int], only: int | None) -> torch.Tensor:
+    """(K, H, W) open in one slot, or in all of them."""
+    chosen = torch.ones(slots) if only is None else torch.eye(slots)[only]
+    return chosen[:, None, None].expand(slots, *size).contiguous()

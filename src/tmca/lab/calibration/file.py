@@ -1,0 +1,316 @@
+"""One dated calibration: a NetCDF file with a group for every step that was measured.
+
+Files are never changed: every step writes a new one, which holds the steps before it too.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.data import atomic_path, check_target, checksum_of, plain, read_dataset
+from tmca.errors import DataError
+from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.displacement import MeasuredShear
+from tmca.lab.calibration.psf import PsfStack, ZernikeFit
+from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
+from tmca.lab.calibration.timing import Timing
+from tmca.lab.notes import date_of_frames, parsed_date
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FORMAT, FORMAT_1 = "tmca calibration 2", "tmca calibration 1"
+"""Of version 0.1 a NetCDF file of all steps lay beside a JSON file that told of them."""
+KINDS: dict[str, Any] = {
+    "dark": DarkField,
+    "flat": FlatField,
+    "linearity": Linearity,
+    "registration": Registration,
+    "dispersion": MeasuredDispersion,
+    "shear": MeasuredShear,
+    "timing": Timing,
+    "psf": PsfStack,
+    "wavefront": ZernikeFit,
+}
+"""Name of a part → what it holds; of ``psf`` and ``wavefront`` there is one per slot, with its number at the end."""
+DIMS: dict[str, dict[str, str]] = {
+    "dark": {"mean": "y x", "read_noise": "y x", "defects": "y x"},
+    "flat": {"gain": "y x", "defects": "y x"},
+    "linearity": dict.fromkeys(("exposures", "levels", "variances", "deviations"), "exposure"),
+    "registration": {
+        "matrix": "axis row_column_shift", "std": "axis row_column_shift", "codes": "axis", "sensor": "axis",
+    },
+    "dispersion": {
+        "shifts": "wavelength axis", "std": "wavelength axis", "wavelengths": "wavelength", "response": "wavelength",
+        "misfit": "wavelength", "coefficients": "power axis", "residual": "axis",
+    },
+    "shear": {
+        "places": "view axis", "shifts": "view axis", "light": "view", "step": "axis", "std": "axis", "cross": "axis",
+    },
+    "timing": {"std": "delay_ratio"},
+    "psf": {
+        "values": "depth wavelength y x", "depths": "depth", "wavelengths": "wavelength", "centres": "depth axis",
+        "noise": "depth wavelength",
+    },
+    "wavefront": {"modes": "mode n_m", "coefficients": "mode", "std": "mode", "tilts": "depth tilt"},
+}  # fmt: skip
+UNITS = {
+    "matrix": "sensor pixels per code pixel, and sensor pixels",
+    "shifts": "sensor pixels",
+    "step": "sensor pixels per view",
+    "delay": "slots of the aperture",
+    "coefficients": "m rms of height",
+    "wavelengths": "m",
+    "depths": "m",
+    "exposures": "s",
+}
+_SENSOR_ALONE = ("dark", "flat", "linearity")
+_STAMP = re.compile(r"_\d{4}-\d{2}-\d{2}T\d{6}(-\d+)?$")
+_OF_STEP = ("residuals", "sources", "settings")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was measured of one camera.
+
+    Args:
+        parts: name (``dark``, ``flat``, ``registration``, … , ``wavefront0``) → what was measured.
+        about: ``camera`` (name, sensor, codes), ``created``, ``builds_on``, and ``steps``: of every part its
+            ``residuals``, ``sources``, ``settings`` and when it was ``measured``.
+        path: of the file; None before it is saved.
+    """
+
+    parts: Mapping[str, Any]
+    about: Mapping[str, Any]
+    path: Path | None = None
+
+    @classmethod
+    def empty(cls, name: str = "") -> Calibration:
+        """Of a camera of this name, before anything is measured."""
+        return cls({}, {"camera": {"name": name, "sensor": None, "codes": None}, "steps": {}})
+
+    def part(self, name: str) -> Any:
+        """The part of this name, None if it was not measured."""
+        return self.parts.get(name)
+
+    def settings(self, name: str) -> Mapping[str, Any]:
+        """Of the step that measured a part, none where it was not measured."""
+        return dict(self.about["steps"].get(name, {}).get("settings", {}))
+
+    @property
+    def where(self) -> str:
+        """Its file, for messages."""
+        return "calibration" if self.path is None else str(self.path)
+
+    @property
+    def created(self) -> datetime | None:
+        """When it was written; None before."""
+        stated = self.about.get("created")
+        return None if stated is None else parsed_date(stated, self.where)
+
+    @property
+    def codes_seen(self) -> datetime | None:
+        """When the oldest step was measured that shows codes or masks; when it was written where there is none."""
+        own = [about for name, about in self.about["steps"].items() if kind_of(name) not in _SENSOR_ALONE]
+        return min((parsed_date(about["measured"], self.where) for about in own), default=self.created)
+
+    def with_part(
+        self,
+        name: str,
+        part: Any,
+        residuals: Mapping[str, float],
+        sources: Sequence[str | Path] = (),
+        *,
+        sensor: tuple[int, ...] | None = None,
+        codes: tuple[int, ...] | None = None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> Calibration:
+        """This and one more step, or one measured again, dated by the oldest of its frames where a list of captures
+        lies beside them, else by now.
+
+        Args:
+            name: of the part.
+            part: what was measured.
+            residuals: what the step says of its own errors.
+            sources: files and folders it was measured from.
+            sensor, codes: (rows, columns) of sensor and mask.
+            settings: of the step.
+
+        Raises:
+            DataError: a sensor or mask of another size than in the steps before: another camera.
+        """
+        camera = dict(self.about["camera"])
+        for what, size in (("sensor", sensor), ("codes", codes)):
+            if size is not None and camera.get(what) not in (None, list(size)):
+                found, known = ("×".join(map(str, n)) for n in (size, camera[what]))
+                remedy = "calibrate another camera in a calibration of its own"
+                raise DataError(self.where, f"{what} of {found} pixels in {name}", f"{known} as before", remedy)
+            camera[what] = camera.get(what) if size is None else list(size)
+        now = _now()
+        step = {
+            "residuals": dict(residuals),
+            "sources": [{"path": str(source), "sha256": checksum_of(source)} for source in sources],
+            "settings": dict(settings or {}),
+            "measured": min(now, date_of_frames(sources) or now).isoformat(),
+        }
+        about = {**self.about, "camera": camera, "steps": {**self.about["steps"], name: step}}
+        return Calibration({**self.parts, name: part}, about, self.path)
+
+    def only(self, *names: str) -> Calibration:
+        """With these parts alone."""
+        return Calibration({k: v for k, v in self.parts.items() if k in names}, self.about, self.path)
+
+    def without(self, *names: str) -> Calibration:
+        """With all other parts."""
+        return Calibration({k: v for k, v in self.parts.items() if k not in names}, self.about, self.path)
+
+    def save(self, prefix: str | Path) -> Calibration:
+        """Write ``PREFIX_YYYY-MM-DDThhmmss.nc`` (UTC), a group for every part; a name that is taken gets a number.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        import xarray as xr
+
+        from tmca import __version__
+
+        now = _now()
+        path, builds_on = _free(Path(prefix), now), None if self.path is None else self.path.name
+        about = {
+            "format": FORMAT, "created": now.isoformat(), "tmca_version": __version__, "builds_on": builds_on,
+            "camera": self.about["camera"],
+        }  # fmt: skip
+        groups = {"/": xr.Dataset(attrs={k: json.dumps(plain(v)) for k, v in about.items()})}
+        groups |= {name: _group(name, part, self.about["steps"][name]) for name, part in self.parts.items()}
+        with atomic_path(path) as temporary:
+            xr.DataTree.from_dict(groups).to_netcdf(temporary, engine="h5netcdf")
+        return Calibration(self.parts, {**about, "steps": self.about["steps"]}, path)
+
+
+def kind_of(name: str) -> str:
+    """``psf`` of ``psf0``."""
+    return name.rstrip("0123456789")
+
+
+def _group(name: str, part: Any, step: Mapping[str, Any]) -> xr.Dataset:
+    """Variables of a part with their units, and what its step says as attributes."""
+    import xarray as xr
+
+    values = {field.name: getattr(part, field.name) for field in fields(part)}
+    attrs = {key: json.dumps(plain(step[key])) for key in _OF_STEP} | {"measured": step["measured"]}
+    attrs |= {key: value for key, value in values.items() if isinstance(value, str)}
+    dims = DIMS[kind_of(name)]
+    variables = {
+        key: (dims.get(key, "").split(), np.asarray(value), {"units": UNITS[key]} if key in UNITS else {})
+        for key, value in values.items()
+        if value is not None and not isinstance(value, str)
+    }
+    return xr.Dataset(variables, attrs=attrs)
+
+
+def _part(name: str, data: xr.Dataset, where: object, before: str = "") -> Any:
+    """The part in a group, or of variables whose names begin with ``before``."""
+    kind, values = KINDS[kind_of(name)], {}
+    for field in fields(kind):
+        key = before + field.name
+        if key in data.variables:
+            values[field.name] = _typed(data[key].values, str(field.type))
+        elif key in data.attrs:
+            values[field.name] = str(data.attrs[key])
+        elif field.default is MISSING:
+            raise DataError(where, f"no {key}", f"all of {name}", "measure it again")
+    return kind(**values)
+
+
+def _typed(value: np.ndarray, kind: str) -> Any:
+    if kind.startswith("tuple[Mode"):
+        return tuple((int(n), int(m)) for n, m in value)
+    if kind.startswith("tuple"):
+        return tuple(int(n) for n in value)
+    plain_types = {"bool": bool, "int": int, "float": float, "float | None": float}
+    return plain_types[kind](value) if kind in plain_types else value
+
+
+def _now() -> datetime:
+    return datetime.now(UTC).replace(microsecond=0)
+
+
+def _free(prefix: Path, now: datetime) -> Path:
+    """A name that no calibration has."""
+    name = prefix.name.removesuffix(".nc").removesuffix(".json")
+    base = prefix.with_name(f"{_STAMP.sub('', name)}_{now:%Y-%m-%dT%H%M%S}")
+    path, number = Path(f"{base}.nc"), 1
+    while path.exists():
+        number += 1
+        path = Path(f"{base}-{number}.nc")
+    check_target(path)
+    return path
+
+
+def find_calibration(path: str | Path) -> Path:
+    """The file of a calibration: itself, that beside a JSON file of version 0.1, or the newest ``PATH_DATE.nc``.
+
+    Raises:
+        DataError: there is none.
+    """
+    path = Path(path)
+    if path.suffix == ".json" and path.with_suffix(".nc").is_file():
+        return path.with_suffix(".nc")
+    if path.is_file():
+        return path
+    dated = [f for f in path.parent.glob(f"{path.name}_*.nc") if _STAMP.sub("", f.stem) == path.name]
+    if not dated:
+        raise DataError(path, "no such calibration", "a file of tmca calibrate", "check the name")
+    return max(dated, key=lambda f: (f.stem[: len(path.name) + 18], len(f.stem), f.stem))
+
+
+def load_calibration(path: str | Path) -> Calibration:
+    """Read a calibration, also one of version 0.1.
+
+    Raises:
+        DataError: no calibration, a damaged one, or one of version 0.1 without its JSON file.
+    """
+    path = find_calibration(path)
+    data = read_dataset(path)
+    read = _read_1 if data.attrs.get("format") == FORMAT_1 else _read
+    try:
+        return read(path, data)
+    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
+        found = f"no calibration ({type(error).__name__}: {error})"
+        raise DataError(path, found, f"a file of tmca calibrate, {FORMAT!r}", "take an unchanged copy") from error
+
+
+def _read(path: Path, data: xr.Dataset) -> Calibration:
+    import xarray as xr
+
+    about = {key: json.loads(data.attrs[key]) for key in ("format", "created", "tmca_version", "builds_on", "camera")}
+    if about["format"] != FORMAT:
+        raise ValueError(f"format {about['format']!r}")
+    with xr.open_datatree(path, engine="h5netcdf") as tree:
+        groups = {name: group.to_dataset().load() for name, group in tree.children.items()}
+    steps = {
+        name: {key: json.loads(group.attrs[key]) for key in _OF_STEP} | {"measured": group.attrs["measured"]}
+        for name, group in groups.items()
+    }
+    return Calibration(
+        {name: _part(name, group, path) for name, group in groups.items()}, about | {"steps": steps}, path
+    )
+
+
+def _read_1(path: Path, data: xr.Dataset) -> Calibration:
+    """Of version 0.1: variables ``NAME_FIELD``, and a JSON file beside them."""
+    side = path.with_suffix(".json")
+    if not side.is_file():
+        raise DataError(path, f"no {side.name} beside it", "both files of a calibration", "copy both")
+    about = json.loads(side.read_text(encoding="utf-8"))
+    parts = {name: _part(name, data, path, f"{name}_") for name in about["steps"]}
+    return Calibration(parts, {key: about[key] for key in ("camera", "steps", "created")} | about, path)

@@ -1,0 +1,349 @@
+"""What the captures of each step of a calibration say: parts with their residuals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.data import nm_to_metres
+from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.captures import averaged, corrected, named, read_captures, read_patterns, taken_with
+from tmca.lab.calibration.dispersion import REGISTERED_AT, Curve, measure_dispersion
+from tmca.lab.calibration.displacement import measure_shear
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
+from tmca.lab.calibration.registration import register
+from tmca.lab.calibration.sensor import ROUNDING, measure_dark, measure_flat, measure_linearity
+from tmca.lab.calibration.timing import measure_timing
+from tmca.lab.frames import Array, Frames
+
+if TYPE_CHECKING:
+    pass
+
+VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
+SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
+POINT = re.compile(r"(\d+(?:\.\d+)?)m_(\d+(?:\.\d+)?)nm(?:_|$)")
+WAVE = re.compile(r"(\d+(?:\.\d+)?)nm(?:_|$)")
+EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)ms(?:_|$)")
+
+
+@dataclass(frozen=True)
+class Told:
+    """What frames do not say themselves; where None, what the bench kept with them, or the default.
+
+    Args:
+        patterns: folder of those that were shown.
+        pattern: which of them dispersion and shear show, from 0; 3.
+        white: frames of a white scene, mask and shutter held open for the exposure of a snapshot; without them the
+            level of the flat stands for white.
+        reflectance: of that scene, as a share: a grey reference does not saturate; 1.
+        wavelength: of the registration, metres; needed before a disperser.
+        scale: sensor pixels per mask pixel, to 6 %.
+        device: (rows, columns) of the mask, to be checked.
+        power: text file of the source's power: nm, power.
+        curve, order: of the dispersion, see `tmca.lab.calibration.dispersion.measure_dispersion`.
+        camera: a snapshot file of the camera, whose masks and bench ``psf`` frames are of.
+        slot: whose mask they show.
+        saturation: of all frames.
+    """
+
+    patterns: str | Path | None = None
+    pattern: int | None = None
+    white: str | Path | None = None
+    reflectance: float | None = None
+    wavelength: float | None = None
+    scale: float = 1.0
+    device: tuple[int, int] | None = None
+    power: str | Path | None = None
+    curve: Curve = "cauchy"
+    order: int = 3
+    camera: str | Path | None = None
+    slot: int = 0
+    saturation: float | None = None
+
+
+@dataclass(frozen=True)
+class Captured:
+    """Frames of a step, and what it builds on."""
+
+    frames: Frames
+    path: Path
+    calibration: Calibration
+    told: Told
+
+    def known(self, name: str) -> Any:
+        """What was told, else what the bench kept with the frames."""
+        given = getattr(self.told, name)
+        return taken_with(self.path).get(name) if given is None else given
+
+    def corrected(self) -> Array:
+        """(N, H, W) light of all frames."""
+        return corrected(self.frames.values, self.calibration)
+
+    def by_name(self, pattern: re.Pattern[str], example: str) -> tuple[Array, list[tuple[float, ...]]]:
+        """Light of the frames, those of one name averaged, and the numbers in their names, ascending."""
+        values, keys = averaged(self.frames.values, named(self.frames, pattern, example))
+        return corrected(values, self.calibration), keys
+
+    def patterns(self) -> Array:
+        """(P, h, w) that were shown."""
+        if self.told.patterns is None:
+            raise SettingError("--patterns", "none", "the folder of those that were shown")
+        return read_patterns(self.told.patterns, self.told.device)
+
+    def pattern(self) -> tuple[int, Array]:
+        """Number and (h, w) of the pattern that was shown, of the size that was registered."""
+        index, shown = self.known("pattern"), read_patterns(self.told.patterns or "", self.part("registration").codes)
+        index = 3 if index is None else int(index)
+        if not 0 <= index < len(shown):
+            raise SettingError("pattern", str(index), f"0 to {len(shown) - 1}")
+        if (share := shown[index].mean()) in (0.0, 1.0):
+            raise SettingError("pattern", f"{index}, which is all {'open' if share else 'dark'}", "a coded one")
+        return index, shown[index]
+
+    def part(self, name: str) -> Any:
+        """What was measured before."""
+        return self.calibration.part(name)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What a step measured.
+
+    Args:
+        part: see `tmca.lab.calibration.file.KINDS`.
+        residuals: what it says of its own errors.
+        settings: of the fit.
+        sources: beside the frames; None are left out.
+        codes: (rows, columns) of the mask.
+    """
+
+    part: Any
+    residuals: Mapping[str, float]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    sources: Iterable[str | Path | None] = ()
+    codes: tuple[int, int] | None = None
+
+
+def dark(seen: Captured) -> dict[str, Fitted]:
+    found, top = measure_dark(seen.frames.values, source=seen.path), seen.frames.top
+    residuals = {
+        "offset_dn": float(found.mean.mean()),
+        "read_noise_dn": found.noise,
+        "hot_pixels": float((found.defects > 0).sum()),
+        "frames": float(found.frames),
+        "level_of_saturation": float(np.median(found.mean)) / top,
+        "noise_of_saturation": float(np.sqrt((found.read_noise**2).mean())) / top,
+        "drift_of_noise": found.drift,
+    }
+    return {"dark": Fitted(found, residuals)}
+
+
+def flat(seen: Captured) -> dict[str, Fitted]:
+    dark, told = seen.part("dark"), seen.told
+    reflectance = 1.0 if told.reflectance is None else told.reflectance
+    if not 0 < reflectance <= 1:
+        raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
+    found = measure_flat(seen.frames.values, dark, source=seen.path)
+    level, changes = found.level, found.std * np.sqrt(found.frames)
+    if told.white is not None:
+        level, white = _white(told.white, seen.calibration.with_part("flat", found, {}), told.saturation)
+        changes = max(changes, white)
+    level /= reflectance
+    residuals = {
+        "level_dn": found.level,
+        "nonuniformity": found.nonuniformity,
+        "std": found.std,
+        "dead_pixels": float((found.defects > 0).sum()),
+        "dead_share": float((found.defects > 0).mean()),
+        "change_from_frame_to_frame": float(changes),
+        "white_level_dn": level,
+        "white_level_of_saturation": level / (seen.frames.top - float(np.median(dark.mean))),
+    }
+    return {"flat": Fitted(found, residuals, {"white_level": level, "reflectance": reflectance}, [told.white])}
+
+
+def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> tuple[float, float]:
+    """Level of white in the middle third of the sensor, where a disperser lays all bands on one another, and the noise
+    of a pixel as a share of it."""
+    frames = read_captures(path, saturation=saturation, sensor=calibration.about["camera"]["sensor"])
+    rows, columns = (slice(n // 3, n - n // 3) for n in frames.values.shape[1:])
+    values = corrected(frames.values, calibration)[:, rows, columns]
+    level = float(np.median(values.mean(axis=0)))
+    if level < 10 * calibration.part("dark").noise:
+        raise DataError(path, f"white of {level:.3g} above the dark", "ten times its noise", "give more light")
+    noise = float(np.sqrt(values.var(axis=0, ddof=1).mean())) if len(values) > 1 else 0.0
+    return level, noise / level
+
+
+def linearity(seen: Captured) -> dict[str, Fitted]:
+    times = np.array([key[0] for key in named(seen.frames, EXPOSURE, "even_5ms_0")])
+    distinct, counts = np.unique(times, return_counts=True)
+    if counts.min() < 2 or len(set(counts.tolist())) > 1:
+        found = f"{counts.min()} to {counts.max()} frames at {distinct[int(counts.argmin())]:g} ms and others"
+        raise DataError(seen.path, found, "as many, two or more, at every exposure", "capture the missing ones")
+    chosen = [np.flatnonzero(times == time) for time in distinct]
+    values, full = (np.stack([part[i] for i in chosen]) for part in (seen.frames.values, seen.frames.saturated))
+    measured = measure_linearity(distinct * 1e-3, values, seen.part("dark"), full, source=seen.path)
+    residuals = {
+        "largest_deviation": measured.largest_deviation,
+        "saturation_dn": measured.saturation,
+        "electrons_per_dn": measured.gain,
+        "electrons_per_dn_std": measured.gain_std,
+        "read_noise_electrons": measured.read_noise,
+        "full_well_electrons": measured.full_well,
+        "frames_of_one_exposure": measured.unlike,
+    }
+    return {"linearity": Fitted(measured, residuals)}
+
+
+def registration(seen: Captured) -> dict[str, Fitted]:
+    shown, told, wave = seen.patterns(), seen.told, seen.told.wavelength
+    if wave is None and (kept := taken_with(seen.path).get("wavelength_nm")) is not None:
+        wave = float(nm_to_metres(kept))
+    above_dark = seen.part("dark") is not None
+    found = register(
+        seen.corrected(), shown, scale=told.scale, wavelength=wave, above_dark=above_dark, source=seen.path
+    )
+    residuals = {
+        "residual_of_contrast": found.residual,
+        "corner_std_pixels": found.edge_std,
+        "blur_pixels": found.blur,
+        "mirrored": float(np.linalg.det(found.matrix[:, :2]) < 0),
+        "scale": found.scale,
+        "turn_degrees": float(np.rad2deg(np.arctan2(found.matrix[1, 0], found.matrix[0, 0]))),
+    }
+    if found.leakage is not None and found.leakage_std is not None:
+        leaks = {"contrast_ratio": found.contrast_ratio, "leakage": found.leakage, "leakage_std": found.leakage_std}
+        residuals |= leaks
+    settings = {"wavelength_m": wave, "scale": told.scale}
+    return {"registration": Fitted(found, residuals, settings, [told.patterns], found.codes)}
+
+
+def timing(seen: Captured) -> dict[str, Fitted]:
+    registration = seen.part("registration")
+    aperture, std = (0.0, 0.0) if registration is None else (registration.closed_light, registration.leakage_std or 0.0)
+    measured = measure_timing(_pair_levels(seen), aperture_leakage=aperture, aperture_leakage_std=std, source=seen.path)
+    residuals = {
+        "residual_of_a_slot": measured.residual,
+        "delay_slots": measured.delay,
+        "ratio": measured.ratio,
+        "delay_std_slots": float(measured.std[0]),
+        "ratio_std": float(measured.std[1]),
+        "leakage": measured.leakage,
+        "leakage_std": measured.leakage_std,
+        "repeats": float(measured.repeats),
+        "delay_over_the_largest": measured.lateness,
+    }
+    return {"timing": Fitted(measured, residuals, {"aperture_leakage": aperture})}
+
+
+def _pair_levels(seen: Captured) -> Array:
+    """(K, K) mean light with slot i of the aperture and slot j of the shutter open; NaN of pairs without a frame."""
+    light, numbers = seen.by_name(SLOTS, "aperture_0_shutter_1")
+    keys = [(int(i), int(j)) for i, j in numbers]
+    slots = 1 + max(max(key) for key in keys)
+    wanted = [(i, j) for i in range(slots) for j in range(slots) if abs(i - j) <= 1]
+    if gone := [pair for pair in wanted if pair not in keys]:
+        expected = "every slot of the aperture with that of the shutter and with both beside it"
+        raise DataError(seen.path, "no aperture_{}_shutter_{}".format(*gone[0]), expected, "capture it")
+    levels, dark = np.full((slots, slots), np.nan), seen.part("dark")
+    levels[tuple(np.array(keys).T)] = light.mean(axis=(1, 2))
+    noise = 10 * max(dark.noise, ROUNDING) * np.sqrt((1 + 1 / dark.frames) / dark.mean.size)
+    if (top := float(np.nanmax(levels))) < noise:
+        found = f"light of {top:.2g} above the dark in the brightest pair of slots"
+        raise DataError(seen.path, found, f"ten times its noise, {noise:.2g}, or more", "is the lamp on?")
+    return levels
+
+
+def dispersion(seen: Captured) -> dict[str, Fitted]:
+    from tmca.lab.ground_truth.spectra import read_spectra
+
+    registration, told = seen.part("registration"), seen.told
+    light, keys = seen.by_name(WAVE, "band_450nm")
+    nm = np.array([key[0] for key in keys])
+    power = None if told.power is None else np.asarray(read_spectra(told.power).at(nm)[0], dtype=np.float64)
+    index, shown = seen.pattern()
+    found = measure_dispersion(
+        light, np.asarray(nm_to_metres(nm)), shown, registration, power=power, curve=told.curve, order=told.order,
+        source=seen.path,
+    )  # fmt: skip
+    bends = told.curve == "polynomial"
+    residuals = {
+        "x_residual_pixels": float(found.residual[1]),
+        "y_residual_pixels": float(found.residual[0]),
+        "largest_std_pixels": float(found.std.max()),
+        "span_pixels": float(np.ptp(found.shifts[:, 1])),
+        "y_span_pixels": float(np.ptp(found.shifts[:, 0])),
+        "largest_misfit": float(found.misfit.max()),
+        "turning_back_pixels": 0.0 if bends else found.turning_back(),
+        "red_beyond_blue_pixels": 0.0 if bends else found.red_beyond_blue(),
+        "off_registration_pixels": found.off_reference(registration.wavelength),
+    }
+    settings = {"pattern": index, "curve": told.curve, "order": told.order, REGISTERED_AT: registration.wavelength}
+    return {"dispersion": Fitted(found, residuals, settings, [told.patterns, told.power])}
+
+
+def shear(seen: Captured) -> dict[str, Fitted]:
+    light, keys = seen.by_name(VIEW, "view_-1_2")
+    index, shown = seen.pattern()
+    places = [(int(v), int(u)) for v, u in keys]
+    found = measure_shear(light, places, shown, seen.part("registration"), source=seen.path)
+    residuals = {
+        "residual_pixels": found.residual,
+        "y_pixels_per_view": float(found.step[0]),
+        "x_pixels_per_view": float(found.step[1]),
+        "largest_std_pixels_per_view": float(found.std.max()),
+        "largest_cross_term": float(np.abs(found.cross).max()),
+        "along_the_other_axis": found.turned(),
+        "backwards": float((found.step < 0).any()),
+    }
+    return {"shear": Fitted(found, residuals, {"pattern": index}, [seen.told.patterns])}
+
+
+def psf(seen: Captured) -> dict[str, Fitted]:
+    slot = seen.told.slot
+    if seen.told.camera is None:
+        raise DataError(
+            seen.path, "points, and no camera", "a snapshot file that says its masks", "name it: --snapshot"
+        )
+    camera = _phase_mask_camera(seen.told.camera, slot)
+    light, keys = seen.by_name(POINT, "point_0.6m_550nm")
+    depths, nm = (sorted({key[i] for key in keys}) for i in (0, 1))
+    if gone := [(z, w) for z in depths for w in nm if (z, w) not in keys]:
+        found = f"no capture at {gone[0][0]:g} m and {gone[0][1]:g} nm"
+        raise DataError(seen.path, found, f"all of {len(depths)} depths and {len(nm)} wavelengths", "capture it")
+    cube, waves = light.reshape(len(depths), len(nm), *light.shape[1:]), np.asarray(nm_to_metres(np.array(nm)))
+    stack = measure_psf(cube, depths, waves, camera.bench.window, source=seen.path)
+    nominal = camera.codes()[0][slot].detach().double().numpy()
+    fit = fit_zernike_psf(stack, camera.bench, nominal=nominal, source=seen.path)
+    middle = float(stack.wavelengths[len(nm) // 2])
+    residuals = {
+        "residual": fit.residual,
+        "snr_db": stack.snr_db,
+        "rms_waves": wavefront_rms(fit.coefficients, camera.bench, middle),
+        "std_waves": wavefront_rms(fit.std, camera.bench, middle),
+        "starts": float(fit.starts),
+        "worst_point": fit.worst,
+    }
+    return {
+        f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.told.camera]),
+        f"wavefront{slot}": Fitted(fit, residuals, {"wavelength_m": middle}, [seen.told.camera]),
+    }
+
+
+def _phase_mask_camera(snapshot: str | Path, slot: int) -> SpectralDepthCamera:
+    """The camera of a snapshot file, whose mask of a slot is measured."""
+    camera = Snapshot.load(snapshot).camera
+    if not isinstance(camera, SpectralDepthCamera):
+        remedy = "name a snapshot of the camera that the points are of"
+        raise DataError(snapshot, f"a {camera.kind} camera", "a spectral-depth one, with phase masks", remedy)
+    if not 0 <= slot < camera.slots:
+        raise SettingError("--slot", f"{slot}", f"slots 0 to {camera.slots - 1} of a spectral-depth camera")
+    return camera

@@ -1,0 +1,192 @@
+"""The steps of a calibration: one table of what each needs, captures, fits and draws, and the way they are measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.cameras import Camera
+from tmca.errors import DataError
+from tmca.lab.calibration import figures, fits, shots
+from tmca.lab.calibration.apply import out_of_date
+from tmca.lab.calibration.captures import read_captures, taken_with
+from tmca.lab.calibration.file import Calibration, kind_of
+from tmca.lab.calibration.fits import Captured, Fitted, Told
+from tmca.lab.display.manifest import exposed_whole
+from tmca.lab.quality import Doubtful, Limit, Limits, quality_of, warn_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Acquire = Callable[[Any, dict[str, Any], shots.Asked, int], Iterable[shots.Shot]]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step.
+
+    Args:
+        name: of its folder; of ``psf`` there is one per slot, with its number at the end.
+        cameras: kinds that have it.
+        acquire: frames for it: camera, manifest of the export, what is asked, slot → shots.
+        fit: what the frames say, by the name of the part; None where the frames are another step's.
+        figure: draws a part onto two axes.
+        needs: steps that it builds on.
+        limits: of its residuals.
+        may_saturate: whether saturated frames are wanted.
+    """
+
+    name: str
+    cameras: tuple[str, ...]
+    acquire: Acquire
+    fit: Callable[[Captured], dict[str, Fitted]] | None = None
+    figure: Callable[..., None] | None = None
+    needs: tuple[str, ...] = ()
+    limits: Limits = field(default_factory=dict)
+    may_saturate: bool = False
+
+
+_ALL, _MASKED = ("spectral", "light-field", "spectral-depth"), ("spectral", "light-field")
+_COVER = "cover the lens in every frame; give --saturation where the sensor's top is another"
+_EVEN = "capture the same even light in every frame, out of focus"
+_WAVES = "are the wavelengths of the captures and of the registration right?"
+STEPS: dict[str, Step] = {step.name: step for step in (
+    Step("dark", _ALL, shots.dark, fits.dark, figures.dark, limits={
+        "level_of_saturation": Limit(0.25, _COVER),
+        "noise_of_saturation": Limit(0.05, _COVER),
+        "drift_of_noise": Limit(10.0, _COVER),
+    }),
+    Step("flat", _MASKED, shots.flat, fits.flat, figures.flat, ("dark",), {
+        "change_from_frame_to_frame": Limit(0.2, _EVEN),
+        "dead_share": Limit(0.05, _EVEN),
+        "white_level_of_saturation": Limit(1.1, "no capture of a white scene is whole; is --reflectance right?"),
+    }),
+    Step("white", _MASKED, shots.white),
+    Step("linearity", _MASKED, shots.linearity, fits.linearity, figures.linearity, ("dark",), {
+        "frames_of_one_exposure": Limit(0.05, "check the file names; keep the lamp steady"),
+    }, may_saturate=True),
+    Step("registration", _MASKED, shots.registration, fits.registration, figures.registration),
+    Step("timing", _MASKED, shots.timing, fits.timing, figures.timing, ("dark",), {
+        "delay_over_the_largest": Limit(1.0, "check which slots each capture had open, and both triggers"),
+    }),
+    Step("dispersion", ("spectral",), shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"), {
+        "turning_back_pixels": Limit(0.1, f"prisms and gratings displace one way; {_WAVES}"),
+        "red_beyond_blue_pixels": Limit(0.25, f"neither glass nor gratings spread red wider than blue; {_WAVES}"),
+        "off_registration_pixels": Limit(0.25, f"the registration's own light is displaced; {_WAVES}"),
+    }),
+    Step("shear", ("light-field",), shots.shear, fits.shear, figures.shear, ("registration", "dark"), {
+        "along_the_other_axis": Limit(0.5, "name the frames view_ROW_COLUMN; turn the aperture's device upright"),
+        "backwards": Limit(0.5, "as for a --shear below 0; are the views named from the other side?"),
+    }),
+    Step("psf", ("spectral-depth",), shots.psf, fits.psf, figures.wavefront, ("dark",), {
+        "worst_point": Limit(1.0, "check the depths and wavelengths in the names"),
+    }),
+)}  # fmt: skip
+
+
+def step_of(name: str) -> Step:
+    """The step of a folder, ``psf0``, or of a part, ``wavefront0``."""
+    return STEPS[kind_of(name).replace("wavefront", "psf")]
+
+
+def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
+    """Steps of a camera behind the devices of an export, in their order.
+
+    One slot has no timing: no other one says when it begins and ends.
+    """
+    timed = exposed_whole(manifest) and camera.slots > 1
+    own = [step.name for step in STEPS.values() if camera.kind in step.cameras and (step.name != "timing" or timed)]
+    slots = [f"psf{slot}" for slot in range(camera.slots)]
+    return tuple(part for name in own for part in (slots if name == "psf" else [name]))
+
+
+def measure(name: str, calibration: Calibration, path: str | Path, told: Told | None = None) -> Calibration:
+    """A calibration with one more step, whose residuals say its ``quality``: above 1 something may be wrong with the
+    captures, and a warning says what.
+
+    Args:
+        name: of the step.
+        calibration: to build on.
+        path: captures.
+        told: what they do not say.
+
+    Raises:
+        DataError: a step before it is missing, captures that are missing, saturated or dark, or a fit that failed.
+        SettingError: an impossible setting.
+    """
+    step, told, place = step_of(name), told or Told(), Path(path)
+    assert step.fit is not None
+    for need in step.needs:
+        if calibration.part(need) is None:
+            remedy = f"run tmca calibrate {need} first, and name its file with --onto"
+            raise DataError(calibration.where, f"no {need}", f"one, on which {step.name} builds", remedy)
+    sensor = calibration.about["camera"]["sensor"]
+    frames = read_captures(path, saturation=told.saturation, may_saturate=step.may_saturate, sensor=sensor)
+    for part, fitted in step.fit(Captured(frames, place, calibration, told)).items():
+        residuals = {**fitted.residuals, "quality": quality_of(fitted.residuals, step.limits)}
+        sources = [path, *(source for source in fitted.sources if source is not None)]
+        size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
+        calibration = calibration.with_part(
+            part, fitted.part, residuals, sources, sensor=size, codes=fitted.codes, settings=fitted.settings
+        )
+        warn_of(path, fitted.residuals, step.limits)
+    if old := out_of_date(calibration):
+        import warnings
+
+        warnings.warn(str(old), Doubtful, stacklevel=2)
+    return calibration
+
+
+def measure_all(folder: str | Path, start: Calibration, told: Told | None = None) -> Iterator[tuple[str, Calibration]]:
+    """Every step whose frames are in a folder of its name, in the order in which they build on each other.
+
+    Args:
+        folder: what `tmca calibrate capture` or `tmca calibrate render` wrote: ``dark``, ``flat``, ``white``, … ,
+            ``psf0`` …, ``patterns`` and, of the source's power, ``source.csv``.
+        start: what is built on.
+        told: what frames do not say, but for patterns, white and slot.
+
+    Yields:
+        Name of the part, and the calibration after it.
+
+    Raises:
+        DataError: a folder without any of them, or see ``measure``.
+    """
+    place, told = Path(folder), told or Told()
+    if not place.is_dir():
+        raise DataError(folder, "no such folder", "one with the frames of steps", "check the path")
+    slots = sorted(place.glob("psf*"), key=lambda one: (len(one.name), one.name))
+    wanted = [name for name, step in STEPS.items() if step.fit] + [one.name for one in slots]
+    there = [name for name in wanted if (place / name).is_dir()]
+    if not there:
+        remedy = "take them with tmca calibrate capture, or name one step's folder: tmca calibrate dark FOLDER"
+        raise DataError(folder, "no frames of any step", f"folders {', '.join(STEPS)}", remedy)
+    white, power = place / "white", place / "source.csv"
+    if not white.is_dir() and "flat" in there and taken_with(place / "flat"):
+        remedy = "take them: tmca calibrate capture white"
+        raise DataError(white, "no frames", "those of white: even light of a bench is not as bright", remedy)
+    told = replace(
+        told, patterns=place / "patterns", white=white if white.is_dir() else None,
+        reflectance=told.reflectance or taken_with(white).get("reflectance"),
+        power=told.power or (power if power.is_file() else None),
+    )  # fmt: skip
+    for name in there:
+        slot = int(name.removeprefix("psf")) if name.startswith("psf") else 0
+        start = measure(name, start, place / name, replace(told, slot=slot))
+        yield (f"wavefront{slot}" if name.startswith("psf") else name), start
+
+
+def part_figure(calibration: Calibration, name: str, title: str) -> Figure:
+    """The picture of a measured part; of a wavefront beside the point spread functions it was fitted to."""
+    from tmca.plots.style import blank_figure
+
+    figure, draw = blank_figure(9.2, 3.4), step_of(name).figure
+    figure.suptitle(title, fontsize=10)
+    parts = [calibration.part(name)]
+    if name.startswith("wavefront"):
+        parts.append(calibration.part(name.replace("wavefront", "psf")))
+    if draw is not None:
+        draw(figure.subplots(1, 2), *parts)
+    return figure

@@ -1,1 +1,0 @@
-"""The steps of a calibration: frames and what was measured before go in, a part comes out."""

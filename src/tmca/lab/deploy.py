@@ -1,0 +1,393 @@
+"""A trained decoder as a program of its own, for use beside a camera: `torch.export` and ONNX.
+
+Mask, optics, noise and network are fixed in it: one input, the snapshot (1, 1, H, W'), one output, the scene
+(1, L, H, W). Each file is run and compared with the decoder that it was made from before it is kept.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from pydantic import BaseModel, Field, ValidationError
+from torch import Tensor, nn
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import atomic_path, check_target, make_folder, write_json
+from tmca.decoders import Weights
+from tmca.decoders.nets.weights import same_bands
+from tmca.errors import DataError, SettingError, TmcaError
+from tmca.lab.fixed_decoder import CameraDecoder, FixedOperator, LookedUpOperator
+from tmca.lab.importing import WITHHELD
+from tmca.operators import TapOperator, Taps
+from tmca.sensor import Noise, Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+DESCRIPTION = "decoder.json"
+_UNITS = "1 is one band of a white scene through open codes"
+_TURNS = (0.6180339887, 0.4142135624, 0.7320508076, 0.2360679775)
+"""Turns from row to row of the waves on which codes are projected: irrational, so that no regular code is missed."""
+_SAME = 1e-5
+"""Share of the codes' norm by which their projections may differ: a hundred times the rounding of 32-bit floats, a
+fiftieth of what one closed pixel of ten million changes."""
+
+
+class DecoderFile(BaseModel):
+    """One file of an exported decoder, and its largest difference from the network's estimate."""
+
+    format: str
+    file: str
+    error: float
+
+
+class Description(BaseModel):
+    """An exported decoder.
+
+    Args:
+        weights: file of the network.
+        snapshot: (1, 1, H, W').
+        scene: (1, L, H, W).
+        wavelengths_m: of the bands, metres.
+        read_noise, shot_noise: that the network is told, snapshot units.
+        units: of the snapshot, in words.
+        codes: of `code_marks`.
+        files: one per format.
+    """
+
+    weights: str
+    snapshot: tuple[int, int, int, int]
+    scene: tuple[int, int, int, int]
+    wavelengths_m: tuple[float, ...] = Field(min_length=1)
+    read_noise: float = Field(ge=0, allow_inf_nan=False)
+    shot_noise: float = Field(ge=0, allow_inf_nan=False)
+    units: str = _UNITS
+    codes: tuple[float, ...] = Field(min_length=2 * len(_TURNS) + 1, max_length=2 * len(_TURNS) + 1)
+    files: tuple[DecoderFile, ...] = Field(min_length=1)
+
+
+def code_marks(taps: Taps) -> list[float]:
+    """What tells the codes of one camera from another's: their norm, and their projections on a few plane waves.
+
+    The codes are those of the collapsed camera, with response and exposure folded in, each at its displacement. Unlike
+    a checksum, the numbers differ as little as the codes do, so that rounding makes no other camera.
+    """
+    code = taps.code.detach().cpu().double().numpy()
+    rows, columns = (np.arange(n) for n in code.shape[1:])
+    marks = [float(np.linalg.norm(code))]
+    for turn in _TURNS:
+        bands = np.exp(2j * np.pi * turn * (np.array(taps.channels) * turn + np.array(taps.offsets) * turn**2))
+        along_y, along_x = np.exp(2j * np.pi * turn * rows), np.exp(2j * np.pi * turn**2 * columns)
+        found = np.einsum("t,ty,y->", bands, code @ along_x, along_y)
+        marks += [float(found.real), float(found.imag)]
+    return marks
+
+
+def write_description(about: Description, folder: Path, *, overwrite: bool = False) -> None:
+    """Write ``decoder.json``.
+
+    Raises:
+        OutputError: see `tmca.data.atomic_path`.
+    """
+    write_json(about.model_dump(), folder / DESCRIPTION, overwrite=overwrite)
+
+
+def read_description(folder: Path) -> Description:
+    """Read ``decoder.json``.
+
+    Raises:
+        DataError: none in the folder, or one that `write_description` did not write.
+    """
+    file = folder / DESCRIPTION
+    if not file.is_file():
+        raise DataError(folder, f"no {DESCRIPTION}", "a folder of `tmca decoder export`")
+    try:
+        return Description.model_validate_json(file.read_bytes())
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "no JSON"
+        found = f"no description of a decoder ({place}: {first['msg']})"
+        raise DataError(file, found, "what `tmca decoder export` wrote", "export it again") from None
+
+
+def check_shapes(about: Description, camera: SpectralCamera, where: object) -> None:
+    """Raises DataError unless snapshot, scene and bands of a camera are those of the decoder."""
+    for name, own, wanted in (
+        ("a snapshot", camera.snapshot_shape, about.snapshot[1:]),
+        ("a scene", camera.scene_shape, about.scene[1:]),
+    ):
+        if own != wanted:
+            raise DataError(where, f"{name} of shape {(1, *own)}", f"{(1, *wanted)} as the decoder's")
+    if not same_bands(camera.wavelengths, about.wavelengths_m):
+        found, expected = (_said(waves) for waves in (camera.wavelengths, about.wavelengths_m))
+        raise DataError(where, f"bands from {found}", f"{expected} as the decoder's")
+
+
+def check_camera(about: Description, camera: Any, where: object, *, withheld: bool = False) -> None:
+    """Raises DataError unless a camera is the one that a decoder was made for.
+
+    Args:
+        about: the decoder.
+        camera: that took a snapshot.
+        where: file of the snapshot or of the weights.
+        withheld: pixels of the snapshot are, which closes their shutter.
+    """
+    if not isinstance(camera, SpectralCamera):
+        raise DataError(where, f"a {camera.kind} camera", "the spectral camera of the decoder")
+    check_shapes(about, camera, where)
+    with torch.no_grad():
+        operator = camera.operator()
+    marks = np.array(code_marks(operator.taps)) if isinstance(operator, TapOperator) else np.inf
+    if not np.abs(marks - np.array(about.codes)).max() <= _SAME * about.codes[0]:
+        found = "withheld pixels" if withheld else "the codes, displacement, response or exposure of another camera"
+        remedy = "use tmca reconstruct, or export a decoder that learned for this camera"
+        raise DataError(where, found, "the very camera that the decoder was made for", remedy)
+
+
+def _said(waves: Sequence[float]) -> str:
+    return f"{waves[0] * 1e9:.4g} to {waves[-1] * 1e9:.4g} nm ({len(waves)})"
+
+
+FORMATS = {"torch": "decoder.pt2", "onnx": "decoder.onnx"}
+_OPERATORS = {"torch": FixedOperator, "onnx": LookedUpOperator}
+_CLOSE = 1e-3
+"""Largest difference, as a share of the largest value, at which a file counts as the same decoder."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """One file of an exported decoder.
+
+    Args:
+        format: ``"torch"`` or ``"onnx"``.
+        path: of the file.
+        error: largest difference from the decoder in torch, as a share of its largest value.
+    """
+
+    format: str
+    path: Path
+    error: float
+
+
+def export_decoder(
+    run: str | Path,
+    out: str | Path,
+    formats: tuple[str, ...] = ("torch", "onnx"),
+    *,
+    size: tuple[int, int] | None = None,
+    noise: float | None = None,
+    overwrite: bool = False,
+) -> list[Exported]:
+    """Write the decoder of a training run as files that need no tmca, each checked on random input.
+
+    Args:
+        run: folder of `tmca train spectral`, or a weights file.
+        out: folder of the files; made if it does not exist.
+        formats: ``"torch"`` (`torch.export`) and ``"onnx"``.
+        size: (H, W) of the scene; that of the run's camera without it.
+        noise: read noise in snapshot units that the network is told; that of its training without it.
+        overwrite: replace files that exist.
+
+    Raises:
+        SettingError: an unknown format, a package that is missing, or a decoder that cannot stand alone.
+        DataError: an exported file that does not compute what the decoder does.
+        OutputError: files that exist.
+    """
+    _check_formats(formats)
+    folder = Path(out)
+    for file in [FORMATS[one] for one in formats] + [DESCRIPTION]:
+        if folder.is_dir():
+            check_target(folder / file, overwrite)
+    weights = Weights.load(run)
+    camera = _camera(weights, size, sensor=_sensor(weights, noise))
+    decoders = {one: _fixed(weights, camera, camera.noise, one) for one in formats}
+    make_folder(folder)
+    found = [
+        _written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite)
+        for one, decoder in decoders.items()
+    ]
+    write_description(_described(weights, camera, decoders[formats[0]], found), folder, overwrite=overwrite)
+    return found
+
+
+def _camera(weights: Weights, size: tuple[int, int] | None, **changes: Any) -> SpectralCamera:
+    """The spectral camera of some weights."""
+    weights.check_kind("spectral")
+    camera: SpectralCamera = weights.camera_for(size, **changes)
+    return camera
+
+
+def _fixed(weights: Weights, camera: SpectralCamera, noise: Noise, format: str) -> CameraDecoder:
+    """The decoder in the form that suits a file."""
+    operator = camera.operator()
+    if not isinstance(operator, TapOperator):
+        raise SettingError("weights", "optics that keep the slots apart", "one code for all slots")
+    return CameraDecoder(weights, operator, noise, _OPERATORS[format]).eval()
+
+
+def _described(weights: Weights, camera: SpectralCamera, decoder: CameraDecoder, found: list[Exported]) -> Description:
+    return Description(
+        weights=str(weights.path), snapshot=(1, *camera.snapshot_shape), scene=(1, *camera.scene_shape),
+        wavelengths_m=weights.wavelengths, read_noise=camera.noise.read, shot_noise=camera.noise.shot,
+        codes=tuple(code_marks(decoder.operator.taps)),
+        files=tuple(DecoderFile(format=one.format, file=one.path.name, error=one.error) for one in found),
+    )  # fmt: skip
+
+
+def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Exported]:
+    """Compare the files of an exported decoder with the run they were made from, on random input.
+
+    Raises:
+        DataError: no exported decoder in the folder, one of another camera, or one that computes something else.
+    """
+    about = read_description(Path(folder))
+    weights = Weights.load(run)
+    camera = _camera(weights, (about.scene[2], about.scene[3]))
+    check_camera(about, camera, weights.path)
+    decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
+    files = {entry.format: Path(folder) / entry.file for entry in about.files}
+    snapshot = _random(camera.snapshot_shape, seed)
+    found = [Exported(one, file, _difference(decoder, load_exported(file), snapshot)) for one, file in files.items()]
+    for one in found:
+        _check_close(one.path, one.error)
+    return found
+
+
+def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
+    """An exported decoder as a function of the snapshot (1, 1, H, W').
+
+    Raises:
+        DataError: no such file, or a broken one.
+        SettingError: onnxruntime is missing.
+    """
+    file = Path(file)
+    if not file.is_file():
+        raise DataError(file, "no such file", "an exported decoder", "write it with `tmca decoder export`")
+    try:
+        if file.suffix == ".pt2":
+            with _quiet("torch.export"):
+                program = torch.export.load(str(file)).module()
+            return lambda snapshot: program(snapshot)
+        session = _packages("onnxruntime").InferenceSession(str(file), providers=["CPUExecutionProvider"])
+    except TmcaError:
+        raise
+    except Exception as error:  # each loader has errors of its own for a broken file
+        found = f"a file that cannot be read ({type(error).__name__})"
+        raise DataError(file, found, "an exported decoder", "write it again with `tmca decoder export`") from error
+    return lambda snapshot: torch.from_numpy(session.run(None, {"snapshot": snapshot.numpy()})[0])
+
+
+def decoder_file(folder: str | Path, format: str) -> Path:
+    """The file of one format in a folder that `export_decoder` wrote."""
+    files = {entry.format: entry.file for entry in read_description(Path(folder)).files}
+    if format not in files:
+        raise SettingError("--format", repr(format), f"one of {', '.join(files)}")
+    return Path(folder) / files[format]
+
+
+def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> tuple[xr.DataArray, float]:
+    """The scene (wavelength, y, x) of a snapshot file, and the seconds that the decoder took.
+
+    Raises:
+        DataError: a snapshot of another camera or with withheld pixels, or a file that is missing.
+        SettingError: a format that was not exported.
+    """
+    import xarray as xr
+
+    about, file = read_description(Path(folder)), decoder_file(folder, format)
+    taken = Snapshot.load(snapshot)
+    check_camera(about, taken.camera, snapshot, withheld=bool(taken.notes.get(WITHHELD)))
+    decoder = load_exported(file)
+    start = time.perf_counter()
+    with torch.no_grad():
+        scene = decoder(taken.values)
+    seconds = time.perf_counter() - start
+    coords = {"wavelength": ("wavelength", list(about.wavelengths_m), {"units": "m"})}
+    attrs = {"quantity": "relative irradiance", "units": "1", "long_name": f"scene estimated by {file.name}"}
+    cube = xr.DataArray(scene[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs, name="estimate")
+    return cube, seconds
+
+
+def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool) -> Exported:
+    """One file, kept only if it computes what the decoder does."""
+    snapshot = _random(shape, seed=0)
+    with torch.no_grad(), atomic_path(path, overwrite=overwrite) as temporary:
+        if format == "torch":
+            torch.export.save(torch.export.export(decoder, (snapshot,), strict=False), str(temporary))
+        else:
+            with _quiet("torch.onnx"):  # it warns of packages that no decoder uses
+                program = torch.onnx.export(
+                    decoder, (snapshot,), dynamo=True, input_names=["snapshot"], output_names=["scene"], verbose=False
+                )
+            assert program is not None  # it is one with dynamo
+            program.save(str(temporary), external_data=False)
+        error = _difference(decoder, load_exported(temporary), snapshot)
+        _check_close(path, error)
+    return Exported(format, path, error)
+
+
+@contextmanager
+def _quiet(name: str) -> Iterator[None]:
+    """No warnings of a logger and those below it; what fails raises all the same."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def _check_close(path: Path, error: float) -> None:
+    """Raises DataError unless an exported file computes what the network does."""
+    if not error <= _CLOSE:
+        found = f"values that differ by {error:.2g} of the largest from the network's"
+        raise DataError(path, found, f"{_CLOSE:g} at most", "export it again from this run")
+
+
+@torch.no_grad()
+def _difference(decoder: nn.Module, exported: Callable[[Tensor], Tensor], snapshot: Tensor) -> float:
+    wanted = decoder(snapshot)
+    return float((exported(snapshot) - wanted).abs().max() / wanted.abs().max())
+
+
+def _random(shape: tuple[int, int, int], seed: int) -> Tensor:
+    """A snapshot of noise, as bright as an ordinary one."""
+    values = np.random.default_rng(seed).random((1, *shape), dtype=np.float32)
+    return torch.from_numpy(5 * values)
+
+
+def _sensor(weights: Weights, noise: float | None) -> Sensor:
+    """The sensor that the network is told of."""
+    if noise is not None:
+        return Sensor(read_noise=noise)
+    first = weights.card.get("training", {}).get("noise", [{}])[0]
+    return Sensor(**first)
+
+
+def _check_formats(formats: tuple[str, ...]) -> None:
+    unknown = [one for one in formats if one not in FORMATS]
+    if unknown or not formats:
+        found = unknown[0] if unknown else "none"
+        raise SettingError("formats", found, f"some of {', '.join(FORMATS)}")
+    if "onnx" in formats:
+        for name in ("onnx", "onnxscript", "onnxruntime"):
+            _packages(name)
+
+
+def _packages(name: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise SettingError("onnx", f"no package {name}", "it", "pip install 'tmca[onnx]'") from error

@@ -1,0 +1,252 @@
+"""The codes that are exported, wherever they are kept, and height maps as Zernike terms of a mirror."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from tmca.cameras import Camera, Snapshot, SpectralDepthCamera
+from tmca.cameras.phase_codes import read_phase_codes
+from tmca.codes import CodePlane, read_codes
+from tmca.decoders import Weights
+from tmca.decoders.nets.weights import shipped_file
+from tmca.errors import DataError, SettingError, ShapeError
+from tmca.lab.display.devices import DeviceDescription
+from tmca.optics import family_parameters
+from tmca.optics.zernike import fit_zernike, noll, zernike_modes
+
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Codes of one exposure.
+
+    Args:
+        source: file or folder they came from.
+        application: name of the camera; empty where the codes do not say.
+        planes: ``aperture`` (K, h, w) and ``shutter`` (K, h, w'), or ``heights`` (K, h, w) in metres and ``shutter``:
+            full frames, or one tile.
+        tiled: names of planes that are one tile.
+        modes: of Zernike masks ``coefficients`` (K, M) in metres rms and ``noll`` (M,).
+        settings: of the camera, as far as they are known.
+    """
+
+    source: str
+    application: str
+    planes: Mapping[str, Tensor]
+    tiled: tuple[str, ...] = ()
+    modes: Mapping[str, Tensor] | None = None
+    settings: Mapping[str, Any] | None = None
+
+    @property
+    def slots(self) -> int:
+        """K."""
+        return len(next(iter(self.planes.values())))
+
+    def full(self, name: str, size: Size | None = None) -> Tensor:
+        """(K, H, W) a plane over a whole device.
+
+        Args:
+            name: of the plane.
+            size: (H, W) over which a tile is repeated, or of the middle of a larger plane; as it is without.
+
+        Raises:
+            SettingError: no such plane.
+            ShapeError: a plane that is smaller and no tile.
+        """
+        if name not in self.planes:
+            raise SettingError(self.source, f"codes of {', '.join(self.planes)}", f"{name}, which this device shows")
+        plane = self.planes[name]
+        own = (int(plane.shape[1]), int(plane.shape[2]))
+        if size is None or size == own:
+            return plane
+        if name in self.tiled:
+            return CodePlane(plane, len(plane), size, period=own, name=name)()
+        if own[0] < size[0] or own[1] < size[1]:
+            raise ShapeError(self.source, f"{name} of {own[0]}×{own[1]} pixels", f"{size[0]}×{size[1]} or more")
+        top, left = (own[0] - size[0]) // 2, (own[1] - size[1]) // 2
+        return plane[:, top : top + size[0], left : left + size[1]]
+
+
+def read_planes(source: str | Path) -> Planes:
+    """Codes of a file of `tmca design` or the folder that it wrote, a run or weights of `tmca train`, or a snapshot;
+    ``"default"`` are those of eight slots that come with the package.
+
+    Raises:
+        DataError: none of these.
+    """
+    path = shipped_file(8) if str(source) == "default" else Path(source)
+    if (path / "codes.nc").is_file() and not any(path.rglob("*.safetensors")):
+        path = path / "codes.nc"
+    if path.is_dir() or path.suffix == ".safetensors":
+        return _of_weights(path)
+    if path.suffix not in (".nc", ".h5", ".zarr"):
+        raise DataError(path, f"the suffix {path.suffix!r}", "codes.nc, a run, weights, default, or a snapshot file")
+    return _of_file(path)
+
+
+def _of_weights(path: Path) -> Planes:
+    weights = Weights.load(path)
+    if weights.kind == SpectralDepthCamera.kind:
+        return planes_of(weights.camera, str(path))
+    planes, about = weights.codes, {"size": weights.size, "exposure": weights.variables.attrs["exposure"]}
+    return Planes(str(path), weights.kind, planes, tuple(planes) if weights.period else (), None, about)
+
+
+def _of_file(path: Path) -> Planes:
+    from tmca.data import read_dataset
+
+    stored = read_dataset(path)
+    if "snapshot" in stored:
+        return planes_of(Snapshot.load(path).camera, str(path))
+    if "heights" in stored:
+        known = read_phase_codes(path)
+        planes = {"heights": known["mask"]().detach(), "shutter": known["shutter"]}
+        settings = {"material": known["bench"].material, "exposure": known["exposure"]}
+        modes = family_parameters(known["mask"])
+        return Planes(str(path), "spectral-depth", planes, ("shutter",), modes, settings)
+    if "aperture" in stored:
+        codes = read_codes(path)
+        planes = {"aperture": codes.aperture, "shutter": codes.shutter}
+        return Planes(str(path), str(stored.attrs.get("camera", "")), planes, tuple(planes) if codes.period else ())
+    raise DataError(path, f"variables {', '.join(map(str, stored))}", "codes, or a snapshot", "see docs/devices.md")
+
+
+@torch.no_grad()
+def planes_of(camera: Camera, source: str) -> Planes:
+    """Codes of a camera.
+
+    Args:
+        camera: of any of the three kinds.
+        source: file or folder that it came from.
+
+    Raises:
+        SettingError: a coloured aperture.
+    """
+    if isinstance(camera, SpectralDepthCamera):
+        heights, shutter = camera.codes()
+        modes, settings = family_parameters(camera.point_spread.heights), {"material": camera.bench.material}
+        return Planes(source, camera.kind, {"heights": heights, "shutter": shutter}, (), modes, settings)
+    if getattr(camera, "coloured", None) is not None:
+        raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
+    aperture, shutter = camera.codes()  # type: ignore[operator]
+    planes = {"aperture": aperture, "shutter": shutter}
+    return Planes(source, camera.kind, planes, (), None, {"size": camera.size, "exposure": camera.exposure})
+
+
+COLUMNS = ("slot", "noll", "n", "m", "rms_um", "peak_um")
+_DIGITS = 9
+_PUPIL = (129, 129)
+"""Pixels over which a surface is looked at."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Zernike terms of K mirror shapes.
+
+    Args:
+        noll: index of every term.
+        rms: (K, M) metres of surface, root mean square over the pupil.
+        residual: (K,) metres rms of what the terms leave of the heights.
+    """
+
+    noll: tuple[int, ...]
+    rms: NDArray[np.float64]
+    residual: NDArray[np.float64]
+
+    def peak_to_valley(self) -> NDArray[np.float64]:
+        """(K,) metres between the highest and the lowest place of every surface over the pupil."""
+        disk = zernike_modes([(0, 0)], _PUPIL)[0].numpy() != 0
+        surfaces = np.tensordot(self.rms, zernike_modes([noll(index) for index in self.noll], _PUPIL).numpy(), 1)
+        return np.asarray(np.ptp(surfaces[:, disk], axis=1))
+
+
+def terms_of(codes: Planes, device: DeviceDescription) -> Terms:
+    """Terms of a mirror that shows height maps.
+
+    Args:
+        codes: with ``heights`` of a mirror.
+        device: a deformable mirror.
+
+    Raises:
+        SettingError: heights of a mask that is no mirror, or terms beyond the stroke.
+    """
+    material = (codes.settings or {}).get("material", "mirror")
+    if material != "mirror":
+        raise SettingError(codes.source, f"a mask of {material}", "one of mirror heights", "design it on a mirror")
+    heights = codes.full("heights").double()
+    modes = [noll(index) for index in device.noll]
+    fits = [fit_zernike(one - one.mean(), modes) for one in heights]
+    found = Terms(
+        device.noll,
+        np.stack([fit[0].numpy() for fit in fits]),
+        np.array([_rms(fit[1]) for fit in fits]),
+    )
+    _check_stroke(found, device, codes.source)
+    return found
+
+
+def _rms(left: torch.Tensor) -> float:
+    inside = left != 0
+    values = left[inside]
+    return float((values - values.mean()).square().mean().sqrt()) if int(inside.sum()) else 0.0
+
+
+def peak(index: int) -> float:
+    """Largest magnitude of a Noll mode over the pupil, of one of unit root mean square."""
+    n, m = noll(index)
+    return float((n + 1) ** 0.5 * (1 if m == 0 else 2**0.5))
+
+
+def _check_stroke(terms: Terms, device: DeviceDescription, source: str) -> None:
+    assert device.stroke_um is not None
+    peaks = np.abs(terms.rms) * [peak(index) for index in terms.noll] * 1e6
+    slot, term = np.unravel_index(int(peaks.argmax()), peaks.shape)
+    if peaks[slot, term] > device.stroke_um:
+        found = f"{peaks[slot, term]:.3g} µm of term {terms.noll[term]} in slot {slot}"
+        wanted = f"{device.stroke_um:g} µm at most, the stroke of {device.name}"
+        raise SettingError(source, found, wanted, "design masks within the stroke (--stroke)")
+    spans = terms.peak_to_valley() * 1e6
+    if device.total_stroke_um is not None and spans.max() > device.total_stroke_um:
+        found = f"{spans.max():.3g} µm between peak and valley in slot {int(spans.argmax())}"
+        wanted = f"{device.total_stroke_um:g} µm at most, the total stroke of {device.name}"
+        raise SettingError(source, found, wanted, "design masks within the stroke (--stroke)")
+
+
+def table(terms: Terms) -> str:
+    """CSV with a line for every slot and term."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(COLUMNS)
+    for slot, values in enumerate(terms.rms * 1e6):
+        for index, value in zip(terms.noll, values, strict=True):
+            rows.writerow((slot, index, *noll(index), round(value, _DIGITS), round(value * peak(index), _DIGITS)))
+    return text.getvalue()
+
+
+def read_table(file: Path) -> Terms:
+    """What ``table`` wrote.
+
+    Raises:
+        DataError: no such table, or a term that is missing in a slot.
+    """
+    try:
+        rows = list(csv.DictReader(file.read_text(encoding="utf-8").splitlines()))
+        values = {(int(row["slot"]), int(row["noll"])): float(row["rms_um"]) for row in rows}
+    except (OSError, KeyError, TypeError, ValueError, UnicodeDecodeError):
+        raise DataError(file, "no table of Zernike terms", f"columns {', '.join(COLUMNS)}", "export again") from None
+    slots, indices = sorted({slot for slot, _ in values}), list(dict.fromkeys(int(row["noll"]) for row in rows))
+    if not values or slots != list(range(len(slots))) or len(values) != len(slots) * len(indices):
+        raise DataError(file, f"{len(values)} terms of {len(slots)} slots", "every term in every slot", "export again")
+    rms = np.array([[values[slot, index] for index in indices] for slot in slots]) * 1e-6
+    return Terms(tuple(indices), rms, np.full(len(slots), np.nan))

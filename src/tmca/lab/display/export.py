@@ -1,0 +1,361 @@
+"""Codes as files that devices show, with a manifest that says when."""
+
+from __future__ import annotations
+
+import re
+import secrets
+import shutil
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import tmca
+from tmca.errors import OutputError, SettingError
+from tmca.lab.display.codes import Planes, Size, read_table, table, terms_of
+from tmca.lab.display.devices import PLANES, DeviceDescription, grey_of, response
+from tmca.lab.display.manifest import (
+    FORMAT,
+    NAME,
+    SOURCE_AT,
+    Timing,
+    checksum,
+    digest,
+    read_frame,
+    sealed,
+    shown_files,
+    write_frame,
+)
+from tmca.lab.display.placement import Affine, Placement
+from tmca.lab.notes import CODES_DATE, date_of_codes, now
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TABLE, RESPONSE, OVERVIEW = "zernike.csv", "response.csv", "overview.png"
+_PLANES = "|".join(sorted(set(PLANES.values())))
+_OWN = re.compile(rf"{NAME}|{OVERVIEW}|({_PLANES})(/(\1_\d+\.png|{TABLE}|{RESPONSE}))?")
+"""Names within an export."""
+_OF_SYSTEMS = {".DS_Store", "Thumbs.db"}
+"""Files that systems put into any folder that is looked at."""
+
+
+def check_free(folder: Path, overwrite: bool) -> None:
+    """Raises OutputError where something is in an export's place: another one, or with ``overwrite`` files that are no
+    part of it, such as captures."""
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not (folder / NAME).is_file():
+        raise OutputError(folder, "something that is no export", "a new folder", "choose another")
+    if not overwrite:
+        raise OutputError(folder, "an export", "a new folder", "choose another, or pass --overwrite")
+    inside = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.name not in _OF_SYSTEMS)
+    if strangers := [name for name in inside if not _OWN.fullmatch(name)]:
+        found = f"{strangers[0]}, which is no part of the export"
+        raise OutputError(
+            folder, found, "nothing else where an export is replaced", "move it, or choose another folder"
+        )
+
+
+@contextmanager
+def written_whole(folder: Path) -> Iterator[Path]:
+    """A folder beside this one, which takes its place when all is written; of a link, the place that it leads to.
+
+    Raises:
+        OutputError: no folder can be written there.
+    """
+    place = folder.resolve() if folder.is_symlink() else folder.absolute()
+    temporary = place.with_name(f".{place.name}.part")
+    shutil.rmtree(temporary, ignore_errors=True)
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        _put(temporary, place)
+    except OSError as error:
+        found = f"no folder can be written ({error.strerror or error})"
+        raise OutputError(folder, found, "a folder", "choose another") from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _put(temporary: Path, place: Path) -> None:
+    """The new in the place of the old, which lies whole in a hidden folder beside it until the new is there."""
+    if not place.exists():
+        temporary.rename(place)
+        return
+    aside = place.with_name(f".{place.name}.{secrets.token_hex(6)}.old")
+    moves = [(place, aside), (temporary, place)]
+    if place.samefile(Path.cwd()):  # whoever stands in it goes on standing in it
+        aside.mkdir()
+        new = sorted(temporary.iterdir(), key=lambda file: file.name == NAME)
+        moves = [(old, aside / old.name) for old in place.iterdir()] + [(part, place / part.name) for part in new]
+    try:
+        _moved(moves)
+    except BaseException:
+        with suppress(OSError):  # whatever is still in it stays
+            aside.rmdir()
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _moved(moves: Sequence[tuple[Path, Path]]) -> None:
+    """Rename all of them, or, whatever stops it, none."""
+    try:
+        for there, then in moves:
+            there.rename(then)
+    except BaseException:  # KeyboardInterrupt too
+        for there, then in reversed(moves):
+            if then.exists() and not there.exists():
+                then.rename(there)
+        raise
+
+
+_TRIGGERS = {
+    "dmd": {"source": "external", "edge": "rising", "shows": "one pattern a pulse"},
+    "lcos": {"source": "video", "edge": "frame", "shows": "one frame a slot"},
+    "deformable-mirror": {"source": "software", "edge": "none", "shows": "one shape a slot"},
+    "coded-exposure": {"source": "sensor", "edge": "slot", "shows": "one mask a slot, one exposure of all"},
+    "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
+}
+_FRAME_RATE = 500
+"""Frames a second of ordinary cameras at most."""
+
+_SLOTS = 4
+
+
+class FastFrames(UserWarning):
+    """More frames a second than ordinary cameras take."""
+
+
+@dataclass(frozen=True)
+class Export:
+    """What was written.
+
+    Args:
+        folder: of the export.
+        manifest: its content.
+    """
+
+    folder: Path
+    manifest: dict[str, Any]
+
+
+def export_codes(
+    codes: Planes,
+    devices: Sequence[DeviceDescription],
+    out: str | Path,
+    *,
+    exposure: float = 0.1,
+    code_size: Size | None = None,
+    sensor_size: Size | None = None,
+    offset: tuple[int, int] = (0, 0),
+    affine: Affine | None = None,
+    overwrite: bool = False,
+) -> Export:
+    """Write what devices show.
+
+    Args:
+        codes: of one exposure.
+        devices: one for each plane that is shown.
+        out: folder, written whole or not at all.
+        exposure: of all slots together, seconds.
+        code_size: (H, W) pixels of the aperture's code; the code's own, or as many as the device shows of a tile.
+        sensor_size: (H, W) of the shutter, likewise; the shutter's own without.
+        offset: (rows, columns) by which the aperture is displaced from the device's middle, pitches of its pixels.
+        affine: of ``registered_affine``, from code to device pixels of the aperture, in the place of its description's
+            macro-pixel, angle and flip and of the offset.
+        overwrite: replace an export.
+
+    Raises:
+        SettingError: codes that a device cannot show, or two devices for one plane.
+        OutputError: something is in the folder's place.
+    """
+    for name, size in (("--code-size", code_size), ("--sensor-size", sensor_size)):
+        if size is not None and min(size) < 1:
+            raise SettingError(name, f"{size[0]}x{size[1]}", "HEIGHTxWIDTH of one pixel or more")
+    sizes, places = {"aperture": code_size, "shutter": sensor_size}, {"aperture": (offset, affine)}
+
+    def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
+        plane = codes.full(device.plane, sizes.get(device.plane) or _shown_size(codes, device)).numpy()
+        return plane, _placed(device, plane.shape[1:], *places.get(device.plane, ((0, 0), None)))
+
+    return _written(codes, devices, shown, Path(out), exposure, overwrite)
+
+
+def export_like(
+    codes: Planes, placed: Mapping[str, tuple[DeviceDescription, Placement]], out: str | Path, slot: float
+) -> Export:
+    """Write other codes for the devices of an export, placed as its own are; what is in the folder's place is replaced.
+
+    Args:
+        codes: planes of the sizes of those placements.
+        placed: device and placement by plane.
+        out: folder, written whole or not at all.
+        slot: seconds.
+
+    Raises:
+        SettingError, OutputError: see ``export_codes``.
+    """
+
+    def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
+        return codes.full(device.plane).numpy(), placed[device.plane][1]
+
+    return _written(codes, [device for device, _ in placed.values()], shown, Path(out), codes.slots * slot, True)
+
+
+_Shown = Callable[[DeviceDescription], tuple[NDArray[np.float32], Placement]]
+"""(K, H, W) what a device shows, and where."""
+
+
+def _placed(
+    device: DeviceDescription, code: tuple[int, ...], offset: tuple[int, int], affine: Affine | None
+) -> Placement:
+    size = (code[0], code[1])
+    placement = Placement.of(device, size, offset)
+    return placement if affine is None else Placement.by(affine, placement.device, size)
+
+
+def _written(
+    codes: Planes, devices: Sequence[DeviceDescription], shown: _Shown, folder: Path, exposure: float, overwrite: bool
+) -> Export:
+    """The folder of an export, whole or not at all."""
+    _check_asked(devices, folder, overwrite)
+    timing = Timing(codes.slots, exposure)
+    for device in devices:
+        timing.check(device)
+        _remark_rate(device, timing)
+    with written_whole(folder) as temporary:
+        manifest = _manifest(codes, timing, [_plane(codes, one, shown, timing, temporary) for one in devices])
+        _write_manifest(manifest, temporary)
+    return Export(folder, manifest)
+
+
+def _remark_rate(device: DeviceDescription, timing: Timing) -> None:
+    """Warn where an ordinary camera would have to take frames one after the other faster than most can."""
+    rate = timing.slots / timing.exposure
+    if device.kind == "emulated-shutter" and rate > _FRAME_RATE:
+        said = f"{timing.slots} frames of {1e3 / rate:.3g} ms, {rate:.0f} a second where they follow each other"
+        remedy = "where the camera is slower, pause between the slots of a scene that stands still, or --exposure more"
+        warnings.warn(f"{device.name}: {said}; {remedy}", FastFrames, stacklevel=2)
+
+
+def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: bool) -> None:
+    planes = [device.plane for device in devices]
+    if not planes or len(set(planes)) < len(planes):
+        found = f"{len(planes)} of them, for {', '.join(planes) or 'nothing'}"
+        raise SettingError("--device", found, "one device for each plane that is shown")
+    check_free(folder, overwrite)
+
+
+def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, timing: Timing, folder: Path) -> dict[str, Any]:
+    """Files of one device, and what the manifest says of them."""
+    place = folder / device.plane
+    place.mkdir()
+    about: dict[str, Any] = {"plane": device.plane, "device": device.model_dump(), **_response(device, place)}
+    if device.kind == "deformable-mirror":
+        return about | _mirror(codes, device, timing, place, folder)
+    plane, placement = shown(device)
+    frames = placement.shown(_levels(plane, device, codes.source))
+    files = [write_frame(place / f"{device.plane}_{k:03d}.png", frame, device.bits) for k, frame in enumerate(frames)]
+    return about | {
+        "placement": vars(placement),
+        "units": "grey level" if device.kind == "lcos" else f"{device.top} = open",
+        "frames": shown_files(files, folder, timing, _TRIGGERS[device.kind]),
+        "codes_sha256": digest(plane),
+    }
+
+
+def _response(device: DeviceDescription, place: Path) -> dict[str, Any]:
+    """The table of a display's response beside its frames, without which they cannot be read."""
+    if device.lut is None:
+        return {}
+    response(device)
+    shutil.copyfile(device.lut, place / RESPONSE)
+    name = f"{place.name}/{RESPONSE}"
+    return {"device": device.model_dump() | {"lut": name}, "response_sha256": checksum(place / RESPONSE)}
+
+
+def _shown_size(codes: Planes, device: DeviceDescription) -> Size | None:
+    """Of a tile: as many code pixels as a device shows; None for codes that have a size of their own."""
+    if device.plane not in codes.tiled:
+        return None
+    option = "--sensor-size" if device.plane == "shutter" else "--code-size"
+    if device.size is None:
+        tile = "×".join(map(str, codes.planes[device.plane].shape[1:]))
+        said = f"HEIGHTxWIDTH of {device.name}, which shows a tile of {tile} pixels again and again"
+        raise SettingError(option, "none", said)
+    if device.mounting_angle_deg or device.lattice != "square":
+        raise SettingError(option, "none", "HEIGHTxWIDTH of the code where a device is turned", "give one that fits")
+    return (int(device.size[0] // device.macro_pixel), int(device.size[1] // device.macro_pixel))
+
+
+def _levels(plane: NDArray[np.float32], device: DeviceDescription, source: str) -> NDArray[np.integer]:
+    if device.kind == "lcos":
+        return grey_of(plane, device)
+    if ((plane != 0) & (plane != 1)).any():
+        raise SettingError(source, f"grey values in the {device.plane}", "zeros and ones on a binary device")
+    return (plane * device.top).astype(np.uint16)
+
+
+def _mirror(codes: Planes, device: DeviceDescription, timing: Timing, place: Path, folder: Path) -> dict[str, Any]:
+    terms = terms_of(codes, device)
+    file = place / TABLE
+    file.write_text(table(terms), encoding="utf-8")
+    frames = shown_files([file] * len(terms.rms), folder, timing, _TRIGGERS[device.kind])
+    return {
+        "units": "micrometres of surface, root mean square over the pupil; larger = deeper (longer path)",
+        "frames": frames,
+        "residual_rms_nm": (terms.residual * 1e9).round(4).tolist(),
+        "peak_to_valley_um": (terms.peak_to_valley() * 1e6).round(6).tolist(),
+        "codes_sha256": digest(np.round(terms.rms * 1e6, 9)),
+    }
+
+
+def _manifest(codes: Planes, timing: Timing, planes: list[dict[str, Any]]) -> dict[str, Any]:
+    return sealed({
+        "format": FORMAT, "tmca": tmca.__version__, "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "source": codes.source, "camera": codes.application, "settings": dict(codes.settings or {}),
+        **({SOURCE_AT: str(Path(codes.source).absolute())} if Path(codes.source).exists() else {}),
+        CODES_DATE: date_of_codes([codes.source]) if Path(codes.source).exists() else now(),
+        "slots": timing.slots, "exposure_s": timing.exposure, "planes": planes,
+    })  # fmt: skip
+
+
+def _write_manifest(manifest: dict[str, Any], folder: Path) -> None:
+    from tmca.data import write_json
+
+    write_json(manifest, folder / NAME)
+
+
+def export_figure(manifest: dict[str, Any], folder: Path) -> Figure:
+    """The first slots of every plane: frames as devices show them, Zernike terms as bars.
+
+    Args:
+        manifest: of the export.
+        folder: of the export.
+    """
+    from tmca.plots.lab import shown_figure
+
+    slots = range(min(_SLOTS, manifest["slots"]))
+    return shown_figure(
+        {
+            f"{plane['plane']}\n{plane['device']['name']}": [_picture(plane, slot, folder) for slot in slots]
+            for plane in manifest["planes"]
+        }
+    )
+
+
+def _picture(plane: dict[str, Any], slot: int, folder: Path) -> tuple[str, np.ndarray, Sequence[int] | None]:
+    """Title of a slot, its frame or Zernike terms, and their Noll indices."""
+    frame = plane["frames"][slot]
+    title, file = f"slot {slot}, from {frame['start_s'] * 1e3:g} ms", folder / frame["file"]
+    if "placement" in plane:
+        return title, read_frame(file), None
+    terms = read_table(file)
+    return title, terms.rms[slot], terms.noll

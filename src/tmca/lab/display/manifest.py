@@ -1,0 +1,278 @@
+"""Exports read back: the manifest, every file there, unchanged, in order, and the very codes in them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from tmca.data import content_digest
+from tmca.errors import DataError, SettingError
+from tmca.lab.display.codes import Planes, read_table
+from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
+from tmca.lab.display.placement import Placement
+from tmca.optics import ZernikeHeights
+from tmca.optics.zernike import noll
+
+
+def write_frame(file: Path, frame: NDArray[np.integer], bits: int) -> Path:
+    """A frame (R, C) as PNG: one bit a pixel, 8, or 16."""
+    from PIL import Image
+
+    if bits == 1:
+        Image.fromarray((frame > 0).astype(np.uint8) * 255).convert("1").save(file)
+    else:
+        Image.fromarray(frame.astype(np.uint8 if bits <= 8 else np.uint16)).save(file)
+    return file
+
+
+def read_frame(file: Path) -> NDArray[np.integer]:
+    """(R, C) what ``write_frame`` wrote; 0 and 1 of one bit.
+
+    Raises:
+        DataError: a missing or broken picture, or one in colour.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(file) as picture:
+            found = np.asarray(picture)
+    except (OSError, UnidentifiedImageError, SyntaxError):
+        raise DataError(file, "no picture", "the PNG of the export", "export again") from None
+    if found.ndim != 2:
+        raise DataError(file, f"an array of shape {found.shape}", "one plane of pixels", "export again")
+    return found.astype(np.uint8) if found.dtype == np.bool_ else found
+
+
+NAME, FORMAT = "manifest.json", "tmca export 1"
+SOURCE_AT = "source_at"
+"""Where the source lies, whatever folder its name was given in."""
+DIGEST = "manifest_sha256"
+"""Of the manifest's own content."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the slots of one exposure are shown.
+
+    Args:
+        slots: K.
+        exposure: of all slots, seconds.
+    """
+
+    slots: int
+    exposure: float
+
+    def of_slots(self) -> list[dict[str, float]]:
+        """Beginning and duration of every slot, seconds from the trigger."""
+        each = self.exposure / self.slots
+        return [{"start_s": slot * each, "duration_s": each} for slot in range(self.slots)]
+
+    def check(self, device: DeviceDescription) -> None:
+        """Raises SettingError where a device is too slow, or holds too few patterns."""
+        if isinstance(self.exposure, str) or not 0 < self.exposure < inf:
+            raise SettingError("--exposure", f"{self.exposure} s", "a finite time above 0")
+        rate = self.slots / self.exposure
+        if device.pattern_rate_hz is not None and rate > device.pattern_rate_hz * (1 + 1e-9):
+            least = self.slots / device.pattern_rate_hz
+            found = f"{self.slots} slots in {self.exposure:g} s, {rate:g} patterns a second"
+            remedy = f"expose {least:g} s or longer, or take fewer slots"
+            raise SettingError("--exposure", found, f"{device.pattern_rate_hz:g} at most on {device.name}", remedy)
+        if device.memory_patterns is not None and self.slots > device.memory_patterns:
+            raise SettingError(device.name, f"{self.slots} patterns", f"{device.memory_patterns} at most in its memory")
+
+
+def digest(codes: NDArray[Any]) -> str:
+    """SHA-256 of codes, whatever the type that holds them."""
+    values = np.ascontiguousarray(codes, dtype=np.float64)
+    return hashlib.sha256(repr(values.shape).encode() + values.tobytes()).hexdigest()
+
+
+def checksum(file: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def shown_files(files: Sequence[Path], folder: Path, timing: Timing, trigger: dict[str, str]) -> list[dict[str, Any]]:
+    """What the manifest says of the files of one plane, in the order of the slots."""
+    names = [file.relative_to(folder).as_posix() for file in files]
+    return [
+        {"slot": slot, "file": name, **when, "trigger": trigger, "sha256": checksum(folder / name)}
+        for slot, (name, when) in enumerate(zip(names, timing.of_slots(), strict=True))
+    ]
+
+
+def sealed(manifest: dict[str, Any]) -> dict[str, Any]:
+    """A manifest with its own digest."""
+    return manifest | {DIGEST: content_digest(manifest, DIGEST)}
+
+
+def shown_digest(manifest: dict[str, Any]) -> str:
+    """SHA-256 of what an export shows: its codes in their order, on which devices, where and when, but not of when or
+    from which file it was written; pictures of the same codes may differ in their bytes."""
+    planes = [
+        {**plane, "frames": [{k: v for k, v in frame.items() if k != "sha256"} for frame in plane["frames"]]}
+        for plane in manifest["planes"]
+    ]
+    return content_digest({"slots": manifest["slots"], "exposure_s": manifest["exposure_s"], "planes": planes}, DIGEST)
+
+
+def read_manifest(folder: str | Path) -> dict[str, Any]:
+    """The manifest of an export.
+
+    Raises:
+        DataError: no export, one of another version, or a manifest that was changed.
+    """
+    file = Path(folder) / NAME
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except OSError:
+        raise DataError(folder, f"no {NAME}", "the folder of an export", "make one with `tmca export`") from None
+    except (ValueError, UnicodeDecodeError):
+        raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
+    if DIGEST not in found:
+        raise DataError(file, f"no {DIGEST}", "the digest that `tmca export` writes", "export again")
+    if found[DIGEST] != content_digest(found, DIGEST):
+        raise DataError(file, "a manifest that was changed after the export", f"that of its {DIGEST}", "export again")
+    _check_planes(found, file)
+    return found
+
+
+def _check_planes(found: dict[str, Any], file: Path) -> None:
+    """Raises DataError for a manifest that was altered: without planes or exposure, or with files of other slots."""
+    try:
+        slots = {len({shown["slot"] for shown in plane["frames"]}) for plane in found["planes"]}
+        stated = {int(found["slots"])}
+        float(found["exposure_s"])
+    except (KeyError, TypeError, ValueError):
+        said = "no slots, no exposure time, or planes without frames"
+        raise DataError(file, said, "the manifest of an export", "export again") from None
+    if not slots or slots != stated:
+        said = f"{', '.join(map(str, sorted(slots))) or 'no'} slots shown where {found['slots']} are stated"
+        raise DataError(file, said, "as many as it states", "export again")
+
+
+def exposed_whole(manifest: dict[str, Any]) -> bool:
+    """Whether the sensor codes its shutter itself, in one exposure of all slots."""
+    return any(plane["device"]["kind"] == "coded-exposure" for plane in manifest["planes"])
+
+
+def frame_time(manifest: dict[str, Any]) -> float:
+    """Seconds that one frame of a capture is exposed: all slots of a coded shutter, or one."""
+    return float(manifest["exposure_s"]) / (1 if exposed_whole(manifest) else int(manifest["slots"]))
+
+
+_MASK = 64
+"""Pixels of the side of height maps that are made of Zernike terms."""
+
+
+def check_export(folder: str | Path) -> dict[str, Any]:
+    """The manifest of an export all of whose files are there and as they were written.
+
+    Raises:
+        DataError: a file that is missing, changed, or in another's place.
+    """
+    manifest, place = read_manifest(folder), Path(folder)
+    for plane in manifest["planes"]:
+        _check_response(plane, place)
+        known = {frame["sha256"]: frame["file"] for frame in plane["frames"]}
+        for frame in plane["frames"]:
+            file = place / frame["file"]
+            if not file.is_file():
+                raise DataError(file, "no such file", f"the frame of slot {frame['slot']}", "export again")
+            found = checksum(file)
+            if found != frame["sha256"]:
+                other = known.get(found)
+                what = f"the content of {other}: frames in the wrong order" if other else "another content"
+                raise DataError(file, what, f"what was exported for slot {frame['slot']}", "export again")
+    return manifest
+
+
+def _check_response(plane: dict[str, Any], place: Path) -> None:
+    if "response_sha256" not in plane:
+        return
+    file = place / plane["device"]["lut"]
+    if not file.is_file() or checksum(file) != plane["response_sha256"]:
+        found = "another content" if file.is_file() else "no such file"
+        raise DataError(file, found, "the response that frames were exported with", "export again")
+
+
+def read_export(folder: str | Path) -> Planes:
+    """The codes of an export.
+
+    Returns:
+        Planes as they were exported, over the whole device; heights of Zernike terms as maps of 64×64 pixels with their
+        ``modes``.
+
+    Raises:
+        DataError: what ``check_export`` raises, or codes that are not those of the manifest.
+    """
+    manifest = check_export(folder)
+    planes: dict[str, torch.Tensor] = {}
+    modes = None
+    for about in manifest["planes"]:
+        device = device_of(about, folder)
+        if device.kind == "deformable-mirror":
+            planes["heights"], modes = _heights(about, Path(folder))
+        else:
+            planes[about["plane"]] = _pixels(about, device, Path(folder))
+    return Planes(str(folder), manifest["camera"], planes, (), modes, manifest["settings"])
+
+
+def device_of(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
+    """The device of a plane.
+
+    Raises:
+        DataError: the manifest describes none.
+    """
+    try:
+        known = DeviceDescription.model_validate(about["device"])
+    except (KeyError, ValidationError):
+        raise DataError(folder, "a device that is none", "the manifest of an export", "export again") from None
+    return known if known.lut is None else known.model_copy(update={"lut": str(Path(folder) / known.lut)})
+
+
+def placement_of(about: dict[str, Any]) -> Placement:
+    """How the codes of a plane lie on its device."""
+    known = dict(about["placement"])
+    pairs = {name: tuple(known[name]) for name in ("code", "device", "flip", "offset")}
+    affine = known.get("affine")
+    turned = None if affine is None else (tuple(affine[0]), tuple(affine[1]))
+    return Placement(**{**known, **pairs, "affine": turned})
+
+
+def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> torch.Tensor:
+    frames = np.stack([read_frame(folder / frame["file"]) for frame in about["frames"]])
+    levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
+    if device.kind != "lcos":
+        return _checked(levels.astype(np.float32) / device.top, about, folder)
+    light = light_of(levels.astype(np.uint8), device)
+    binary = np.round(light).astype(np.float32)
+    exact = np.array_equal(grey_of(binary, device), levels)  # zeros and ones come back as what they were
+    return _checked(binary, about, folder) if exact else torch.from_numpy(light)
+
+
+def _checked(codes: np.ndarray[Any, Any], about: dict[str, Any], folder: Path) -> torch.Tensor:
+    if digest(codes) != about["codes_sha256"]:
+        raise DataError(folder, f"other codes in the {about['plane']}", "those of the manifest", "export again")
+    return torch.from_numpy(codes)
+
+
+def _heights(about: dict[str, Any], folder: Path) -> tuple[torch.Tensor, dict[str, torch.Tensor]]:
+    terms = read_table(folder / about["frames"][0]["file"])
+    if digest(np.round(terms.rms * 1e6, 9)) != about["codes_sha256"]:
+        raise DataError(folder, "other Zernike terms", "those of the manifest", "export again")
+    coefficients = torch.from_numpy(terms.rms.astype(np.float32))
+    maps = ZernikeHeights(coefficients, [noll(index) for index in terms.noll], (_MASK, _MASK))
+    return maps().detach(), {"coefficients": coefficients, "noll": torch.tensor(terms.noll)}

@@ -1,0 +1,158 @@
+"""Which pixel of a device shows which pixel of a code: macro-pixels, lattices, mounted turned or mirrored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil, radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import DataError, SettingError
+from tmca.lab.display.devices import DeviceDescription
+
+_SLACK = 1e-9
+Size = tuple[int, int]
+Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How a code of (H, W) pixels lies on a device of (R, C) pixels, middle on middle.
+
+    Args:
+        code: (H, W).
+        device: (R, C).
+        macro_pixel: device pixels along the side of a code pixel.
+        angle: by which the device is mounted turned, degrees.
+        lattice: ``"square"`` or ``"diamond"``.
+        flip: axes along which the device mirrors, of ``"rows"`` and ``"columns"``.
+        offset: (rows, columns) by which the code is displaced from the middle, pitches: device pixels, of a diamond
+            lattice two rows and a pixel of a row.
+        affine: 2×3, from code pixel (row, column, 1) to device pixel, as a registration measures it; it takes the place
+            of all that is above.
+    """
+
+    code: tuple[int, int]
+    device: tuple[int, int]
+    macro_pixel: float = 1.0
+    angle: float = 0.0
+    lattice: str = "square"
+    flip: tuple[str, ...] = ()
+    offset: tuple[int, int] = (0, 0)
+    affine: Affine | None = None
+
+    @classmethod
+    def of(cls, device: DeviceDescription, code: tuple[int, int], offset: tuple[int, int] = (0, 0)) -> Placement:
+        """Of a code on a device as it is described; a sensor without a size has that of the code."""
+        how = (device.macro_pixel, device.mounting_angle_deg, device.lattice, device.flip, offset)
+        return cls(code, device.size or code, *how)
+
+    @classmethod
+    def by(cls, affine: Affine, device: Size, code: Size) -> Placement:
+        """Of a code whose place on a device was measured."""
+        scale = float(np.sqrt(abs(np.linalg.det(np.array(affine)[:, :2]))))
+        return cls(code, device, scale, affine=affine)
+
+    def index(self) -> NDArray[np.int64]:
+        """(R, C) index ``W·row + column`` of the code pixel that each device pixel shows; -1 for none.
+
+        Raises:
+            SettingError: a code pixel that no device pixel shows.
+        """
+        found, owned = self._owned()
+        self._check(owned)
+        return found
+
+    def fits(self) -> bool:
+        """Whether every code pixel is on the device."""
+        return bool(self._owned()[1].min() > 0)
+
+    def _owned(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The index, and how many device pixels show each code pixel: none of one that is cut off."""
+        margin = 2 * ceil(self.macro_pixel)
+        wide = self._index(margin)
+        found = wide[margin:-margin, margin:-margin]
+        every, own = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, found))
+        return found, np.where(own < every, 0, own)
+
+    @property
+    def _rows(self) -> int:
+        """Rows in a pitch."""
+        return 2 if self.lattice == "diamond" else 1
+
+    def _index(self, margin: int) -> NDArray[np.int64]:
+        """The index with a margin of pixels around the device."""
+        rows, columns = self._places(margin)
+        inside = (rows >= 0) & (rows < self.code[0]) & (columns >= 0) & (columns < self.code[1])
+        return np.where(inside, rows * self.code[1] + columns, -1)
+
+    def shown(self, patterns: NDArray[np.generic], outside: float = 0) -> NDArray[np.generic]:
+        """(K, H, W) codes → (K, R, C) frames; pixels without a code show ``outside``."""
+        index = self.index()
+        flat = patterns.reshape(len(patterns), -1)
+        return np.where(index >= 0, flat[:, index.clip(0)], np.asarray(outside, patterns.dtype))
+
+    def read_back(self, frames: NDArray[np.generic], where: str) -> NDArray[np.generic]:
+        """(K, R, C) frames → (K, H, W) codes, each the value of the device pixels that show it.
+
+        Raises:
+            DataError: frames of another size, or device pixels of one code pixel that differ.
+        """
+        if frames.shape[1:] != self.device:
+            wanted = f"{self.device[0]}×{self.device[1]} pixels"
+            raise DataError(where, f"frames of {frames.shape[1]}×{frames.shape[2]} pixels", wanted, "export it again")
+        index = self.index()
+        _, first = np.unique(index[index >= 0], return_index=True)
+        found = frames[:, index >= 0][:, first].reshape(len(frames), *self.code)
+        if not np.array_equal(self.shown(found, 0)[:, index >= 0], frames[:, index >= 0]):
+            raise DataError(where, "device pixels of one code pixel that differ", "equal ones", "export it again")
+        return found
+
+    def _places(self, margin: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row and column of the code under each pixel of the device and its margin."""
+        sides = (np.arange(-margin, n + margin, dtype=np.float64) for n in self.device)
+        y, x = np.meshgrid(*sides, indexing="ij")
+        if self.affine is not None:
+            matrix = np.array(self.affine)
+            y, x = np.einsum("ij,j...->i...", np.linalg.inv(matrix[:, :2]), np.stack((y, x)) - matrix[:, 2, None, None])
+            return np.floor(y + 0.5 + _SLACK).astype(np.int64), np.floor(x + 0.5 + _SLACK).astype(np.int64)
+        if self.lattice == "diamond":
+            y, x = y / 2, x + 0.5 * (y % 2)
+        y, x = (part - self._corner(axis) for axis, part in enumerate((y, x)))
+        turn = radians(self.angle)
+        y, x = np.cos(turn) * y + np.sin(turn) * x, np.cos(turn) * x - np.sin(turn) * y
+        y = -y if "rows" in self.flip else y
+        x = -x if "columns" in self.flip else x
+        rows, columns = (part / self.macro_pixel + n / 2 for part, n in zip((y, x), self.code, strict=True))
+        return np.floor(rows + _SLACK).astype(np.int64), np.floor(columns + _SLACK).astype(np.int64)
+
+    def _corner(self, axis: int) -> float:
+        """The code's middle, pitches from the first pixel; whole macro-pixels lie on whole pixels where nothing is
+        turned."""
+        length, side = self.device[axis], self.code[axis] * self.macro_pixel
+        if self.lattice == "diamond":  # rows 0 to (R - 1) / 2, columns 0 to C - 1/2
+            middle = (length - 1) / 4 if axis == 0 else (length - 0.5) / 2
+        else:
+            middle = (np.floor((length - side) / 2) + side / 2 if self.angle == 0 else length / 2) - 0.5
+        return float(middle + self.offset[axis])
+
+    def _check(self, owned: NDArray[np.int64]) -> None:
+        if owned.min() > 0:
+            return
+        row, column = divmod(int(np.argmin(owned)), self.code[1])
+        if self.affine is not None:
+            found = f"a place for {self.code[0]}×{self.code[1]} code pixels that leaves out ({row}, {column})"
+            wanted = f"all on the device, at {self.macro_pixel:.3g} of its pixels each (1 or more)"
+            raise SettingError("--calibration", found, wanted, "a smaller code, or other optics")
+        shown = f"{self.code[0]}×{self.code[1]} code pixels at {self.macro_pixel:g} device pixels each"
+        found = f"{shown}, of which ({row}, {column}) is not on the device"
+        turned = self.angle % 90 != 0 or self.lattice == "diamond"
+        least = "--macro-pixel 2 or more where patterns are turned, or " if turned and self.macro_pixel < 2 else ""
+        fits = [ceil(n * self.macro_pixel * each) for n, each in zip(self.code, (self._rows, 1), strict=True)]
+        wanted = f"all on its {self.device[0]}×{self.device[1]} pixels"
+        if any(self.offset) and replace(self, offset=(0, 0)).fits():
+            raise SettingError("--offset", found, wanted, "leave --offset out, or take a smaller code")
+        moved = "leave --offset out; " if any(self.offset) else ""
+        smaller = f"a smaller code than {fits[0]}×{fits[1]} pixels of the device"
+        raise SettingError("--macro-pixel", found, wanted, f"{moved}take {least}{smaller}")

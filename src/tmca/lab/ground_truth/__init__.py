@@ -1,0 +1,1 @@
+"""Ground truth of spectra and depth."""

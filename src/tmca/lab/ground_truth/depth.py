@@ -1,0 +1,249 @@
+"""From a capture of fringes to a depth map with its standard deviation and a mask of confidence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data import label_depth
+from tmca.errors import DataError, SettingError
+from tmca.lab.ground_truth.fringes import Capture, FringePlan, disorder, lit_pixels
+from tmca.lab.ground_truth.geometry import Calibration, check_size, triangulate
+from tmca.lab.ground_truth.phase import Array, Phases, Unwrapping, measure_phases, spatial_unwrap, temporal_unwrap
+from tmca.lab.quality import Limit, Limits, quality_of, warn_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+
+REASONS = ("known", "saturated", "dark", "frequencies disagree", "mixed light", "out of range", "alone")
+"""What ``confidence`` says of a pixel, by its number."""
+Why = NDArray[np.uint8]
+_DARKEST, _RISK = 0.35, np.pi / 4
+"""Radians: a phase less certain than the first is dark; a fringe's number is sure where the phase that the coarser
+fringes foretell is known to the second, four times within half a turn."""
+_MIXED = 0.6
+"""Modulation of the finest fringes, relative to the coarsest and to the usual of all pixels, that edges fall below."""
+_DISAGREE = 4.0
+_MARGIN = 0.25
+"""Finest fringes at either end of the projector that are left out: noise takes them to the other end."""
+_STEEP = 4.0
+
+
+def by_light(phases: Phases, saturated: NDArray[np.bool_]) -> Why:
+    """Saturated, dark and mixed pixels ``(H, W)``, as numbers of `REASONS`.
+
+    Light of two surfaces with different phases adds up to weaker fringes, the finer the weaker.
+    """
+    why = np.zeros(saturated.shape, dtype=np.uint8)
+    dark = phases.std > _DARKEST
+    if len(phases.modulation) > 1:
+        share = phases.modulation[-1] / np.maximum(phases.modulation[0], np.finfo(float).tiny)
+        clear = ~dark.any(axis=0)
+        why[share < _MIXED * (np.median(share[clear]) if clear.any() else 1.0)] = REASONS.index("mixed light")
+    why[dark[-1] | dark[0]] = REASONS.index("dark")
+    why[saturated] = REASONS.index("saturated")
+    return why
+
+
+def by_frequencies(why: Why, disagreement: Array, risk: Array) -> Why:
+    """Adds pixels whose frequencies tell different phases, or are too noisy to number the fringes."""
+    found = why.copy()
+    found[(why == 0) & (disagreement > _DISAGREE)] = REASONS.index("frequencies disagree")
+    found[(why == 0) & ~(risk <= _RISK)] = REASONS.index("dark")
+    return found
+
+
+def by_range(why: Why, depth: Array, position: Array, plan: FringePlan, ends: tuple[float, float]) -> Why:
+    """Adds pixels out of range, and those lit by the ends of the fringes."""
+    margin, found = _MARGIN * plan.extent / plan.fringes[-1], why.copy()
+    with np.errstate(invalid="ignore"):
+        inside = (depth >= ends[0]) & (depth <= ends[1])
+        inside &= (position > margin) & (position < plan.extent - 1 - margin)
+    found[(why == 0) & ~inside] = REASONS.index("out of range")
+    return found
+
+
+def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6) -> Why:
+    """Adds pixels whose depth fewer than ``fewest`` of their eight neighbours share.
+
+    A pixel that sees two surfaces, or one half in shadow, has a wrong depth, and so may the two beside it along the
+    edge. Neighbours share a depth if a surface less steep than 76° can join them, noise apart.
+
+    Args:
+        why: so far.
+        depth: metres.
+        std: of the depth.
+        focal: of the camera in pixels.
+        fewest: 6 takes away one pixel along straight edges, 3 keeps corners.
+    """
+    known = why == 0
+    values, doubt = np.where(known, depth, np.nan), 4 * np.sqrt(2) * np.where(known, std, 0.0)
+    padded = np.pad(values, 1, mode="edge")  # the picture's border is no edge of a surface
+    company, (height, width) = np.zeros(depth.shape, dtype=int), depth.shape
+    for dy, dx in ((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if y or x):
+        other = padded[1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
+        reach = np.hypot(dy, dx) * _STEEP * values / focal + doubt
+        with np.errstate(invalid="ignore"):
+            company += np.abs(other - values) <= reach
+    found = why.copy()
+    found[known & (company < fewest)] = REASONS.index("alone")
+    return found
+
+
+_ORDER = "check that steps and frequencies are in order, and each frame among its own"
+_PLACE = "check the order of the frames, that they are not mirrored, the calibration, and near and far (--near, --far)"
+LIMITS: Limits = {
+    "light_of_frequencies": Limit(0.5, "is a frame dark, or lit by something else? " + _ORDER),
+    "light_of_steps": Limit(0.06, _ORDER),
+    "no_cosine": Limit(0.125, _ORDER),  # a projector's gamma of 2.2 leaves 0.08, one of 2.6 0.11
+    "turned_rad": Limit(1.0, _ORDER),
+    "behind_the_camera": Limit(0.1, _PLACE),
+    "out_of_range": Limit(0.5, _PLACE),
+}
+
+
+def measure_depth(
+    capture: Capture,
+    plan: FringePlan,
+    calibration: Calibration,
+    *,
+    unwrap: Unwrapping = "temporal",
+    noise: float | None = None,
+    near: float = 0.05,
+    far: float = 20.0,
+    neighbours: int = 6,
+) -> xr.Dataset:
+    """Metric depth of every camera pixel that fringes tell it of.
+
+    A pixel is left out, and ``confidence`` says why, if it is saturated in a frame; dark (also in the projector's
+    shadow: too noisy to number the fringes); if its frequencies disagree by more than 4 standard deviations; if its
+    finest fringes are much weaker than those of other pixels (light of two surfaces in one pixel); out of range, or
+    at the projector's edge; or alone: fewer than ``neighbours`` neighbours share its depth.
+
+    Args:
+        capture: the frames.
+        plan: what was projected.
+        calibration: of camera and projector, for frames and fringes of these sizes.
+        unwrap: ``"temporal"`` over the frequencies, or ``"spatial"`` or ``"graph-cut"`` over neighbours.
+        noise: standard deviation of a frame, digital numbers; estimated without it.
+        near, far: metres of depth between which pixels count.
+        neighbours: of eight that have to share a pixel's depth, from 0 to 8; 3 keeps the edges of surfaces.
+
+    Returns:
+        ``depth`` and ``depth_std`` (y, x), metres, NaN where left out; ``confidence`` (y, x), 0 for known and else
+        the index of the reason in its attribute ``reasons``; ``position`` (y, x), projector pixel; ``modulation`` (y,
+        x) of the finest fringes, digital numbers. Attributes hold residuals and their ``quality``: above 1 frames may
+        be out of order, or the calibration another's, and a warning says so.
+
+    Raises:
+        SettingError: an impossible setting, or a calibration of another size.
+        DataError: hardly any pixel with fringes, or none with a depth.
+    """
+    if not 0 < near < far:
+        raise SettingError("near, far", f"{near:g} to {far:g} m", "0 < near < far")
+    if noise is not None and not noise > 0:
+        raise SettingError("noise", repr(noise), "a standard deviation above 0")
+    if not 0 <= neighbours <= 8:
+        raise SettingError("neighbours", str(neighbours), "0 to 8")
+    check_size(calibration.camera, capture.values.shape[2:], capture.source, "frames")
+    check_size(calibration.projector, plan.size, "fringes", "fringes")
+    lit = lit_pixels(capture)
+    phases = measure_phases(capture.values, noise)
+    # rounding to whole numbers is noise too, and all of it where there is no other
+    phases = phases if noise or phases.noise > capture.step / 4 else measure_phases(capture.values, _rounding(capture))
+    residuals = disorder(capture, plan, phases, lit)
+    why, absolute = _unwrapped(phases, capture, plan, unwrap)
+    position = plan.position(absolute)
+    std = phases.std[-1] * plan.extent / (2 * np.pi * plan.fringes[-1])
+    depth, depth_std = triangulate(position, std, calibration, plan.across)
+    found = by_range(why, depth, position, plan, (near, far))
+    residuals |= _out_of_range(why, found, capture, depth)
+    found = by_company(found, depth, depth_std, float(calibration.camera.matrix[0, 0]), neighbours)
+    warn_of(capture.source, residuals, LIMITS)
+    about = {"unwrapping": unwrap, "quality": quality_of(residuals, LIMITS), **residuals}
+    return _labelled(depth, depth_std, found, position, phases, capture).assign_attrs(about)
+
+
+def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
+    """How far a measured depth map is from the true one, over the pixels that have both.
+
+    Args:
+        measured: of `measure_depth`.
+        truth: (y, x), metres.
+
+    Returns:
+        ``rmse`` and ``largest`` error in metres, ``rmse_percent`` of the truth's range, and ``in_deviations``: the
+        median error in its own standard deviations over that of a normal distribution, 1 if they are right.
+
+    Raises:
+        DataError: another size, or no pixel with both.
+    """
+    if truth.shape != measured["depth"].shape:
+        found, wanted = ("×".join(map(str, size)) for size in (truth.shape, measured["depth"].shape))
+        raise DataError(truth.attrs.get("source", "truth"), f"{found} pixels", f"{wanted} as were measured")
+    error = measured["depth"].values.astype(np.float64) - truth.values
+    both = np.isfinite(error)
+    if not both.any():
+        raise DataError(truth.attrs.get("source", "truth"), "no pixel with a measured and a true depth", "some")
+    rmse, spread = float(np.sqrt(np.mean(error[both] ** 2))), float(np.nanmax(truth) - np.nanmin(truth))
+    ratio = float(np.median(np.abs(error / measured["depth_std"].values)[both]) / 0.6745)
+    percent = 100 * rmse / spread if spread else float("nan")
+    return {"rmse": rmse, "largest": float(np.abs(error[both]).max()), "rmse_percent": percent, "in_deviations": ratio}
+
+
+def _rounding(capture: Capture) -> float:
+    return max(capture.step / np.sqrt(12), 1e-6 * float(np.ptp(capture.values)))
+
+
+def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwrapping) -> tuple[Why, Array]:
+    """Why pixels are left out so far, and the absolute phase."""
+    why = by_light(phases, capture.saturated)
+    if unwrap != "temporal":
+        return why, spatial_unwrap(phases, plan.fringes, why == 0, unwrap)
+    absolute, disagreement, risk = temporal_unwrap(phases, plan.fringes)
+    return by_frequencies(why, disagreement, risk), absolute
+
+
+def _out_of_range(why: Why, found: Why, capture: Capture, depth: Array) -> dict[str, float]:
+    """Shares of the depths that are behind the camera, and out of range; DataError where there is none."""
+    told, outside = int((why == 0).sum()), int((found == REASONS.index("out of range")).sum())
+    if not (found == 0).any():
+        reasons = ", ".join(f"{int((found == i).sum())} {name}" for i, name in enumerate(REASONS) if (found == i).any())
+        remedy = f"give more light, project frequencies that are closer together; {_PLACE}"
+        raise DataError(capture.source, f"no pixel with a depth ({reasons})", "some", remedy)
+    behind = int((~np.isfinite(depth) & (why == 0)).sum())
+    return {"behind_the_camera": behind / told, "out_of_range": outside / told}
+
+
+def _labelled(depth: Array, std: Array, why: Why, position: Array, phases: Phases, capture: Capture) -> xr.Dataset:
+    import xarray as xr
+
+    known = why == 0
+    about = {"units": "m", "long_name": "standard deviation of the depth"}
+    return xr.Dataset(
+        {
+            "depth": label_depth(np.where(known, depth, np.nan), capture.source),
+            "depth_std": (("y", "x"), np.where(known, std, np.nan).astype(np.float32), about),
+            "confidence": (("y", "x"), why, {"reasons": ", ".join(f"{i} {name}" for i, name in enumerate(REASONS))}),
+            "position": (
+                ("y", "x"),
+                np.where(known, position, np.nan).astype(np.float32),
+                {"units": "projector pixel"},
+            ),
+            "modulation": (("y", "x"), phases.modulation[-1].astype(np.float32), {"units": "digital number"}),
+        },
+        attrs={"source": str(capture.source), "noise": phases.noise, "metric": True},
+    )
+
+
+def depth_figure(measured: xr.Dataset, title: str) -> Figure:
+    """Depth, its standard deviation, and why pixels have none, of `measure_depth`'s result."""
+    from tmca.plots.lab import measured_depth_figure
+
+    reasons = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
+    depth, deviation, reason = (measured[name].values for name in ("depth", "depth_std", "confidence"))
+    return measured_depth_figure(depth, deviation, reason, reasons, title)

@@ -1,0 +1,259 @@
+"""The fringes to project, and the camera's frames of them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.data import atomic_path, write_json
+from tmca.errors import DataError, SettingError
+from tmca.lab.frames import Frames, read_frames, warn_of_copies
+from tmca.lab.ground_truth.phase import Phases, rung_offsets
+
+MANIFEST = "fringes.json"
+_FORMAT = "tmca fringes 1"
+_LEVELS = 255
+Across = Literal["x", "y"]
+
+
+@dataclass(frozen=True)
+class FringePlan:
+    """Which fringes are projected.
+
+    Frame (f, n) is ``½ + ½ cos(2π fringes_f (u + ½)/extent - 2π n/steps)`` over the projector's pixel u, which counts
+    from 0 along x (upright fringes) or y.
+
+    Args:
+        size: (height, width) of the projector in pixels.
+        fringes: how many over the projector's extent, ascending. With 1, or numbers whose differences lead to 1
+            (59, 64, 70), the phase is absolute.
+        steps: phase shifts of each, 3 or more.
+        across: the axis along which the phase grows: ``"x"`` for a projector beside the camera, ``"y"`` for one above.
+
+    Raises:
+        SettingError: too few steps, fringes too fine for the projector, or not ascending.
+    """
+
+    size: tuple[int, int] = (800, 1280)
+    fringes: tuple[int, ...] = (1, 4, 16, 64)
+    steps: int = 4
+    across: Across = "x"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", tuple(int(n) for n in self.size))
+        object.__setattr__(self, "fringes", tuple(self.fringes))
+        if len(self.size) != 2 or min(self.size) < 8:
+            raise SettingError("projector", str(self.size), "(height, width) of 8 pixels or more")
+        if self.across not in ("x", "y"):
+            raise SettingError("across", repr(self.across), "'x' or 'y'")
+        if self.steps < 3:
+            raise SettingError("steps", str(self.steps), "3 or more", "three shifts are the fewest that tell a phase")
+        if not self.fringes or self.fringes[0] < 1 or sorted(set(self.fringes)) != list(self.fringes):
+            raise SettingError("fringes", str(self.fringes), "ascending whole numbers from 1")
+        if self.fringes[-1] * 4 > self.extent:
+            raise SettingError("fringes", str(self.fringes[-1]), f"{self.extent // 4} at most: 4 projector pixels each")
+
+    @property
+    def extent(self) -> int:
+        """Projector pixels along the axis on which the phase grows."""
+        return self.size[1] if self.across == "x" else self.size[0]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """A name per frame, frequencies from coarse to fine and the steps of each."""
+        return tuple(f"fringe_{f:04d}_{n:02d}" for f in self.fringes for n in range(self.steps))
+
+    def profiles(self) -> NDArray[np.float64]:
+        """``(F, N, extent)`` in [0, 1]: each frame along its axis, as whole 8-bit levels."""
+        place = (np.arange(self.extent) + 0.5) / self.extent
+        turn = 2 * np.pi * np.asarray(self.fringes)[:, None, None] * place
+        shift = 2 * np.pi * np.arange(self.steps)[:, None] / self.steps
+        return np.round((0.5 + 0.5 * np.cos(turn - shift)) * _LEVELS) / _LEVELS
+
+    def position(self, phase: NDArray[Any]) -> NDArray[np.float64]:
+        """Projector pixel of the absolute phase of the finest fringes, radians."""
+        return np.asarray(phase * self.extent / (2 * np.pi * self.fringes[-1]) - 0.5, dtype=np.float64)
+
+
+def write_fringes(plan: FringePlan, folder: str | Path, *, overwrite: bool = False) -> Path:
+    """Write an 8-bit PNG per frame and ``fringes.json``, which names them in order; whole or not at all.
+
+    Raises:
+        OutputError: see `tmca.data.atomic_path`.
+    """
+    from PIL import Image
+
+    with atomic_path(folder, overwrite=overwrite) as temporary:
+        temporary.mkdir()
+        for name, profile in zip(plan.names, plan.profiles().reshape(-1, plan.extent), strict=True):
+            line = np.round(profile * _LEVELS).astype(np.uint8)
+            picture = np.broadcast_to(line if plan.across == "x" else line[:, None], plan.size)
+            Image.fromarray(np.ascontiguousarray(picture)).save(temporary / f"{name}.png")
+        frames = [f"{name}.png" for name in plan.names]
+        write_json({"format": _FORMAT, **asdict(plan), "frames": frames}, temporary / MANIFEST)
+    return Path(folder)
+
+
+def load_plan(path: str | Path) -> FringePlan:
+    """The plan of a manifest, or of the folder it lies in.
+
+    Raises:
+        DataError: missing, no JSON, or no manifest of fringes.
+        SettingError: an impossible plan.
+    """
+    file = Path(path) / MANIFEST if Path(path).is_dir() else Path(path)
+    about = read_json(file, "a manifest of fringes", "write it with tmca scan fringes")
+    if about.get("format") != _FORMAT:
+        raise DataError(file, f"the format {about.get('format')!r}", repr(_FORMAT), "write it with tmca scan fringes")
+    try:
+        size, fringes = tuple(about["size"]), tuple(int(f) for f in about["fringes"])
+        return FringePlan(size, fringes, int(about["steps"]), about["across"])
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, SettingError):
+            raise
+        raise DataError(file, f"no usable {error}", "size, fringes, steps, across") from error
+
+
+def read_json(file: Path, expected: str, remedy: str = "check the path") -> dict[str, Any]:
+    """The object in a JSON file.
+
+    Raises:
+        DataError: missing, unreadable, or no object.
+    """
+    try:
+        about = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DataError(file, "no such file", expected, remedy) from error
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise DataError(file, f"no readable JSON ({error})", expected, remedy) from error
+    if not isinstance(about, dict):
+        raise DataError(file, f"JSON of type {type(about).__name__}", expected, remedy)
+    return about
+
+
+_SATURATED, _LIT = 0.5, 0.01
+"""Shares of the pixels: more saturated, or fewer lit ones than these, and the capture is refused."""
+_AGREE = 0.5
+"""Mean of the phases' directions, 1 where all pixels agree."""
+_CONTRAST = 8.0
+"""A lit pixel's swing over the steps, in standard deviations of the noise."""
+
+
+@dataclass(frozen=True)
+class Capture:
+    """``values`` ``(F, N, H, W)`` digital numbers, ``saturated`` ``(H, W)`` in any frame."""
+
+    source: Path
+    values: NDArray[np.float32]
+    saturated: NDArray[np.bool_]
+    step: float
+
+
+def read_capture(path: str | Path, plan: FringePlan, saturation: float | None = None) -> Capture:
+    """Read what the camera saw of a plan's fringes.
+
+    Frames are known by the plan's names (``fringe_0016_02.png``); where none has such a name they count in the order of
+    their own names, or of the stack.
+
+    Args:
+        path: folder of frames or stack, as for `tmca.lab.frames.read_frames`.
+        plan: what was projected.
+        saturation: see `tmca.lab.frames.read_frames`.
+
+    Raises:
+        DataError: missing frames, too many of them, or more than half of the pixels saturated.
+    """
+    frames = read_frames(path, saturation)
+    chosen = _in_order(frames, plan)
+    values, saturated = frames.values[chosen], frames.saturated[chosen]
+    share = saturated.any(axis=0).mean()
+    if share > _SATURATED:
+        worst = frames.names[chosen[int(saturated.mean(axis=(1, 2)).argmax())]]
+        found = f"{share:.0%} of the pixels saturated (most in {worst})"
+        raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
+    warn_of_copies(replace(frames, names=tuple(frames.names[i] for i in chosen), values=values))
+    shape = (len(plan.fringes), plan.steps, *values.shape[1:])
+    return Capture(Path(path), values.reshape(shape), np.asarray(saturated.any(axis=0)), frames.step)
+
+
+def _in_order(frames: Frames, plan: FringePlan) -> list[int]:
+    """Index of each of the plan's frames."""
+    there, wanted = {name.lower(): i for i, name in enumerate(frames.names)}, plan.names
+    if any(name in there for name in wanted):
+        gone = [name for name in wanted if name not in there]
+        if gone:
+            found = f"no {', '.join(gone[:3])}{' …' if len(gone) > 3 else ''} ({len(gone)} of {len(wanted)} missing)"
+            raise DataError(frames.source, found, f"all {len(wanted)} frames of the plan", "capture them again")
+        return [there[name] for name in wanted]
+    if len(frames.names) != len(wanted):
+        expected = f"{len(wanted)}: {len(plan.fringes)} frequencies of {plan.steps} steps"
+        remedy = f"name them {wanted[0]} … {wanted[-1]}, or pass the manifest they were projected from"
+        raise DataError(frames.source, f"{len(frames.names)} frames", expected, remedy)
+    return list(range(len(wanted)))
+
+
+def lit_pixels(capture: Capture) -> NDArray[np.bool_]:
+    """Pixels ``(H, W)`` whose light changes over the steps of every frequency, whatever their order.
+
+    Raises:
+        DataError: hardly any.
+    """
+    swing = np.ptp(capture.values, axis=1).min(axis=0)
+    floor = _CONTRAST * max(_frame_noise(capture.values), capture.step / np.sqrt(12))
+    lit = (swing > floor) & ~capture.saturated
+    if lit.mean() < _LIT:
+        found = f"fringes on {lit.mean():.1%} of the pixels (the median swing is {np.median(swing):.3g})"
+        raise DataError(capture.source, found, f"{_LIT:.0%} or more", "give more light, or put the frames in order")
+    return np.asarray(lit)
+
+
+def _frame_noise(values: NDArray[np.float32]) -> float:
+    """Standard deviation of a frame's noise: the smaller of two estimates, each of which can only be too large.
+
+    One is from second differences between neighbours, where texture counts too; the other from the mean light of each
+    frequency, which is the same in any order but not where a frame is missing.
+    """
+    from scipy.stats import chi2
+
+    frequencies, steps = values.shape[:2]
+    mixed = np.diff(np.diff(values[0, :2], axis=-1), axis=-2)
+    between = float(np.median(np.abs(mixed)) / 0.6745 / 2)
+    if frequencies == 1:
+        return between
+    spread = values.mean(axis=1, dtype=np.float64).var(axis=0, ddof=1)
+    return min(between, float(np.sqrt(steps * np.median(spread) * (frequencies - 1) / chi2.median(frequencies - 1))))
+
+
+def disorder(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray[np.bool_]) -> dict[str, float]:
+    """Residuals that frames in order leave small, of the worst frequency.
+
+    ``light_of_frequencies``: the steps of a frequency add up to the same light, whichever it is; a difference over a
+    step's part of the fringes' amplitude. ``light_of_steps``: the same from pixel to pixel, which a frame of another
+    frequency among them changes. ``no_cosine``: share of the variation over the steps that is no cosine.
+    ``turned_rad``: phase by which a frequency is turned against the coarser ones, over the better half of the pixels;
+    half a turn where they do not agree from pixel to pixel.
+    """
+    worst = phases.std.max(axis=0)
+    clear = lit & (worst <= np.median(worst))
+    light, modulation = phases.offset[:, clear], np.median(phases.modulation[:, clear], axis=0)
+    amplitude = float(np.median(modulation))
+    usual = np.median(light, axis=1, keepdims=True)
+    even = light * float(np.median(usual)) / usual  # a lamp that drifts makes all of a frequency brighter alike
+    others = [np.median(np.delete(even, f, axis=0), axis=0) for f in range(len(even))] if len(even) > 1 else list(even)
+    away = max(float(np.median(np.abs(own - other) / modulation)) for own, other in zip(even, others, strict=True))
+    noise = 2 * 0.6745 * _frame_noise(capture.values) / np.sqrt(plan.steps)
+    turned = [
+        np.pi if abs(mean) < _AGREE else abs(float(np.angle(mean)))
+        for _, mean in rung_offsets(phases, plan.fringes, clear)
+    ]
+    return {
+        "light_of_frequencies": float(np.abs(usual - np.median(usual)).max()) * plan.steps / amplitude,
+        "light_of_steps": float(max(away - noise / amplitude, 0.0)) * plan.steps,
+        "no_cosine": float(np.median(phases.misfit[:, lit], axis=1).max()),
+        "turned_rad": max(turned, default=0.0),
+    }

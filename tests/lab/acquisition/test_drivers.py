@@ -1,0 +1,406 @@
+"""Drivers of real benches: how they plug in, what they answer, what becomes of the frames when they fail."""
+
+import itertools
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+import tifffile
+import torch
+
+from tests.lab.acquisition.test_capture import exported, scene_of
+from tests.lab.display.test_export import spectral
+from tmca.cameras import SpectralCamera
+from tmca.errors import DataError, DeviceError, OutputError, SettingError
+from tmca.lab.acquisition import drivers as protocol_module
+from tmca.lab.acquisition.drivers import Calls, Device, find_device, time_limit
+from tmca.lab.acquisition.session import capture, joined
+from tmca.lab.acquisition.simulated import SimulatedBench
+from tmca.lab.calibration.apply import calibrated_snapshot
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.sensor import DarkField, FlatField
+from tmca.lab.quality import Doubtful
+
+
+class Lamp:
+    """A bench that sees one level everywhere, and noise that never repeats."""
+
+    saturation = 4095.0
+    taken = itertools.count()
+
+    def __init__(self, level):
+        self.level, self.on = level, False
+
+    def load(self, export):
+        pass
+
+    def show(self, slot):
+        self.on = slot is not None
+
+    def capture(self, whole=False):
+        noise = np.random.default_rng(next(self.taken)).integers(0, 5, (12, 18))
+        return (noise + (self.level if self.on or whole else 60)).clip(0, 4095).astype(np.uint16)
+
+
+def test_saturated_captures_are_refused(tmp_path):
+    with pytest.raises(DataError, match="saturated"):
+        capture(exported(tmp_path, spectral()), Lamp(4095), tmp_path / "frames")
+    assert [file.name for file in sorted((tmp_path / "frames").iterdir())] == ["captures.json", "dark.tif"]
+
+
+def test_frames_without_light_are_told(tmp_path):
+    with pytest.warns(Doubtful, match="slot_000, slot_001, slot_002 no brighter than the dark frame: .*lens cap"):
+        capture(exported(tmp_path, spectral()), Lamp(60), tmp_path / "frames")
+
+
+@pytest.mark.parametrize("kept", [0, 2])
+def test_a_driver_that_gives_an_old_frame_is_told(tmp_path, kept):
+    """Also one that was kept before the capture went on."""
+    export, lamp, frames = exported(tmp_path, spectral()), Lamp(900), {}
+    if kept:
+        with pytest.raises(DeviceError):
+            capture(export, Broken(timeout), tmp_path / "frames")
+    own, old = lamp.capture, tifffile.imread(tmp_path / "frames" / "slot_000.tif") if kept else None
+
+    def stale(whole=False):
+        return frames.setdefault(lamp.on, old if kept and lamp.on else own(whole))
+
+    lamp.capture = stale
+    with pytest.warns(Doubtful, match=r"slot_001 is the same as slot_000 of .* in every pixel"):
+        capture(export, lamp, tmp_path / "frames")
+
+
+def test_a_driver_that_gives_one_dark_frame_again_and_again_is_told(tmp_path):
+    export, lamp = exported(tmp_path, spectral()), Lamp(900)
+    own, dark = lamp.capture, Lamp(60).capture()
+    lamp.capture = lambda whole=False: own(whole) if lamp.on else dark
+    with pytest.warns(Doubtful, match=r"dark_r1 is the same as dark of .* in every pixel"):
+        capture(export, lamp, tmp_path / "frames")
+
+
+def test_dark_frames_that_are_clipped_and_a_bench_without_noise_may_repeat(tmp_path):
+    camera, lamp = SpectralCamera(bands=3, size=(12, 16), slots=3, aperture="static", seed=2), Lamp(900)
+    own = lamp.capture
+    lamp.capture = lambda whole=False: own(whole) if lamp.on else np.zeros((12, 18), np.uint16)
+    export = exported(tmp_path, camera)
+    capture(export, lamp, tmp_path / "clipped")
+    bench = SimulatedBench(camera, scene_of(camera), whole=False)
+    folder = capture(export, bench, tmp_path / "simulated", repeats=2)
+    assert len({file.read_bytes() for file in folder.glob("slot_*.tif")}) == 1
+
+
+@pytest.mark.parametrize(("saturation", "told"), [(65535, True), (7376, True), (7360, True), (7200, False)])
+def test_numbers_far_below_saturation_are_told(tmp_path, recwarn, saturation, told):
+    """The brightest pixel is 920 of a largest number that 10 bits hold."""
+    export, lamp = exported(tmp_path, spectral()), Lamp(900)
+    own = lamp.capture
+
+    def capped(whole=False):
+        frame = own(whole)
+        frame[0, 0] = 920 if lamp.on else frame[0, 0]
+        return frame
+
+    lamp.capture, lamp.saturation = capped, float(saturation)
+    capture(export, lamp, tmp_path / "frames")
+    said = [str(one.message) for one in recwarn if one.category is Doubtful and "saturation" in str(one.message)]
+    assert bool(said) == told
+    assert not told or ("no number above 920" in said[0] and "saturation=1023" in said[0])
+
+
+class Broken(Lamp):
+    """A driver that fails as drivers do, in slot 1."""
+
+    def __init__(self, failure):
+        super().__init__(900)
+        self.failure = failure
+
+    def show(self, slot):
+        self.on, self.slot = slot is not None, slot
+
+    def capture(self, whole=False):
+        return super().capture(whole) if self.slot != 1 else self.failure()
+
+
+def timeout():
+    raise TimeoutError("USB gone")
+
+
+@pytest.mark.parametrize(
+    ("failure", "words"),
+    [
+        (timeout, "TimeoutError: USB gone"), (lambda: np.full((12, 18), np.nan), "float64"),
+        (lambda: np.full((12, 18), 70000), "70000"), (lambda: np.full((12, 18), -1), "-1"),
+        (lambda: np.zeros(7, np.uint16), r"\(7,\)"), (lambda: np.zeros((0, 3), np.uint16), r"\(0, 3\)"),
+        (lambda: None, "object"),
+    ],
+)  # fmt: skip
+def test_drivers_that_fail_do_so_in_one_line_and_lose_no_frame(tmp_path, failure, words):
+    export = exported(tmp_path, spectral())
+    with pytest.raises(DeviceError, match=f"device Broken.*{words}") as found:
+        capture(export, Broken(failure), tmp_path / "frames")
+    assert "\n" not in str(found.value)
+    assert [file.name for file in sorted((tmp_path / "frames").glob("*.tif"))] == ["dark.tif", "slot_000.tif"]
+    capture(export, Lamp(900), tmp_path / "frames")
+    assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
+
+
+def test_a_driver_that_fails_on_the_name_of_a_frame_does_so_in_one_line(tmp_path):
+    lamp = Lamp(900)
+    lamp.name_frame = lambda name: {"dark": 0}[name]
+    with pytest.raises(DeviceError, match="device Lamp: found KeyError: 'slot_000'"):
+        capture(exported(tmp_path, spectral()), lamp, tmp_path / "frames")
+    assert [file.name for file in (tmp_path / "frames").glob("*.tif")] == ["dark.tif"]
+
+
+class Hanging(Lamp):
+    """A driver that answers no more from a call on."""
+
+    def __init__(self, call, after):
+        super().__init__(900)
+        self.left, self.threads = after, []
+        self.name_frame = lambda name: None
+        setattr(self, call, self.counted(getattr(self, call)))
+
+    def counted(self, call):
+        def counted(*given, **named):
+            self.threads.append(threading.current_thread())
+            self.left -= 1
+            return call(*given, **named) if self.left >= 0 else threading.Event().wait()
+
+        return counted
+
+
+@pytest.mark.parametrize(
+    ("call", "after", "kept"), [("load", 0, 0), ("name_frame", 1, 1), ("show", 1, 1), ("capture", 2, 2)]
+)
+def test_a_driver_that_hangs_ends_the_capture_in_one_line_and_loses_no_frame(tmp_path, call, after, kept):
+    export, hanging = exported(tmp_path, spectral()), Hanging(call, after)
+    with pytest.raises(DeviceError, match=r"device Hanging: found no answer in 0\.2 s, .*--timeout") as found:
+        capture(export, hanging, tmp_path / "frames", timeout=0.2)
+    assert "\n" not in str(found.value)
+    assert len([*(tmp_path / "frames").glob("*.tif")]) == kept
+    assert len({*hanging.threads}) == 1
+    assert hanging.threads[0].daemon
+    capture(export, Lamp(900), tmp_path / "frames", timeout=10)
+    assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
+
+
+def test_the_process_ends_while_a_driver_hangs():
+    code = "\n".join([
+        "import threading",
+        "from tmca.errors import DeviceError",
+        "from tmca.lab.acquisition.drivers import Calls",
+        "try:",
+        "    with Calls(object(), 0.1) as calls:",
+        "        calls.of(threading.Event().wait)",
+        "except DeviceError:",
+        "    raise SystemExit(2)",
+    ])  # fmt: skip
+    assert subprocess.run([sys.executable, "-c", code], timeout=100, check=False).returncode == 2
+
+
+def test_frames_do_not_depend_on_the_time_limit_and_no_thread_stays(tmp_path):
+    export, lamp = exported(tmp_path, spectral()), Hanging("capture", 99)
+    lamp.taken = itertools.count()
+    limited = capture(export, lamp, tmp_path / "limited")
+    within, lamp.threads, lamp.taken = {*lamp.threads}, [], itertools.count()
+    unlimited = capture(export, lamp, tmp_path / "unlimited", timeout=0)
+    assert {*lamp.threads} == {threading.current_thread()}
+    assert len(within) == 1
+    (thread,) = within
+    thread.join(10)
+    assert not thread.is_alive()
+    for file in unlimited.glob("*.tif"):
+        assert file.read_bytes() == (limited / file.name).read_bytes()
+
+
+def test_a_simulated_bench_computes_as_long_as_it_takes(tmp_path, monkeypatch):
+    camera, threads = spectral(), []
+    export, bench = exported(tmp_path, camera), SimulatedBench(camera, scene_of(camera))
+    own = bench.capture
+
+    def slow(whole=False):
+        threads.append(threading.current_thread())
+        time.sleep(0.02)
+        return own(whole)
+
+    monkeypatch.setattr(bench, "capture", slow)
+    capture(export, bench, tmp_path / "frames", timeout=0.001)
+    assert {*threads} == {threading.current_thread()}
+
+
+@pytest.mark.parametrize(("exposure", "asked", "limit"), [
+    (0.1, None, 30), (20, None, 60), (20, 5, 5), (20, 0, None), (20, 1e30, 1e30),
+])  # fmt: skip
+def test_the_limit_is_longer_than_an_exposure(exposure, asked, limit):
+    assert time_limit({"exposure_s": exposure}, asked) == limit
+
+
+@pytest.mark.parametrize("asked", [-1.0, np.nan, np.inf])
+def test_an_impossible_time_limit_is_refused(asked):
+    with pytest.raises(SettingError, match="--timeout"):
+        time_limit({"exposure_s": 1.0}, asked)
+
+
+def test_a_limit_beyond_what_a_thread_can_wait_is_none():
+    with Calls(Lamp(900), 1e30) as calls:
+        assert calls.of(lambda: 3) == 3
+
+
+def test_frames_of_another_size_are_refused_when_they_come(tmp_path):
+    export = exported(tmp_path, spectral())
+    with pytest.raises(DataError, match="slot_001: found a frame of 13×18, expected 12×18"):
+        capture(export, Broken(lambda: np.full((13, 18), 900)), tmp_path / "frames")
+    wide = Lamp(900)
+    wide.capture = lambda whole=False: np.full((13, 18), 60)
+    with pytest.raises(DataError, match="dark: found a frame of 13×18, expected 12×18"):
+        capture(export, wide, tmp_path / "other", camera=spectral())
+    assert not (tmp_path / "other").exists()
+
+
+def test_a_frame_is_captured_at_least_once(tmp_path):
+    with pytest.raises(SettingError, match="--repeat"):
+        capture(exported(tmp_path, spectral()), Lamp(900), tmp_path / "frames", repeats=0)
+
+
+def failing():
+    raise ImportError("no libdmd.so")
+
+
+@pytest.mark.parametrize(("load", "words"), [(failing, "no libdmd.so"), (lambda: Lamp, "missing 1 required")])
+def test_drivers_that_do_not_start_say_so(monkeypatch, load, words):
+    point = type("Point", (), {"name": "lamp", "load": staticmethod(load)})
+    monkeypatch.setattr(protocol_module, "entry_points", lambda group: [point])
+    with pytest.raises(DeviceError, match=f"device lamp: .*{words}"):
+        find_device("lamp")
+
+
+def test_drivers_of_other_packages_plug_in(monkeypatch):
+    class Point:
+        name = "lamp"
+
+        @staticmethod
+        def load():
+            return Lamp
+
+    monkeypatch.setattr(protocol_module, "entry_points", lambda group: [Point] if group == "tmca.devices" else [])
+    found = find_device("lamp", level=100)
+    assert isinstance(found, Device)
+    assert found.level == 100
+    with pytest.raises(SettingError, match="simulated, folder, lamp"):
+        find_device("laser")
+
+
+@pytest.mark.parametrize("how", [{"gain": 2.0}, {"bench": {"scene": "other"}}, {"saturation": 1023.0}])
+def test_frames_of_another_bench_are_never_joined_with_those_that_are_there(tmp_path, how):
+    export, lamp = exported(tmp_path, spectral()), Lamp(900)
+    with pytest.raises(DeviceError):
+        capture(export, Broken(timeout), tmp_path / "frames", bench={"scene": "one"})
+    lamp.saturation = how.get("saturation", lamp.saturation)
+    given = {"bench": {"scene": "one"}, **{k: v for k, v in how.items() if k != "saturation"}}
+    with pytest.raises(OutputError, match=next(iter(how)).replace("bench", "scene")):
+        capture(export, lamp, tmp_path / "frames", **given)
+    assert len([*(tmp_path / "frames").glob("*.tif")]) == 2
+
+
+@pytest.mark.parametrize("level", [0, -1.0, np.nan, "much"])
+def test_a_saturation_that_is_none_is_refused(tmp_path, level):
+    lamp = Lamp(900)
+    lamp.saturation = level
+    with pytest.raises(DeviceError, match=r"saturation|could not convert"):
+        capture(exported(tmp_path, spectral()), lamp, tmp_path / "frames")
+
+
+def bright_corner(lamp):
+    own = lamp.capture
+
+    def capture(whole=False):
+        frame = own(whole)
+        frame[:2, :9] = 4095 if lamp.on else frame[:2, :9]
+        return frame
+
+    return capture
+
+
+def test_saturated_pixels_are_told_in_the_snapshot(tmp_path):
+    camera, lamp = spectral(), Lamp(900)
+    export = exported(tmp_path, camera)
+    clean = joined(capture(export, lamp, tmp_path / "clean"), export, camera)
+    lamp.capture = bright_corner(lamp)
+    found = joined(capture(export, lamp, tmp_path / "frames"), export, camera)
+    assert clean.notes["saturated_share"] == 0
+    assert found.notes["saturated_share"] == pytest.approx(18 / (12 * 18))
+
+
+def test_a_capture_by_a_driver_gets_the_flat_field_and_the_white_of_its_calibration(tmp_path):
+    camera, lamp = spectral(), Lamp(900)
+    export = exported(tmp_path, camera)
+    taken = joined(capture(export, lamp, tmp_path / "frames", gain=0.01), export, camera)
+    size, clean = camera.snapshot_shape[1:], np.zeros(camera.snapshot_shape[1:], np.int64)
+    vignette = np.linspace(0.8, 1.2, size[1])[None].repeat(size[0], 0)
+    dark = DarkField(np.full(size, 60.0), np.ones(size), clean, 4)
+    flat = FlatField(vignette, 500.0, 0.0, 0.0, clean, 4)
+    known = Calibration.empty().with_part("dark", dark, {}).with_part("flat", flat, {})
+    found = calibrated_snapshot(taken, known)
+    wanted = taken.values / 0.01 / torch.from_numpy(vignette).float() * camera.full_scale / 500
+    torch.testing.assert_close(found.values, wanted * (camera.codes()[1].amax(0) > 0), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("units", [0.0, -1.0, np.nan, np.inf, "abc", None])
+def test_a_scale_that_is_none_is_refused(tmp_path, units):
+    camera, lamp = spectral(), Lamp(900)
+    lamp.snapshot_units_per_dn = units
+    with pytest.raises(DeviceError, match=r"snapshot_units_per_dn|ValueError|TypeError"):
+        capture(exported(tmp_path, camera), lamp, tmp_path / "frames", gain=None, camera=camera)
+    assert not (tmp_path / "frames").exists()
+
+
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+@pytest.mark.parametrize("shutter", ["emulated-shutter", "coded-exposure"])
+def test_saturation_is_white_in_one_frame_unless_the_driver_knows_its_scale(tmp_path, exposure, shutter):
+    camera, lamp = spectral(exposure=exposure), Lamp(900)
+    export = exported(tmp_path, camera, "dli4120", shutter)
+    lamp.gain = 12.0  # decibels of its amplifier, which say nothing of a snapshot's units
+    found = joined(capture(export, lamp, tmp_path / "frames", gain=None, camera=camera), export, camera)
+    white = camera.full_scale if shutter == "coded-exposure" else camera.white
+    assert found.notes["gain_per_digital_number"] == pytest.approx(white / 4095)
+    lamp.snapshot_units_per_dn = 0.25
+    found = joined(capture(export, lamp, tmp_path / "other", gain=None, camera=camera), export, camera)
+    assert found.notes["gain_per_digital_number"] == 0.25
+
+
+def test_a_saturation_that_hangs_ends_the_capture(tmp_path):
+    class Hung(Lamp):
+        saturation = property(lambda self: threading.Event().wait())
+
+    with pytest.raises(DeviceError, match=r"device Hung: found no answer in 0\.2 s"):
+        capture(exported(tmp_path, spectral()), Hung(900), tmp_path / "frames", timeout=0.2)
+
+
+@pytest.mark.parametrize("limit", [0, 20])
+def test_a_driver_does_not_end_the_process(tmp_path, limit):
+    def leave():
+        raise SystemExit(3)
+
+    with pytest.raises(DeviceError, match="device Broken: found SystemExit: 3"):
+        capture(exported(tmp_path, spectral()), Broken(leave), tmp_path / "frames", timeout=limit)
+
+
+@pytest.mark.parametrize("name", ["simulated", "folder"])
+def test_no_driver_takes_the_name_of_the_packages_own(tmp_path, monkeypatch, name):
+    point = type("Point", (), {"name": name, "load": staticmethod(failing)})
+    monkeypatch.setattr(protocol_module, "entry_points", lambda group: [point])
+    if name == "simulated":
+        assert isinstance(find_device(name, camera=spectral(), scene=[]), SimulatedBench)
+    else:
+        with pytest.raises(DataError, match="none: found no such folder"):
+            find_device(name, path=tmp_path / "none")
+
+
+def test_a_setting_of_a_driver_may_be_called_name(monkeypatch):
+    point = type("Point", (), {"name": "lamp", "load": staticmethod(lambda: lambda name: Lamp(int(name)))})
+    monkeypatch.setattr(protocol_module, "entry_points", lambda group: [point])
+    assert find_device("lamp", name="7").level == 7

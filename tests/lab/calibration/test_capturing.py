@@ -1,0 +1,217 @@
+"""Frames of calibration on the simulated bench: what a lamp and a pattern give, pixel by pixel; drivers; resuming."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from tests.lab.acquisition.test_capture import exported
+from tmca.cameras import LightFieldCamera, SpectralCamera
+from tmca.errors import DataError, DeviceError, OutputError, SettingError
+from tmca.lab.acquisition.captures import read_tif
+from tmca.lab.acquisition.drivers import find_device
+from tmca.lab.calibration.captures import calibration_patterns
+from tmca.lab.calibration.capturing import capture_step, shots_of
+from tmca.lab.calibration.shots import Asked
+from tmca.lab.calibration.steps import steps_of
+from tmca.lab.display.manifest import read_manifest
+
+BOTH = ("dli4120", "coded-exposure")
+
+
+def spectral(size=(17, 20), slots=3, **settings):
+    waves = [450e-9, 540e-9, 650e-9]
+    return SpectralCamera(waves, size, slots, shutter="one-hot", response=torch.tensor([0.5, 1.0, 0.7]), **settings)
+
+
+def light_field(size=(16, 19), slots=2):
+    return LightFieldCamera(views=3, size=size, slots=slots, shutter="one-hot")
+
+
+def bench_of(camera, **settings):
+    return find_device("simulated", camera=camera, scene=[], **settings)
+
+
+def frame(folder, name, bench):
+    """Snapshot units above the black level."""
+    return (read_tif(folder / f"{name}.tif").astype(float) - bench.black) * bench.gain
+
+
+@pytest.mark.parametrize("size", [(17, 20), (16, 23)])
+@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+def test_a_pattern_in_one_wavelength_is_seen_displaced(tmp_path, size, exposure):
+    camera = spectral(size, exposure=exposure)
+    bench, asked = bench_of(camera), Asked(wavelengths=(650e-9,), pattern=2)
+    folder = capture_step("dispersion", exported(tmp_path, camera, *BOTH), bench, tmp_path / "b", camera, asked)
+    seen, pattern = frame(folder, "band_650nm", bench), calibration_patterns(size)[2]
+    wanted, shift = np.zeros_like(seen), int(camera.dispersion.displacement[2]) - camera.dispersion.origin
+    for y, x in itertools.product(*(range(n) for n in size)):
+        wanted[y, x + shift] = pattern[y, x] * 0.8 * 2.2 * 0.7  # the brightest band at 0.8 of white, κ 0.7 of it
+    np.testing.assert_allclose(seen, wanted, atol=1.01 * bench.gain * camera.slots)
+
+
+@pytest.mark.parametrize("size", [(16, 19), (18, 21)])
+def test_a_pattern_in_one_view_is_seen_displaced(tmp_path, size):
+    camera = light_field(size)
+    bench = bench_of(camera)
+    folder = capture_step("shear", exported(tmp_path, camera), bench, tmp_path / "b", camera)
+    pattern, (rows, columns) = calibration_patterns(camera.mask_size)[3], size
+    border = [(m - n) // 2 for m, n in zip(camera.mask_size, size, strict=True)]
+    for v, u in ((0, 0), (-1, 1)):
+        top, left = border[0] + v, border[1] + u
+        share = float(camera.vignetting[v + 1, u + 1] / camera.vignetting.max())
+        wanted = 0.8 * camera.white * share * pattern[top : top + rows, left : left + columns]
+        np.testing.assert_allclose(frame(folder, f"view_{v}_{u}", bench), wanted, atol=2.02 * bench.gain)
+
+
+@pytest.mark.parametrize("shutter", ["coded-exposure", "emulated-shutter"])
+def test_even_light_and_white_are_exposed_as_the_frames_are(tmp_path, shutter):
+    camera = spectral()
+    export, bench = exported(tmp_path, camera, "dli4120", shutter), bench_of(camera)
+    asked = Asked(frames=2, reflectance=0.25)
+    levels = {}
+    for step in ("dark", "flat", "white", "linearity"):
+        folder = capture_step(step, export, bench, tmp_path / "b", camera, asked)
+        levels[step] = {file.stem: frame(folder, file.stem, bench) for file in folder.glob("*.tif")}
+    assert np.abs(levels["dark"]["dark_1"]).max() < bench.gain
+    np.testing.assert_allclose(levels["flat"]["flat_0"], 0.5 * 2.2, atol=1.01 * bench.gain)
+    np.testing.assert_allclose(levels["white"]["white_1"][:, 2:-2], 0.25 * 2.2, atol=1.01 * bench.gain)
+    each = 100 / (1 if shutter == "coded-exposure" else 3)
+    times = {name: float(name.split("_")[1][:-2]) for name in levels["linearity"]}
+    assert min(times.values()) == pytest.approx(0.1 * each, rel=1e-5)
+    for name, time in times.items():
+        wanted = min(0.5 * 2.2 * time / each, 2.2)
+        np.testing.assert_allclose(levels["linearity"][name], wanted, atol=2e-4)
+
+
+def test_pairs_of_slots_meet_where_both_are_open(tmp_path):
+    camera = spectral(slots=3)
+    bench = bench_of(camera)
+    folder = capture_step("timing", exported(tmp_path, camera, *BOTH), bench, tmp_path / "b", camera)
+    for i, j in itertools.product(range(3), repeat=2):
+        seen = frame(folder, f"aperture_{i}_shutter_{j}", bench)[:, 2:-2].mean()
+        assert seen == pytest.approx(2.2 / 3 if i == j else 0, abs=2 * bench.gain)
+
+
+def test_of_many_slots_only_neighbours_are_paired(tmp_path):
+    camera = spectral(slots=7)
+    manifest = read_manifest(exported(tmp_path, camera, *BOTH))
+    pairs = [tuple(map(int, shot.name.split("_")[1::2])) for shot in shots_of("timing", camera, manifest, Asked())]
+    wanted = {(i, (i + d) % 7) for i in range(7) for d in (-2, -1, 0, 1, 2)}
+    assert len(pairs) == len(wanted) == 35
+    assert set(pairs) == wanted
+
+
+def test_steps_are_those_of_the_camera_and_its_shutter(tmp_path):
+    camera = spectral()
+    coded = read_manifest(exported(tmp_path / "a", camera, *BOTH))
+    emulated = read_manifest(exported(tmp_path / "b", light_field()))
+    assert steps_of(camera, coded)[-2:] == ("timing", "dispersion")
+    assert "timing" not in steps_of(light_field(), emulated)
+    assert steps_of(light_field(), emulated)[-1] == "shear"
+    with pytest.raises(SettingError, match="timing"):
+        shots_of("timing", light_field(), emulated, Asked())
+    with pytest.raises(SettingError, match="wavelength"):
+        shots_of("registration", camera, coded, Asked())
+
+
+def test_a_stopped_step_goes_on_and_keeps_its_frames(tmp_path):
+    camera = spectral()
+    export, out = exported(tmp_path, camera, *BOTH), tmp_path / "b"
+    with pytest.raises(DeviceError, match="after 5 frames"):
+        capture_step("timing", export, bench_of(camera, stops_after=5), out, camera)
+    kept = {file.name: file.stat().st_mtime_ns for file in (out / "timing").glob("*.tif")}
+    assert len(kept) == 5
+    folder = capture_step("timing", export, bench_of(camera, taken=5), out, camera)
+    assert len(list(folder.glob("*.tif"))) == 9
+    assert all((folder / name).stat().st_mtime_ns == time for name, time in kept.items())
+
+
+def test_frames_of_another_bench_or_other_patterns_are_not_mixed(tmp_path):
+    camera = spectral()
+    export, out, asked = exported(tmp_path, camera, *BOTH), tmp_path / "b", Asked(wavelengths=(540e-9,))
+    capture_step("registration", export, bench_of(camera), out, camera, asked, bench={"seed": 0})
+    with pytest.raises(OutputError, match="seed 0"):
+        capture_step("registration", export, bench_of(camera), out, camera, asked, bench={"seed": 1})
+    with pytest.raises(OutputError, match="other patterns"):
+        capture_step("dispersion", export, bench_of(camera), out, camera, Asked(wavelengths=(540e-9,), count=3))
+
+
+class Driver:
+    """A bench whose light a person sets."""
+
+    saturation = 4095.0
+
+    def __init__(self, size, level=900):
+        self.frame, self.shown = np.full(size, level, np.uint16), []
+
+    def load(self, export):
+        self.slots = export.manifest["slots"]
+
+    def show(self, slot):
+        self.shown.append(slot)
+
+    def capture(self, whole=False):
+        return self.frame
+
+
+def test_a_driver_without_a_lamp_takes_one_light_at_a_time(tmp_path):
+    camera = spectral()
+    export, driver, out = exported(tmp_path, camera, *BOTH), Driver(camera.snapshot_shape[1:]), tmp_path / "b"
+    capture_step("registration", export, driver, out, camera, Asked(wavelengths=(540e-9,)))
+    assert driver.shown == [0, 1, 2, 3]
+    assert driver.slots == 4
+    with pytest.raises(SettingError, match="2 lights"):
+        capture_step("dispersion", export, driver, out, camera, Asked(wavelengths=(540e-9, 450e-9)))
+    for wave in (540e-9, 450e-9):
+        folder = capture_step("dispersion", export, driver, out, camera, Asked(wavelengths=(wave,)))
+    assert {file.stem for file in folder.glob("*.tif")} == {"band_540nm", "band_450nm"}
+    assert len(json.loads((folder / "captures.json").read_text())["frames"]) == 2
+
+
+@pytest.mark.parametrize(("found", "said"), [((3, 17, 22), "3×17×22"), ((17, 21), "17×21"), ((17, 22), "saturated")])
+def test_frames_that_calibration_cannot_use_are_refused(tmp_path, found, said):
+    camera = spectral()
+    driver = Driver(found, 4095 if said == "saturated" else 900)
+    with pytest.raises(DataError, match=said):
+        capture_step("dark", exported(tmp_path, camera, *BOTH), driver, tmp_path / "b", camera)
+
+
+def test_frames_that_were_taken_before_are_no_bench_of_a_calibration(tmp_path):
+    camera = spectral()
+    export = exported(tmp_path, camera, *BOTH)
+    folder = capture_step("dark", export, bench_of(camera), tmp_path / "b", camera, Asked(frames=2))
+    with pytest.raises(SettingError, match=r"--device: found FrameFolder.*tmca calibrate STEP FOLDER"):
+        capture_step("dark", export, find_device("folder", path=str(folder)), tmp_path / "c", camera, Asked(frames=2))
+    assert not (tmp_path / "c").exists()
+
+
+def test_an_export_without_an_aperture_shows_no_patterns(tmp_path):
+    camera = spectral((17, 20), slots=3, aperture=torch.ones(3, 17, 20))
+    export = exported(tmp_path, camera, "emulated-shutter")
+    with pytest.raises(DataError, match="aperture"):
+        capture_step("dark", export, bench_of(camera), tmp_path / "b", camera)
+
+
+@pytest.mark.parametrize(
+    ("light", "said"), [({"wavelength": 500e-9}, "450, 540, 650"), ({"view": (0, 0)}, "none of a spectral")]
+)
+def test_the_simulated_bench_says_what_it_can_be_lit_with(tmp_path, light, said):
+    from tmca.lab.acquisition.drivers import Light
+    from tmca.lab.display.export import Export
+
+    camera = spectral()
+    folder, bench = exported(tmp_path, camera, *BOTH), bench_of(camera)
+    bench.load(Export(folder, read_manifest(folder)))
+    bench.illuminate(Light("white", **light))
+    bench.show(0)
+    with pytest.raises(DeviceError, match=said):
+        bench.capture()
+
+
+@pytest.mark.parametrize("asked", [{"frames": 1}, {"reflectance": 0}, {"reflectance": float("nan")}, {"pattern": 4}])
+def test_impossible_requests_are_refused(asked):
+    with pytest.raises(SettingError):
+        Asked(**asked)

@@ -1,0 +1,389 @@
+"""Exports come back as the very codes; what a device cannot show, and files that were touched, are refused."""
+
+import csv
+import hashlib
+import json
+import shutil
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.codes import write_codes
+from tmca.decoders import find_weights
+from tmca.errors import DataError, OutputError, SettingError, ShapeError
+from tmca.lab.display.codes import peak, read_planes
+from tmca.lab.display.devices import PRESETS, device_named, grey_of, light_of
+from tmca.lab.display.export import FastFrames, export_codes
+from tmca.lab.display.manifest import DIGEST, check_export, read_export
+from tmca.optics import ZernikeHeights
+from tmca.optics.zernike import noll, zernike_modes
+
+SIZES = [(12, 16), (13, 17)]
+
+
+def snapshot(folder, camera):
+    values = torch.zeros(1, 1, *camera.snapshot_shape[1:])
+    if isinstance(camera, SpectralDepthCamera):
+        values = torch.zeros(1, *camera.snapshot_shape)
+    return Snapshot(values, camera).save(folder / "taken.nc")
+
+
+def spectral(size=(12, 16), **settings):
+    return SpectralCamera(bands=3, size=size, slots=3, seed=2, **settings)
+
+
+def mirror(modes=range(4, 16), rms=20e-9, **settings):
+    drawn = rms * torch.randn(2, len(modes), generator=torch.Generator().manual_seed(1))
+    maps = ZernikeHeights(drawn, [noll(i) for i in modes], SpectralDepthCamera.from_preset("quick").bench.mask_size)
+    return SpectralDepthCamera.from_preset("quick", size=(16, 18), slots=2, mask=maps, **settings)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(
+    "device",
+    [
+        device_named("dli4120", macro_pixel=3), device_named("dli4120", macro_pixel=2.2, mounting_angle_deg=45.0),
+        device_named("dli4120", lattice="diamond", macro_pixel=2), device_named("pluto-2.1"),
+        device_named("dli4120", flip=("rows",)), device_named("pluto-2.1", flip=("columns",), gamma=1.7),
+    ],
+)  # fmt: skip
+def test_codes_come_back(tmp_path, size, device):
+    camera = spectral(size)
+    devices = [device, device_named("emulated-shutter")]
+    export_codes(read_planes(snapshot(tmp_path, camera)), devices, tmp_path / "out")
+    found = read_export(tmp_path / "out")
+    for name, plane in zip(("aperture", "shutter"), camera.codes(), strict=True):
+        assert torch.equal(found.planes[name], plane)
+
+
+def test_masks_of_a_light_field_camera_come_back(tmp_path):
+    camera = LightFieldCamera(views=3, size=(9, 11), slots=2)
+    export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dli4120")], tmp_path / "out")
+    assert torch.equal(read_export(tmp_path / "out").planes["aperture"], camera.codes()[0])
+
+
+def test_mirror_terms_are_the_modes_of_the_heights(tmp_path):
+    camera = mirror()
+    export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
+    found = read_export(tmp_path / "out")
+    wanted = camera.point_spread.heights.metres().detach()
+    torch.testing.assert_close(found.modes["coefficients"], wanted, atol=1e-12, rtol=1e-4)
+    assert max(export.manifest["planes"][0]["residual_rms_nm"]) < 0.05
+
+
+def test_what_a_mirror_cannot_show_is_told(tmp_path):
+    """Modes of equal strength, half of which the mirror has not: the other half is left."""
+    camera = mirror(modes=range(4, 28))
+    export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
+    rms = camera.point_spread.heights.metres().detach()[:, 12:].square().sum(1).sqrt() * 1e9
+    np.testing.assert_allclose(export.manifest["planes"][0]["residual_rms_nm"], rms, rtol=0.03)
+
+
+@pytest.mark.parametrize("index", [4, 5, 7, 11, 14])
+def test_peaks_are_those_of_the_modes(index):
+    assert float(zernike_modes([noll(index)], (401, 401)).abs().max()) == pytest.approx(peak(index), rel=0.02)
+
+
+def test_tiles_fill_the_device(tmp_path):
+    tiles = torch.randint(0, 2, (2, 4, 6)).float(), torch.randint(0, 2, (2, 4, 6)).float()
+    write_codes(tmp_path / "codes.nc", *tiles, (4, 6))
+    devices = [device_named("pluto-2.1"), device_named("coded-exposure")]
+    codes = read_planes(tmp_path / "codes.nc")
+    export_codes(codes, devices, tmp_path / "out", sensor_size=(9, 14))
+    found = read_export(tmp_path / "out").planes
+    assert found["aperture"].shape == (2, 270, 480)
+    assert torch.equal(found["aperture"][:, 4:8, 6:12], tiles[0])
+    assert torch.equal(found["shutter"][:, 8:9, :6], tiles[1][:, :1])
+
+
+def test_frames_are_of_the_kind_that_devices_take(tmp_path):
+    devices = [device_named("pluto-2.1"), device_named("coded-exposure")]
+    export_codes(read_planes(snapshot(tmp_path, spectral())), devices, tmp_path / "out")
+    with Image.open(tmp_path / "out" / "aperture" / "aperture_000.png") as frame:
+        assert (frame.mode, frame.size) == ("L", (1920, 1080))
+    with Image.open(tmp_path / "out" / "shutter" / "shutter_002.png") as frame:
+        assert (frame.mode, frame.size) == ("1", (18, 12))
+
+
+def test_the_manifest_says_when_and_in_what_order(tmp_path):
+    export = export_codes(read_planes(snapshot(tmp_path, spectral())), [device_named("dli4120")], tmp_path / "out",
+                          exposure=0.3)  # fmt: skip
+    frames = json.loads((tmp_path / "out" / "manifest.json").read_text())["planes"][0]["frames"]
+    assert [frame["slot"] for frame in frames] == [0, 1, 2]
+    assert [frame["start_s"] for frame in frames] == pytest.approx([0, 0.1, 0.2])
+    assert all(frame["duration_s"] == pytest.approx(0.1) for frame in frames)
+    assert export.manifest["exposure_s"] == 0.3
+
+
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+def test_grey_levels_give_the_light_that_is_asked_for(gamma):
+    device = device_named("pluto-2.1", gamma=gamma)
+    light = np.linspace(0, 1, 200, dtype=np.float32)
+    shown = light_of(grey_of(light, device), device)
+    assert np.abs(shown - light).max() <= 0.5 * np.diff((np.arange(256) / 255) ** gamma).max() + 1e-6
+
+
+def test_a_measured_response_takes_the_place_of_the_gamma(tmp_path):
+    (tmp_path / "lut.csv").write_text("grey,light\n" + "\n".join(f"{g},{3 + g**1.5}" for g in range(0, 256, 5)))
+    device = device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
+    np.testing.assert_allclose(light_of(np.array([0, 50, 255], np.uint8), device), [0, (50 / 255) ** 1.5, 1], atol=1e-6)
+
+
+def test_a_phase_gives_the_light_that_crossed_polarisers_pass(tmp_path):
+    """Malus: retardance φ passes sin²(φ/2); beyond π it falls again, and nothing is lost by that."""
+    phases = np.linspace(0, 1.4 * np.pi, 256)
+    (tmp_path / "lut.csv").write_text("grey,phase_rad\n" + "\n".join(f"{g},{p}" for g, p in enumerate(phases)))
+    device = device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
+    np.testing.assert_allclose(light_of(np.arange(256).astype(np.uint8), device), np.sin(phases / 2) ** 2, atol=1e-4)
+    light = np.linspace(0, 1, 300, dtype=np.float32)
+    nearest = np.abs(np.sin(phases / 2)[None] ** 2 - light[:, None]).argmin(1)
+    slow = np.abs(np.sin(phases[nearest] / 2) ** 2 - light)
+    found = np.abs(np.sin(phases[grey_of(light, device)] / 2) ** 2 - light)
+    np.testing.assert_allclose(found, slow, atol=1e-4)
+
+
+def test_an_export_carries_the_response_that_it_is_read_with(tmp_path):
+    (tmp_path / "lut.csv").write_text("grey,light\n0,0\n100,0.1\n255,1\n")
+    camera, device = spectral(), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
+    folder = export_codes(read_planes(snapshot(tmp_path, camera)), [device], tmp_path / "out").folder
+    (tmp_path / "lut.csv").unlink()
+    folder = folder.rename(tmp_path / "moved")
+    assert torch.equal(read_export(folder).planes["aperture"], camera.codes()[0])
+    (folder / "aperture" / "response.csv").write_text("grey,light\n0,0\n255,1\n")
+    with pytest.raises(DataError, match=r"response.csv: found another content"):
+        check_export(folder)
+    (folder / "aperture" / "response.csv").unlink()
+    with pytest.raises(DataError, match=r"response.csv: found no such file"):
+        check_export(folder)
+
+
+@pytest.fixture
+def written(tmp_path):
+    devices = [device_named("dli4120"), device_named("emulated-shutter")]
+    return export_codes(read_planes(snapshot(tmp_path, spectral())), devices, tmp_path / "out").folder
+
+
+def changed(manifest, path, value):
+    *way, last = path
+    place = manifest
+    for step in way:
+        place = place[step]
+    assert place[last] != value
+    place[last] = value
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("exposure_s",), 0.2), (("planes", 0, "placement", "offset"), [1, 0]), (("camera",), "light-field"),
+        (("planes", 1, "frames", 0, "duration_s"), 1.0), (("source",), "elsewhere"),
+    ],
+)  # fmt: skip
+def test_a_manifest_that_was_changed_is_refused_in_one_line(written, path, value):
+    manifest = check_export(written)
+    changed(manifest, path, value)
+    (written / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(DataError, match=r"manifest.json: found a manifest that was changed after the export") as found:
+        check_export(written)
+    assert "\n" not in str(found.value)
+
+
+def test_the_digest_of_a_manifest_is_of_what_it_says_and_none_is_trusted_without(written):
+    sealed = json.loads((written / "manifest.json").read_text())
+    bare = {name: value for name, value in sealed.items() if name != DIGEST}
+    backwards = {name: sealed[name] for name in reversed(sealed)}
+    (written / "manifest.json").write_text(json.dumps(backwards, indent=7))
+    assert check_export(written) == sealed
+    said = json.dumps(bare, sort_keys=True, separators=(",", ":"))
+    assert sealed[DIGEST] == hashlib.sha256(said.encode()).hexdigest()
+    (written / "manifest.json").write_text(json.dumps(bare))
+    with pytest.raises(DataError, match=f"manifest.json: found no {DIGEST}"):
+        check_export(written)
+
+
+def test_a_missing_frame_is_named(written):
+    (written / "aperture" / "aperture_001.png").unlink()
+    with pytest.raises(DataError, match=r"aperture_001.png: found no such file.*slot 1"):
+        check_export(written)
+
+
+def test_frames_in_the_wrong_order_are_told_from_broken_ones(written):
+    one, other = (written / "shutter" / f"shutter_00{k}.png" for k in (0, 2))
+    shutil.copy(other, one)
+    with pytest.raises(DataError, match=r"shutter_002.png: frames in the wrong order"):
+        check_export(written)
+    one.write_bytes(b"nothing")
+    with pytest.raises(DataError, match="another content"):
+        check_export(written)
+
+
+def test_a_table_without_a_term_is_refused(tmp_path):
+    folder = export_codes(read_planes(snapshot(tmp_path, mirror())), [device_named("dmp40")], tmp_path / "out").folder
+    file = folder / "heights" / "zernike.csv"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join(lines[:-1]))
+    with pytest.raises(DataError, match="another content"):
+        check_export(folder)
+    assert len(list(csv.DictReader(lines))) == 24
+
+
+@pytest.mark.parametrize(
+    ("devices", "how", "words"),
+    [
+        (["dli4120", "pluto-2.1"], {}, "one device for each plane"), ([], {}, "one device"),
+        (["pluto-2.1"], {"exposure": 0.01}, "60 at most"), (["dli4120"], {"exposure": -1}, "above 0"),
+        (["dmp40"], {}, "heights, which this device shows"), (["dli4120"], {"code_size": (20, 20)}, "20×20 or more"),
+        (["dli4120"], {"offset": (380, 0)}, "--offset: .* on its 768×1024"),
+        (["dli4120"], {"code_size": (0, 4)}, "--code-size: found 0x4"),
+        (["emulated-shutter"], {"sensor_size": (3, -4)}, "--sensor-size: found 3x-4"),
+        (["dli4120"], {"exposure": "a"}, "--exposure: found a s"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_shown_leaves_nothing(tmp_path, devices, how, words):
+    codes = read_planes(snapshot(tmp_path, spectral()))
+    with pytest.raises((SettingError, ShapeError), match=words):
+        export_codes(codes, [device_named(name) for name in devices], tmp_path / "out", **how)
+    assert [file.name for file in tmp_path.iterdir()] == ["taken.nc"]
+
+
+def test_masks_beyond_the_stroke_are_refused(tmp_path):
+    with pytest.raises(SettingError, match=r"0\.01 µm at most"):
+        export_codes(read_planes(snapshot(tmp_path, mirror())), [device_named("dmp40", stroke_um=0.01)], tmp_path / "o")
+
+
+def test_nothing_is_replaced_unasked(tmp_path, written):
+    codes = read_planes(tmp_path / "taken.nc")
+    with pytest.raises(OutputError, match="--overwrite"):
+        export_codes(codes, [device_named("dli4120")], written)
+    export_codes(codes, [device_named("dli4120")], written, overwrite=True)
+    assert not (written / "shutter").exists()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").write_text("")
+    with pytest.raises(OutputError, match="no export"):
+        export_codes(codes, [device_named("dli4120")], tmp_path / "mine", overwrite=True)
+
+
+@pytest.mark.parametrize("left", [".DS_Store", "aperture/Thumbs.db"])
+def test_what_a_system_left_in_an_export_does_not_stop_its_replacing(tmp_path, written, left):
+    (written / left).write_text("")
+    export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], written, overwrite=True)
+    assert not (written / left).exists()
+
+
+@pytest.mark.parametrize("kept", ["captures/dark.tif", "aperture/mine.png", "notes.txt", "captures"])
+def test_an_export_that_is_replaced_takes_nothing_else_with_it(tmp_path, written, kept):
+    (written / kept).parent.mkdir(exist_ok=True)
+    (written / kept).write_text("mine") if "." in kept else (written / kept).mkdir()
+    (written / "overview.png").write_text("")
+    before = {file: file.read_bytes() for file in written.rglob("*") if file.is_file()}
+    with pytest.raises(OutputError, match=f"{kept.split('/')[0]}.*no part of the export"):
+        export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], written, overwrite=True)
+    assert {file: file.read_bytes() for file in written.rglob("*") if file.is_file()} == before
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_an_export_goes_into_the_folder_that_one_stands_in(tmp_path, monkeypatch, again):
+    codes = read_planes(snapshot(tmp_path, spectral()))
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for _ in range(1 + again):
+        export_codes(codes, [device_named("dli4120")], ".", overwrite=again)
+    assert sorted(file.name for file in (tmp_path / "here").iterdir()) == ["aperture", "manifest.json"]
+    assert (tmp_path / "here").samefile(".")
+    check_export(".")
+    assert {file.name for file in tmp_path.iterdir()} == {"here", "taken.nc"}
+
+
+@pytest.mark.parametrize("bits", [1, 8, 12, 16])
+def test_open_mirrors_are_the_largest_number_of_their_frames(tmp_path, bits):
+    camera = spectral()
+    folder = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dli4120", bits=bits)],
+                          tmp_path / "out").folder  # fmt: skip
+    with Image.open(folder / "aperture" / "aperture_000.png") as frame:
+        assert np.unique(np.asarray(frame)).tolist() == [0, 2**bits - 1]
+    assert torch.equal(read_export(folder).planes["aperture"], camera.codes()[0])
+
+
+def test_a_sensor_without_a_size_shows_no_tile_unasked(tmp_path):
+    tiles = torch.randint(0, 2, (2, 4, 6)).float(), torch.randint(0, 2, (2, 4, 6)).float()
+    write_codes(tmp_path / "codes.nc", *tiles, (4, 6))
+    with pytest.raises(SettingError, match=r"--sensor-size: found none, .*a tile of 4×6"):
+        export_codes(read_planes(tmp_path / "codes.nc"), [device_named("emulated-shutter")], tmp_path / "out")
+    turned = device_named("dli4120", mounting_angle_deg=45.0)
+    with pytest.raises(SettingError, match="--code-size: found none"):
+        export_codes(read_planes(tmp_path / "codes.nc"), [turned], tmp_path / "out")
+
+
+def test_all_terms_of_a_mirror_together_have_a_stroke(tmp_path):
+    """Defocus alone, 2√3 a between its middle and its edge; with another term of its peak they add up."""
+    camera = mirror()
+    codes = read_planes(snapshot(tmp_path, camera))
+    found = export_codes(codes, [device_named("dmp40")], tmp_path / "out").manifest["planes"][0]["peak_to_valley_um"]
+    modes = zernike_modes([noll(i) for i in range(4, 16)], (301, 301))
+    maps = torch.tensordot(camera.point_spread.heights.metres().detach().double(), modes, 1)[:, modes[0] != 0] * 1e6
+    np.testing.assert_allclose(found, maps.amax(1) - maps.amin(1), rtol=0.03)
+    tight = device_named("dmp40", total_stroke_um=0.9 * max(found))
+    with pytest.raises(SettingError, match=r"between peak and valley in slot \d.*total stroke of dmp40"):
+        export_codes(codes, [tight], tmp_path / "other")
+    export_codes(codes, [device_named("dmp40", total_stroke_um=1.1 * max(found))], tmp_path / "other")
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_is_a_device(name):
+    assert device_named(name).name == name
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("kind: dmd\n", "size"), ("kind: laser\n", "dmd"), ("kind: dmd\nsize: [4, 4]\nwobble: 1\n", "wobble"),
+        ("kind: lcos\nsize: [4, 4]\n", "bits"), ("- 1\n", "NAME"), ("kind: [\n", "YAML"),
+    ],
+)  # fmt: skip
+def test_descriptions_that_make_no_device_are_refused(tmp_path, text, words):
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises((SettingError, DataError), match=words):
+        device_named(str(tmp_path / "mine.yaml"))
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "0,1\n255,0.5",
+        "0,0\n200,1",
+        "nothing",
+        "0,0,0\n255,1,1",
+        "grey,phase_rad\n0,1\n255,1",
+        "",
+        "grey,phase_deg\n0,0\n255,180",
+        "grey,light\n0,0\n100,much\n255,1",
+        "0,0\n255,1\n,",
+        "grey,light,x\n0,0\n255,1",
+    ],
+)
+def test_responses_that_do_not_rise_are_refused(tmp_path, lines):
+    (tmp_path / "lut.csv").write_text(lines)
+    with pytest.raises(DataError, match=r"lut.csv"):
+        light_of(np.zeros(2, np.uint8), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv")))
+
+
+@pytest.mark.parametrize(("exposure", "rate"), [(3 / 501, 501), (3 / 499, None)])
+@pytest.mark.parametrize("device", ["emulated-shutter", "coded-exposure"])
+def test_a_frame_rate_that_ordinary_cameras_lack_is_told(tmp_path, recwarn, device, exposure, rate):
+    codes = read_planes(snapshot(tmp_path, spectral()))
+    export_codes(codes, [device_named(device)], tmp_path / "out", exposure=exposure)
+    said = [str(one.message) for one in recwarn if one.category is FastFrames]
+    assert bool(said) == (rate is not None and device == "emulated-shutter")
+    assert not said or "3 frames of 2 ms, 501 a second" in said[0]
+
+
+def test_the_codes_that_come_with_the_package_are_exported_by_name(tmp_path):
+    planes = read_planes("default")
+    wanted = find_weights("default", 8)
+    torch.testing.assert_close(planes.planes["aperture"], wanted.aperture)
+    torch.testing.assert_close(planes.planes["shutter"], wanted.shutter)
+    with pytest.raises(DataError, match="weights, default, or a snapshot file"):
+        read_planes(tmp_path / "defaults")
