@@ -24,10 +24,8 @@ from tmca.decoders.blocks import (
 from tmca.decoders.decoder import Decoder, Progress, Raw, part_of
 from tmca.errors import SettingError
 from tmca.operators.taps import Taps
-from tmca.priors.adaptation import error_moments, refitted
-from tmca.priors.blocks import BlockGrid, BlockModel
-from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.posterior import BlockPosterior, sufficient_precision
+from tmca.priors.expected import error_moments, refitted
+from tmca.priors.gaussian import BlockGrid, BlockModel, BlockPosterior, GaussianPrior, sufficient_precision
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128

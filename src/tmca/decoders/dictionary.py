@@ -15,8 +15,8 @@ from tmca.decoders.overlap import MERGES, MergedPatches
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.errors import SettingError
 from tmca.operators.taps import Taps
-from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
+from tmca.priors.gaussian import BlockGrid, BlockModel
 from tmca.sensor import Noise
 
 METHODS = ("omp", "lasso")

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError
-from tmca.priors.blocks import BlockGrid
+from tmca.priors.gaussian import BlockGrid
 
 MERGES = ("median", "mean")
 _SHARPNESS = 4
