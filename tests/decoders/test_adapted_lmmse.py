@@ -9,8 +9,8 @@ from tests.small_scenes import CAMERAS, adapted, camera, noisy, patches, smooth_
 from tmca.decoders.adapted import Tiling
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
-from tmca.priors.adaptation import error_moments, refitted
-from tmca.priors.posterior import NOISE_FLOOR, GaussianSolver
+from tmca.priors.expected import error_moments, refitted
+from tmca.priors.gaussian import NOISE_FLOOR, GaussianSolver
 from tmca.sensor import Noise
 
 SCENE = smooth_scene(60, 80, seed=1)

@@ -235,7 +235,7 @@ def test_other_bands_than_the_network_s_are_named():
         ("unet3", {}, "unet, unrolled"),
         ("unet", {"depth": 3}, "depth"),
         ("unet", {"start": "zero"}, "adjoint, dagger, tikhonov, lmmse"),
-        ("unrolled", {"stages": 0}, "at least 1"),
+        ("unrolled", {"stages": 0}, "stages"),
         ("unrolled", {"widths": []}, "widths"),
         ("unrolled", {"blocks": 0}, "at least 1"),
         ("unet", {"bands": 0}, "bands"),

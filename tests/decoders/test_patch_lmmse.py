@@ -10,7 +10,7 @@ from tests.small_scenes import CAMERAS, camera, matrix, noisy, patches, smooth_s
 from tmca.errors import SettingError, ShapeError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockModel, GaussianPrior
-from tmca.priors.posterior import NOISE_FLOOR
+from tmca.priors.gaussian import NOISE_FLOOR
 
 WIDE = GaussianPrior.learn([smooth_scene(60, 80, seed=1)], (4, 46))
 

@@ -8,7 +8,7 @@ from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, sn
 from tmca.errors import ShapeError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
-from tmca.priors.posterior import NOISE_FLOOR
+from tmca.priors.gaussian import NOISE_FLOOR
 from tmca.sensor import Noise
 
 BLOCK = (3, 4, 12)
@@ -35,7 +35,7 @@ def test_one_component_is_the_linear_estimate(name, read_noise, shot):
 
 
 def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
-    from tmca.priors.mixture_posterior import MixtureSolver
+    from tmca.priors.mixture import MixtureSolver
 
     taps = camera("single disperser", 4, 12)
     model, read, shot = BlockModel.of(taps, BLOCK), 0.05, 0.01

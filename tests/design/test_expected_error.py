@@ -11,7 +11,7 @@ from tmca.design.block_mse import BlockState
 from tmca.design.tile import count_places, even_places, windows
 from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianPrior
-from tmca.priors.posterior import GaussianSolver
+from tmca.priors.gaussian import GaussianSolver
 from tmca.sensor import Noise
 
 

@@ -7,7 +7,7 @@ from tmca.design import BlockMse, Descent, Effort, MixtureTileMse, TileMse, desc
 from tmca.design.tile import phases, windows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import BlockModel
 
 BANDS, BLOCK = 3, (2, 9)
 

@@ -15,7 +15,7 @@ from tmca.decoders import Weights
 from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.truth import evaluate_light_field
 from tmca.priors import GaussianPrior, PatchDictionary, learn_prior
-from tmca.priors.learning import _MIXTURE_OF_VIEWS
+from tmca.priors.prior import _MIXTURE_OF_VIEWS
 
 SCENE = {"views": 3, "size": (24, 30)}
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.small_scenes import CAMERAS, camera, matrix, noisy, smooth_scene, snapshot
 from tmca.errors import ShapeError
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
-from tmca.priors.posterior import NOISE_FLOOR, GaussianSolver
+from tmca.priors.gaussian import NOISE_FLOOR, GaussianSolver
 from tmca.sensor import Noise
 
 BLOCK = (3, 2, 9)

@@ -6,7 +6,7 @@ import torch
 from tests.small_scenes import smooth_scene
 from tmca.errors import SettingError
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.mixture import leading_eigenvectors
+from tmca.priors.statistics import leading_eigenvectors
 
 BLOCK = (3, 2, 6)
 
@@ -64,7 +64,7 @@ def test_a_gaussian_is_a_mixture_of_one():
 
 def test_leading_eigenvectors_by_iteration_are_those_of_the_full_decomposition():
     plain = GaussianPrior.learn([smooth_scene(40, 60, seed=1)], (4, 12))
-    found, exact = leading_eigenvectors(plain, 6), torch.linalg.eigh(plain.covariance)[1].flip(1)[:, :6]
+    found, exact = leading_eigenvectors(plain.covariance, 6), torch.linalg.eigh(plain.covariance)[1].flip(1)[:, :6]
     torch.testing.assert_close((found * exact).sum(0).abs(), torch.ones(6, dtype=torch.float64))
 
 

@@ -8,7 +8,7 @@ from tmca.errors import DataError, SettingError, ShapeError
 from tmca.experiments.pictures import picture_of
 from tmca.plots.priors import atom_mosaic
 from tmca.priors import PatchDictionary
-from tmca.priors.dictionary_learning import coreset, patch_variance, sample_places
+from tmca.priors.dictionary import patch_variance, sample_places, textured_sample
 
 VIEWS = (3, 3)
 
@@ -84,7 +84,7 @@ def test_places_are_drawn_once_each_and_as_often_as_their_weight_says():
 
 def test_a_coreset_has_more_texture_than_the_scene_but_flat_ground_too():
     cube = light_field().double()
-    found = coreset([cube], (4, 5), 200, 0).flatten(1).var(1)
+    found = textured_sample([cube], (4, 5), 200, 0).flatten(1).var(1)
     assert found.mean() > 1.3 * patch_variance(cube, (4, 5)).mean()
     assert (found < 1e-9).any()
 

@@ -23,10 +23,15 @@ from tmca.decoders.lmmse import (
 )
 from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
-from tmca.priors.adaptation import error_moments, refitted
-from tmca.priors.blocks import BlockGrid, BlockModel
-from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.posterior import BlockPosterior, GaussianSolver, sufficient_precision
+from tmca.priors.expected import error_moments, refitted
+from tmca.priors.gaussian import (
+    BlockGrid,
+    BlockModel,
+    BlockPosterior,
+    GaussianPrior,
+    GaussianSolver,
+    sufficient_precision,
+)
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128

@@ -22,7 +22,7 @@ from tmca.decoders.windows import RowBlend, RowMean, WindowRows
 from tmca.errors import SettingError, check_range, check_shape
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior, block_of, find_prior
-from tmca.priors.posterior import NOISE_FLOOR
+from tmca.priors.gaussian import NOISE_FLOOR
 from tmca.priors.spectral_depth import CONTAMINATION, WINDOW, snapshot_moments
 
 GAINS = tuple(4.0**power for power in range(-4, 4))

@@ -15,9 +15,8 @@ from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.blocks import BlockGrid, BlockModel
-from tmca.priors.mixture_posterior import MixtureSolver
-from tmca.priors.posterior import GaussianSolver
+from tmca.priors.gaussian import BlockGrid, BlockModel, GaussianSolver
+from tmca.priors.mixture import MixtureSolver
 from tmca.sensor import Noise
 
 MEMORY = 2**27

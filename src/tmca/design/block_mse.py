@@ -14,9 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tmca.priors.blocks import BlockModel
-from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.posterior import noise_variance
+from tmca.priors.gaussian import BlockModel, GaussianPrior, noise_variance
 from tmca.sensor import Noise
 
 

@@ -14,7 +14,7 @@ from tmca.codes import CodePlane
 from tmca.design.block_mse import BlockState
 from tmca.design.descent import learnable
 from tmca.design.tile import TileMse, count_places, even_places, windows
-from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import BlockModel
 
 _SHIFTS = 2
 """Of the blocks: judged by one set of them alone, flips favour pixels by their place in a block."""

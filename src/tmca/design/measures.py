@@ -9,7 +9,7 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.design.tile import windows
-from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import BlockModel
 
 
 @dataclass(frozen=True)

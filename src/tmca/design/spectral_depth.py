@@ -20,7 +20,7 @@ from tmca.design.descent import Best
 from tmca.errors import SettingError, check_range
 from tmca.optics import DepthPlanes, PointSpread
 from tmca.priors import GaussianPrior
-from tmca.priors.posterior import NOISE_FLOOR
+from tmca.priors.gaussian import NOISE_FLOOR
 from tmca.priors.spectral_depth import CONTAMINATION, SnapshotMoments, snapshot_moments
 
 STEP = 0.01

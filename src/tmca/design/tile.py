@@ -13,7 +13,7 @@ from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse
 from tmca.errors import SettingError, check_shape
 from tmca.operators.taps import Taps
-from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import BlockModel
 from tmca.priors.mixture import GaussianMixturePrior
 
 _ROWS, _JUDGED, _SQUARE = 4, 26, 9

@@ -13,9 +13,8 @@ from tmca.cameras import CodedCamera
 from tmca.design.block_mse import BlockMse, Products, quadratic
 from tmca.design.tile import TileMse, even_places, windows
 from tmca.errors import DataError, SettingError, ShapeError, check_range
-from tmca.priors.blocks import BlockModel
-from tmca.priors.gaussian import GaussianPrior, pooled
-from tmca.priors.posterior import noise_variance
+from tmca.priors.gaussian import BlockModel, GaussianPrior, noise_variance
+from tmca.priors.statistics import pooled
 from tmca.sensor import Noise
 
 _PLACES = 16

@@ -9,13 +9,16 @@ point spread functions, filters and shutter.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import SettingError, ShapeError, check_range
 from tmca.operators.spectral_depth import framed, transfer_functions
-from tmca.priors.gaussian import GaussianPrior
+
+if TYPE_CHECKING:
+    from tmca.priors.gaussian import GaussianPrior
 
 WINDOW = 12
 """Side of the windows that depth is decoded from, pixels."""
@@ -75,8 +78,7 @@ def snapshot_moments(
         SettingError: a prior that is not stationary, or a contamination that is no share.
     """
     _check(prior, psf, window)
-    if not 0 <= contamination <= 1:
-        raise SettingError("contamination", f"{contamination:g}", "a share, 0 to 1")
+    check_range("contamination", contamination, 0, 1)
     colour, shutter, tile = _kinds(colour, shutter)
     seen = sensed_psf(psf, colour, shutter, exposure)
     needed = needed_block(window, (psf.shape[-2], psf.shape[-1]))

@@ -12,7 +12,7 @@ from tmca.decoders.nets.network import Network
 from tmca.decoders.nets.spatial_angular import SpatialAngular
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, camera_sizes
 from tmca.decoders.nets.unet import UNet, Unrolled
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_choice
 
 NETWORKS: dict[str, type[Network]] = {network.kind: network for network in (UNet, Unrolled, SpatialAngular)}
 
@@ -27,9 +27,8 @@ def build_network(kind: str, **settings: Any) -> Network:
     Raises:
         SettingError: unknown kind or argument.
     """
-    if not isinstance(kind, str) or kind not in NETWORKS:
-        raise SettingError("decoder", repr(kind), f"one of {', '.join(NETWORKS)}")
-    network: Network = _built(NETWORKS[kind], settings, {})
+    check_choice("decoder", kind, NETWORKS)
+    network: Network = _built(NETWORKS[kind], settings)
     return network
 
 
@@ -38,7 +37,7 @@ def restore_network(kind: str, settings: Mapping[str, Any]) -> Any:
     return TwoHeadedUNet(**settings) if kind == TwoHeadedUNet.kind else build_network(kind, **settings)
 
 
-def _built(network: Any, given: Mapping[str, Any], sizes: Mapping[str, int]) -> Any:
+def _built(network: Any, given: Mapping[str, Any], **sizes: int) -> Any:
     """A network of some settings; ``sizes`` are those that nobody may give."""
     where = f"decoder {network.kind}"
     allowed = [name for name in inspect.signature(network).parameters if name not in sizes]
@@ -60,10 +59,9 @@ def build_depth_network(settings: dict[str, Any], camera: SpectralDepthCamera) -
     Raises:
         SettingError: unknown kind or setting, impossible sizes, or windows that do not fit the camera.
     """
-    given = {"window": usual_window(camera), **{name: value for name, value in settings.items() if name != "kind"}}
-    if settings.get("kind", TwoHeadedUNet.kind) != TwoHeadedUNet.kind:
-        raise SettingError("decoder", repr(settings["kind"]), TwoHeadedUNet.kind)
-    network: TwoHeadedUNet = _built(TwoHeadedUNet, given, camera_sizes(camera))
+    given = {"kind": TwoHeadedUNet.kind, "window": usual_window(camera), **settings}
+    check_choice("decoder", given.pop("kind"), (TwoHeadedUNet.kind,))
+    network: TwoHeadedUNet = _built(TwoHeadedUNet, given, **camera_sizes(camera))
     if network.start == "likelihood":
         check_window(network.window, camera, "decoder.window")
     return network

@@ -1,4 +1,4 @@
-"""What every network of a collapsed camera is, and the maps that it sees."""
+"""What every network of a collapsed camera is, what networks share, and the maps that they see."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d
+from torch.nn.functional import avg_pool2d, pad, pixel_unshuffle
 
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import check_choice, check_range, check_shape
 from tmca.operators import TapOperator, sum_by_channel
 from tmca.sensor import Noise
 
@@ -26,13 +26,17 @@ _DARKEST = 0.01  # relative irradiance
 
 
 class Network(nn.Module):
-    """A network that turns a snapshot, its operator and a first estimate into the scene.
+    """A network that turns a snapshot (B, 1, H, W'), its operator, the noise and a first estimate into the scene.
 
-    Subclasses take keyword arguments only, all JSON values, and keep them in ``settings``.
+    A first estimate and the scene are (B, L, H, W), any H and W. Subclasses take keyword arguments only, all JSON
+    values.
 
     Args:
-        bands: L.
-        start: first estimate it wants, see ``first_estimate``.
+        settings: a subclass's arguments, among them ``bands``, L, and ``start``, the first estimate that it wants, see
+            ``first_estimate``.
+
+    Raises:
+        SettingError: another start, or no band.
 
     ``reach`` is the distance in pixels beyond which nothing of the input changes an output pixel, ``multiple`` the
     step by which a window may be moved without changing what the network computes, ``tile`` the side in pixels of
@@ -41,24 +45,35 @@ class Network(nn.Module):
 
     kind: ClassVar[str]
 
-    def __init__(self, bands: int, start: str) -> None:
+    def __init__(self, settings: dict[str, Any]) -> None:
         super().__init__()
-        if start not in STARTS:
-            raise SettingError("start", repr(start), f"one of {', '.join(STARTS)}")
-        if bands < 1:
-            raise SettingError("bands", str(bands), "at least 1")
-        self.bands, self.start = bands, start
+        check_choice("start", settings["start"], STARTS)
+        check_range("bands", settings["bands"], 1)
+        self.settings, self.bands, self.start = settings, int(settings["bands"]), str(settings["start"])
         self.reach, self.multiple, self.tile = 0, 1, TILE
-        self.settings: dict[str, Any] = {}
-
-    def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
-        """(B, 1, H, W') and the first estimate (B, L, H, W) → (B, L, H, W); any H and W."""
-        raise TypeError(f"{type(self).__name__} defines no forward")
 
     def check(self, start: Tensor) -> None:
         """Raises ShapeError unless the first estimate has this network's bands."""
-        if start.ndim != 4 or start.shape[1] != self.bands:
-            raise ShapeError("network", f"an estimate of shape {tuple(start.shape)}", f"(batch, {self.bands}, H, W)")
+        check_shape("network", start, ("B", self.bands, "H", "W"))
+
+
+def settings_of(arguments: dict[str, Any]) -> dict[str, Any]:
+    """The settings of a network as JSON values, from the ``locals()`` with which its constructor begins."""
+    own = {name: value for name, value in arguments.items() if name not in ("self", "__class__")}
+    return {name: list(value) if isinstance(value, (list, tuple)) else value for name, value in own.items()}
+
+
+def gathered(x: Tensor, gather: int, multiple: int) -> Tensor:
+    """Pixels of (B, C, H, W) gathered into channels, last in memory; edges are repeated up to a multiple of pixels."""
+    extra = (-x.shape[2] % multiple, -x.shape[3] % multiple)
+    x = pad(x, (0, extra[1], 0, extra[0]), mode="replicate") if any(extra) else x
+    return pixel_unshuffle(x, gather).contiguous(memory_format=torch.channels_last)
+
+
+def silence(layer: nn.Conv2d) -> None:
+    """Let a layer start at zero."""
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
 
 
 def code_maps(operator: TapOperator) -> Tensor:
@@ -81,3 +96,9 @@ def noise_maps(noise: Noise, level: Tensor) -> Tensor:
     """(B, 2, H, W) standard deviations of read and shot noise relative to the local level."""
     shot = torch.full_like(level, noise.shot).div(level).sqrt()
     return _NOISE_UNIT * torch.cat((noise.read / level, shot), dim=1)
+
+
+def data_step(snapshot: Tensor, operator: TapOperator, estimate: Tensor, shift: Tensor) -> Tensor:
+    """``Aᵀ(A Aᵀ + shift)⁻¹(y - A x)``, in full precision."""
+    with torch.autocast(snapshot.device.type, enabled=False):
+        return operator.A_adjoint(operator.gram_solve(snapshot - operator.A(estimate), shift))

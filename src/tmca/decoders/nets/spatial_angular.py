@@ -7,9 +7,21 @@ from math import isqrt
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import conv2d, pad, pixel_shuffle, pixel_unshuffle, relu, softplus
+from torch.nn.functional import conv2d, pixel_shuffle, relu, softplus
 
-from tmca.decoders.nets.network import LEVEL_REACH, RESIDUAL, TILE, Network, code_maps, local_level, noise_maps
+from tmca.decoders.nets.network import (
+    LEVEL_REACH,
+    RESIDUAL,
+    TILE,
+    Network,
+    code_maps,
+    data_step,
+    gathered,
+    local_level,
+    noise_maps,
+    settings_of,
+    silence,
+)
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator
 from tmca.sensor import Noise
@@ -84,16 +96,11 @@ class SpatialAngularBody(nn.Module):
         for layer in self.modules():
             if isinstance(layer, nn.Conv2d | nn.Conv3d):  # else the signal fades from layer to layer
                 nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
-        nn.init.zeros_(self.leave.weight)
-        nn.init.zeros_(self.leave.bias)  # type: ignore[arg-type]
+        silence(self.leave)
 
     def forward(self, x: Tensor) -> Tensor:
         batch, views, _, height, width = x.shape
-        extra = (-height % self.gather, -width % self.gather)
-        flat = x.flatten(0, 1)
-        flat = pad(flat, (0, extra[1], 0, extra[0]), mode="replicate") if any(extra) else flat
-        cells = pixel_unshuffle(flat, self.gather).contiguous(memory_format=torch.channels_last)
-        features = relu(self.enter(cells), inplace=True)
+        features = relu(self.enter(gathered(x.flatten(0, 1), self.gather, self.gather)), inplace=True)
         for block in self.blocks:
             features = torch.cat((features, block(features)), dim=1)
         pictures = pixel_shuffle(self.leave(features), self.gather)[..., :height, :width]
@@ -142,15 +149,12 @@ class SpatialAngular(Network):
         blocks: int = 4,
         gather: int = 4,
     ) -> None:
-        super().__init__(bands, start)
+        super().__init__(settings_of(locals()))
         self.views = grid_of_views(bands, views)
+        self.settings["views"] = list(self.views)
         if stages < 0 or min(width, blocks, gather) < 1:
             found = f"{stages} stages, width {width}, {blocks} blocks, gather {gather}"
             raise SettingError("size", found, "no stage or more, all else at least 1")
-        self.settings = {
-            "bands": bands, "views": list(self.views), "start": start, "stages": stages, "shared": shared,
-            "width": width, "blocks": blocks, "gather": gather,
-        }  # fmt: skip
         self.stages, self.codes = stages, stages > 0
         inputs, count = (6, 1 if shared else stages) if stages else (1, 1)
         bodies = [SpatialAngularBody(inputs, self.views, width, blocks, gather) for _ in range(count)]
@@ -162,11 +166,6 @@ class SpatialAngular(Network):
         self.tile = max(64, min(TILE, isqrt(_MOST // (4 * bands * width * (blocks + 4) // gather**2 + 1))))
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
-        """(B, 1, H, W) and the first estimate (B, V·U, H, W) → (B, V·U, H, W).
-
-        Raises:
-            ShapeError: other views, or a snapshot wider than the scene.
-        """
         self.check(start)
         if not self.stages:
             return start + RESIDUAL * self.bodies[0](start[:, :, None]).to(start.dtype)
@@ -178,19 +177,14 @@ class SpatialAngular(Network):
         maps = (code_maps(operator).expand(start.shape), *sigmas.unbind(1))
         floor, estimate = noise.variance(snapshot.detach()) / level.square(), start
         for stage in range(self.stages):
-            change = self._step(snapshot, operator, estimate, floor, stage)
+            change = data_step(snapshot, operator, estimate, floor / softplus(self.error[stage]).square())
             estimate = estimate + change
             parallax = estimate - estimate.mean(1, keepdim=True)
             fine = (parallax / (RESIDUAL * level), change / (RESIDUAL * level))
             seen = torch.stack((estimate / level, *fine, *maps), dim=2)
             learned = self.bodies[stage % len(self.bodies)](seen)
             estimate = estimate + RESIDUAL * level * learned.to(estimate.dtype)
-        return estimate + self._step(snapshot, operator, estimate, floor, self.stages)
-
-    def _step(self, snapshot: Tensor, operator: TapOperator, estimate: Tensor, floor: Tensor, stage: int) -> Tensor:
-        with torch.autocast(snapshot.device.type, enabled=False):
-            shift = floor / softplus(self.error[stage]).square()
-            return operator.A_adjoint(operator.gram_solve(snapshot - operator.A(estimate), shift))
+        return estimate + data_step(snapshot, operator, estimate, floor / softplus(self.error[-1]).square())
 
 
 def grid_of_views(bands: int, views: Sequence[int] | None) -> tuple[int, int]:

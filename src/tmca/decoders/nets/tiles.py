@@ -18,7 +18,7 @@ from tmca.decoders.likelihood import DepthRaw
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.decoders.nets.network import NEED_PRIOR, STARTS, TILE, Network
 from tmca.decoders.nets.two_headed import DepthEstimate, TwoHeadedUNet, check_sizes, first_likelihood, first_stage
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Noise
@@ -31,15 +31,6 @@ Part = tuple[slice, slice]
 """Rows and columns."""
 
 
-def seen_by_tile(network: Any, begin: int, end: int, length: int, period: int = 1) -> tuple[int, int]:
-    """First and last (exclusive) row or column that a tile from ``begin`` to ``end`` needs of ``length`` ones.
-
-    ``network`` says its ``reach`` and ``multiple``; the first is also a multiple of ``period``, that of the codes.
-    """
-    margin, step = -(-network.reach // network.multiple) * network.multiple, lcm(network.multiple, period)
-    return max(0, (begin - margin) // step * step), min(length, end + margin)
-
-
 @dataclass(frozen=True)
 class Tile:
     """A part of a frame, what a network looks at to make it, and where the tile lies in that."""
@@ -50,13 +41,16 @@ class Tile:
 
     @classmethod
     def of(cls, network: Any, place: Part, size: tuple[int, int], period: int = 1) -> Tile:
-        """What a tile of a frame (H, W) needs."""
-        seen, inner = [], []
-        for part, length in zip(place, size, strict=True):
-            first, last = seen_by_tile(network, part.start, part.stop, length, period)
-            seen.append(slice(first, last))
-            inner.append(slice(part.start - first, part.stop - first))
-        return cls(place, (seen[0], seen[1]), (inner[0], inner[1]))
+        """What a tile of a frame (H, W) needs of a network's ``reach``; it begins at a multiple of the network's
+        ``multiple`` and of the ``period`` of the codes."""
+        margin, step = -(-network.reach // network.multiple) * network.multiple, lcm(network.multiple, period)
+        starts = [max(0, (part.start - margin) // step * step) for part in place]
+        top, left = (
+            slice(start, min(length, part.stop + margin))
+            for start, part, length in zip(starts, place, size, strict=True)
+        )
+        inner = [slice(part.start - start, part.stop - start) for start, part in zip(starts, place, strict=True)]
+        return cls(place, (top, left), (inner[0], inner[1]))
 
 
 def tiles(network: Any, size: tuple[int, int], sides: tuple[int, int], period: int = 1) -> list[Tile]:
@@ -78,27 +72,32 @@ def prepared_start(
 ) -> Callable[[Tensor, Progress | None], Tensor]:
     """What makes first estimates (B, L, H, W) of snapshots (B, 1, H, W') of one camera.
 
-    Arguments and errors as in `first_estimate`.
+    Args:
+        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene), ``"tikhonov"`` (least squares
+            with a smooth scene), ``"lmmse"`` or ``"mixture"``.
+        operator: that took the snapshots.
+        noise: of the sensor.
+        prior: for the LMMSE, or of the mixture.
+        differentiable: let gradients reach code and snapshot through Tikhonov's or the LMMSE too.
+
+    Raises:
+        SettingError: unknown kind, no prior, or one of the other kind.
     """
-    if kind == "adjoint":
-        return lambda snapshot, progress: operator.A_adjoint(snapshot)
-    if kind == "dagger":
-        return lambda snapshot, progress: operator.A_dagger(snapshot)
-    if kind == "tikhonov":
-        return lambda snapshot, progress: _smooth(operator, snapshot, differentiable, progress)
+
+    def smooth(snapshot: Tensor, progress: Progress | None) -> Tensor:
+        with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
+            return tikhonov(operator, snapshot, progress=progress)
+
+    check_choice("start", kind, STARTS)
     if kind not in NEED_PRIOR:
-        raise SettingError("start", repr(kind), f"one of {', '.join(STARTS)}")
+        adjoint, dagger = operator.A_adjoint, operator.A_dagger
+        return {"adjoint": lambda y, _: adjoint(y), "dagger": lambda y, _: dagger(y), "tikhonov": smooth}[kind]
     if not isinstance(prior, GaussianPrior if kind == "lmmse" else GaussianMixturePrior):
         found = "none" if prior is None else f"a {type(prior).__name__}"
         raise SettingError("prior", found, f"one for a network that starts from {kind}")
     quiet = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
     estimator = PatchEstimator(prior, operator.taps, quiet, dtype=torch.float32, differentiable=differentiable)
     return lambda snapshot, progress: estimator(snapshot, progress=progress).estimate.to(snapshot.dtype)
-
-
-def _smooth(operator: TapOperator, snapshot: Tensor, differentiable: bool, progress: Progress | None) -> Tensor:
-    with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
-        return tikhonov(operator, snapshot, progress=progress)
 
 
 def first_estimate(
@@ -109,24 +108,9 @@ def first_estimate(
     prior: GaussianPrior | GaussianMixturePrior | None = None,
     *,
     differentiable: bool = False,
-    progress: Progress | None = None,
 ) -> Tensor:
-    """(B, 1, H, W') → (B, L, H, W).
-
-    Args:
-        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene), ``"tikhonov"`` (least squares
-            with a smooth scene), ``"lmmse"`` or ``"mixture"``.
-        snapshot: in snapshot units.
-        operator: that took it.
-        noise: of the sensor.
-        prior: for the LMMSE, or of the mixture.
-        differentiable: let gradients reach code and snapshot through Tikhonov's or the LMMSE too.
-        progress: called with the share of the LMMSE that is done.
-
-    Raises:
-        SettingError: unknown kind, no prior, or one of the other kind.
-    """
-    return prepared_start(kind, operator, noise, prior, differentiable=differentiable)(snapshot, progress)
+    """(B, 1, H, W') → (B, L, H, W); arguments and errors as in `prepared_start`."""
+    return prepared_start(kind, operator, noise, prior, differentiable=differentiable)(snapshot, None)
 
 
 class CollapsedNetwork:
@@ -152,8 +136,7 @@ class CollapsedNetwork:
         prior: GaussianPrior | GaussianMixturePrior | None = None,
         tile: int | None = TILE,
     ) -> None:
-        if tile is not None and tile < 1:
-            raise SettingError("tile", str(tile), "at least 1 row, or None for all")
+        check_range("tile", 1 if tile is None else tile, 1)
         self.network, self.operator, self.noise = network, operator, noise
         self.start = prepared_start(network.start, operator, noise, prior)
         height, width = operator.scene_shape[1:]
@@ -208,8 +191,7 @@ class TwoHeadedNetwork:
     def __init__(
         self, network: TwoHeadedUNet, camera: SpectralDepthCamera, prior: GaussianPrior | None = None, tile: int = TILE
     ) -> None:
-        if tile < 1:
-            raise SettingError("tile", str(tile), "at least 1 pixel")
+        check_range("tile", tile, 1)
         if network.start == "likelihood" and prior is None:
             raise SettingError("prior", "none", "one for a network that starts from the likelihood")
         check_sizes(network, camera)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -19,9 +18,9 @@ from tmca.decoders.likelihood import (
     PatchLikelihood,
     check_window,
 )
-from tmca.decoders.nets.convolutions import TwoHeadedBody
-from tmca.decoders.nets.network import LEVEL_REACH, RESIDUAL, local_level, noise_maps
-from tmca.errors import SettingError, ShapeError
+from tmca.decoders.nets.network import LEVEL_REACH, RESIDUAL, local_level, noise_maps, settings_of
+from tmca.decoders.nets.unet import ConvolutionalBody
+from tmca.errors import SettingError, check_choice, check_shape
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import CONTAMINATION, WINDOW
@@ -76,6 +75,30 @@ def _places(count: int, like: Tensor) -> Tensor:
     return torch.linspace(0, 1, count, device=like.device) if count > 1 else torch.full((1,), 0.5, device=like.device)
 
 
+class TwoHeadedBody(nn.Module):
+    """A `ConvolutionalBody` with a second way up: (B, inputs, H, W) → two pictures from one encoder.
+
+    Args:
+        inputs: channels.
+        outputs: channels of the first and the second picture.
+        widths, blocks, gather: see `ConvolutionalBody`.
+    """
+
+    def __init__(
+        self, inputs: int, outputs: tuple[int, int], widths: tuple[int, ...], blocks: int = 2, gather: int = 2
+    ) -> None:
+        super().__init__()
+        self.first = ConvolutionalBody(inputs, outputs[0], widths, blocks, gather)
+        self.second = ConvolutionalBody(inputs, outputs[1], widths, blocks, gather)
+        del self.second.enter, self.second.descent, self.second.down
+        self.reach, self.multiple = self.first.reach, self.first.multiple
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        coarse, finer_levels = self.first.descend(x)
+        size = (int(x.shape[2]), int(x.shape[3]))
+        return self.first.ascend(coarse, finer_levels, size), self.second.ascend(coarse, finer_levels, size)
+
+
 class TwoHeadedUNet(nn.Module):
     """A U-Net with one encoder and two heads, spectrum and depth (thesis 5.2).
 
@@ -118,15 +141,10 @@ class TwoHeadedUNet(nn.Module):
         blocks: int = 2,
         gather: int = 2,
     ) -> None:
+        settings = settings_of(locals())
         super().__init__()
-        if start not in DEPTH_STARTS:
-            raise SettingError("start", repr(start), f"one of {', '.join(DEPTH_STARTS)}")
-        self.bands, self.planes, self.start, self.window = bands, planes, start, window
-        self.settings: dict[str, Any] = {
-            "bands": bands, "planes": planes, "channels": channels, "slots": slots, "filters": filters, "start": start,
-            "window": window, "temperature": temperature, "reach": reach, "contamination": contamination,
-            "widths": list(widths), "blocks": blocks, "gather": gather,
-        }  # fmt: skip
+        check_choice("start", start, DEPTH_STARTS)
+        self.settings, self.bands, self.planes, self.start, self.window = settings, bands, planes, start, window
         first = bands + planes if start == "likelihood" else 0
         inputs = channels + slots + filters + 2 + first
         self.body = TwoHeadedBody(inputs, (bands, planes), tuple(widths), blocks, gather)
@@ -155,18 +173,13 @@ class TwoHeadedUNet(nn.Module):
         if start is None:
             logits, cube = snapshot.new_zeros(1), snapshot.new_zeros(1)
         else:
-            cube, logits = self._split(start, (len(snapshot), height, width))
+            check_shape("first stage", start, (len(snapshot), self.bands + self.planes, height, width))
+            cube, logits = start[:, : self.bands], start[:, self.bands :]
             seen += [cube / level, logits / -_LEAST_LIKELY]
         colours, depths = self.body(torch.cat(seen, 1))
         scale = RESIDUAL if start is not None else 1.0
         trusted = logits if self.trust is None else self.trust * logits
         return DepthEstimate(cube + scale * level * colours.float(), trusted + depths.float())
-
-    def _split(self, start: Tensor, size: tuple[int, int, int]) -> tuple[Tensor, Tensor]:
-        wanted = (size[0], self.bands + self.planes, *size[1:])
-        if tuple(start.shape) != wanted:
-            raise ShapeError("first stage", str(tuple(start.shape)), str(wanted))
-        return start[:, : self.bands], start[:, self.bands :]
 
 
 def first_likelihood(network: TwoHeadedUNet, prior: GaussianPrior, camera: SpectralDepthCamera) -> PatchLikelihood:

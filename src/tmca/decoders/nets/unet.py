@@ -1,20 +1,111 @@
-"""Networks on cubes: the U-Net, the thesis' own among them, and a few unrolled steps on the exact operator."""
+"""U-Nets of residual blocks on gathered pixels: plain, or with a few unrolled steps on the exact operator."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import softplus
+from torch.nn.functional import pixel_shuffle, softplus
 
-from tmca.decoders.nets.convolutions import ConvolutionalBody
-from tmca.decoders.nets.network import LEVEL_REACH, RESIDUAL, Network, code_maps, local_level, noise_maps
-from tmca.errors import SettingError
+from tmca.decoders.nets.network import (
+    LEVEL_REACH,
+    RESIDUAL,
+    Network,
+    code_maps,
+    data_step,
+    gathered,
+    local_level,
+    noise_maps,
+    settings_of,
+    silence,
+)
+from tmca.errors import SettingError, check_range
 from tmca.operators import TapOperator
 from tmca.sensor import Noise
 
 _FIRST_SHIFT = -3.0  # softplus: 0.05
+
+
+class ResidualBlock(nn.Module):
+    """``x + conv(gelu(conv(x)))``, 3×3; no normalisation, so that every pixel depends on its neighbours only."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first, self.second = nn.Conv2d(width, width, 3, padding=1), nn.Conv2d(width, width, 3, padding=1)
+        nn.init.normal_(self.second.weight, std=1e-3)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.second(nn.functional.gelu(self.first(x)))
+
+
+class ConvolutionalBody(nn.Module):
+    """(B, inputs, H, W) → (B, outputs, H, W), any H and W, zero before it is trained if ``silent``.
+
+    Pixels are gathered ``gather`` × ``gather`` into channels at the entrance, which makes dense convolutions fast;
+    every further level halves the size.
+
+    Args:
+        inputs: channels.
+        outputs: channels.
+        widths: channels of each level, finest first.
+        blocks: residual blocks on each level, each way.
+        gather: pixels gathered along each axis.
+        silent: the last layer starts at zero.
+
+    Raises:
+        SettingError: no level, or sizes below 1.
+    """
+
+    def __init__(
+        self,
+        inputs: int,
+        outputs: int,
+        widths: tuple[int, ...] = (48, 64),
+        blocks: int = 2,
+        gather: int = 2,
+        silent: bool = True,
+    ) -> None:
+        super().__init__()
+        if not widths or min(*widths, blocks, gather, 1) < 1:
+            raise SettingError("widths", f"{widths}, {blocks} blocks, gather {gather}", "numbers of at least 1")
+        self.gather, self.multiple = gather, gather * 2 ** (len(widths) - 1)
+        self.reach = _reach(len(widths), blocks, gather)
+        self.enter = nn.Conv2d(inputs * gather**2, widths[0], 3, padding=1)
+        stack = [nn.Sequential(*(ResidualBlock(width) for _ in range(blocks))) for width in widths]
+        self.descent = nn.ModuleList(stack)
+        pairs = list(pairwise(widths))
+        self.down = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in pairs)
+        self.up = nn.ModuleList(nn.ConvTranspose2d(b, a, 2, stride=2) for a, b in pairs)
+        self.ascent = nn.ModuleList(nn.Sequential(*(ResidualBlock(a) for _ in range(blocks))) for a, _ in pairs)
+        self.leave = nn.Conv2d(widths[0], outputs * gather**2, 3, padding=1)
+        if silent:
+            silence(self.leave)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.ascend(*self.descend(x), size=(x.shape[2], x.shape[3]))
+
+    def descend(self, x: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """The coarsest level, and that of every finer one, for the way up."""
+        x = self.enter(gathered(x, self.gather, self.multiple))
+        finer_levels: list[Tensor] = []
+        for level, down in zip(self.descent, self.down, strict=False):
+            finer_levels.append(level(x))
+            x = down(finer_levels[-1])
+        return self.descent[-1](x), finer_levels
+
+    def ascend(self, x: Tensor, finer_levels: list[Tensor], size: tuple[int, int]) -> Tensor:
+        """(B, outputs, H, W) of what ``descend`` returned."""
+        for level, up, finer in zip(reversed(self.ascent), reversed(self.up), reversed(finer_levels), strict=True):
+            x = level(up(x) + finer)
+        return pixel_shuffle(self.leave(x), self.gather)[..., : size[0], : size[1]]
+
+
+def _reach(levels: int, blocks: int, gather: int) -> int:
+    """Pixels that a body sees to each side: its convolutions at each level's scale, and the alignment of the scales."""
+    both_ways = sum(2 * blocks * (2 if level < levels - 1 else 1) * gather * 2**level for level in range(levels))
+    return both_ways + 2 * gather + 2 * gather * 2 ** (levels - 1)
 
 
 class UNet(Network):
@@ -46,18 +137,13 @@ class UNet(Network):
         blocks: int = 2,
         gather: int = 2,
     ) -> None:
-        super().__init__(bands, start)
+        super().__init__(settings_of(locals()))
         self.codes, self.noise_aware, self.residual = codes, noise_aware, start != "adjoint"
-        self.settings = {
-            "bands": bands, "start": start, "codes": codes, "noise_aware": noise_aware, "widths": list(widths),
-            "blocks": blocks, "gather": gather,
-        }  # fmt: skip
         inputs = bands * (1 + codes) + 2 * noise_aware
         self.body = ConvolutionalBody(inputs, bands, tuple(widths), blocks, gather, silent=self.residual)
         self.reach, self.multiple = self.body.reach + LEVEL_REACH, self.body.multiple
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
-        """(B, 1, H, W') and the first estimate (B, L, H, W) → (B, L, H, W)."""
         self.check(start)
         level = local_level(start) if self.noise_aware else torch.ones_like(start[:, :1])
         seen = [start / level]
@@ -101,31 +187,21 @@ class Unrolled(Network):
         blocks: int = 2,
         gather: int = 2,
     ) -> None:
-        super().__init__(bands, start)
-        if stages < 1:
-            raise SettingError("stages", str(stages), "at least 1")
-        self.settings = {
-            "bands": bands, "start": start, "stages": stages, "shared": shared, "widths": list(widths),
-            "blocks": blocks, "gather": gather,
-        }  # fmt: skip
+        super().__init__(settings_of(locals()))
+        check_range("stages", stages, 1)
         self.shift = nn.Parameter(torch.full((stages,), _FIRST_SHIFT))
-        inputs = 3 * bands + 2
-        proximal = [
-            ConvolutionalBody(inputs, bands, tuple(widths), blocks, gather) for _ in range(1 if shared else stages)
-        ]
+        sizes, count = (3 * bands + 2, bands, tuple(widths), blocks, gather), 1 if shared else stages
+        proximal = [ConvolutionalBody(*sizes) for _ in range(count)]
         self.proximal = nn.ModuleList(proximal)
         self.reach, self.multiple = stages * proximal[0].reach + LEVEL_REACH, proximal[0].multiple
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
-        """(B, 1, H, W') and the first estimate (B, L, H, W) → (B, L, H, W)."""
         self.check(start)
         level = local_level(start)
         given = (code_maps(operator).expand(start.shape), noise_maps(noise, level))
         floor, estimate = noise.variance(snapshot.detach()), start
         for stage, shift in enumerate(softplus(self.shift)):
-            with torch.autocast(snapshot.device.type, enabled=False):
-                misfit = snapshot - operator.A(estimate)
-                change = operator.A_adjoint(operator.gram_solve(misfit, shift + floor))
+            change = data_step(snapshot, operator, estimate, shift + floor)
             proximal = self.proximal[stage % len(self.proximal)]
             seen = torch.cat((estimate / level, change / level, *given), dim=1)
             estimate = estimate + RESIDUAL * level * proximal(seen).to(estimate.dtype)

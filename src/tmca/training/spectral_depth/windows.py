@@ -13,7 +13,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.likelihood import GAINS, REACH, TEMPERATURE
 from tmca.decoders.nets.two_headed import DepthEstimate
 from tmca.priors import GaussianPrior
-from tmca.priors.posterior import NOISE_FLOOR
+from tmca.priors.gaussian import NOISE_FLOOR
 from tmca.priors.spectral_depth import CONTAMINATION, WINDOW, snapshot_moments
 
 SIDE = 8
