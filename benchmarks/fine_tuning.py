@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.data import write_json, write_text
-from tmca.data.splits import read_split
+from tmca.data.scene_names import read_split
 from tmca.experiments.results import repository_commit
 from tmca.experiments.tuning.proof import TuningProof
 from tmca.plots.style import save_figure

@@ -98,7 +98,7 @@ def test_empty_folder_and_missing_file(capsys, tmp_path):
         (["simulate", "spectral", "coffee", "--shutter", "onehot"], ["onehot", "one-hot"]),
         (["simulate", "spectral", "coffee", "--preset", "tesis"], ["tesis", "thesis"]),
         (["simulate", "spectral", "coffee", "--crop", "64"], ["64", "HEIGHTxWIDTH"]),
-        (["simulate", "spectral", "coffee", "--crop", "6400x64"], ["6400x64", "400x600", "coffee"]),
+        (["simulate", "spectral", "coffee", "--crop", "6400x64"], ["6400×64", "400×600", "coffee"]),
         (["simulate", "spectral", "coffee", "--crop", "16x40", "--dispersion", "1,2"], ["--dispersion", "12"]),
         (["simulate", "spectral", "coffee", "--crop", "16x40", "--read-noise=-1"], ["--read-noise", "-1"]),
         (["simulate", "spectral", "coffee", "--crop", "16x40", "--slots", "0"], ["slots", "0"]),

@@ -63,7 +63,7 @@ def even(folder):
 def broken(folder):
     file = folder / "scene" / "input_Cam004.png"
     file.write_bytes(file.read_bytes()[:700])
-    return "scene/input_Cam004.png: found an unreadable or truncated picture"
+    return "scene/input_Cam004.png: found an unreadable or truncated PNG"
 
 
 def no_keys(folder):

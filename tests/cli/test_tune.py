@@ -10,8 +10,8 @@ from tests.training.test_tuning import system_of
 from tmca.cameras import Snapshot
 from tmca.cli import main
 from tmca.data import rendered_light_field, write_dataset
-from tmca.data.bands import at_bands
-from tmca.data.depth_scenes import load_spectral_depth, middle_of
+from tmca.data.depth_scenes import load_spectral_depth
+from tmca.data.fitting import at_bands, middle_of
 from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
 from tmca.experiments.tuning.run import prepared

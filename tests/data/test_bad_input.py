@@ -57,10 +57,7 @@ def test_a_cut_tiff_is_an_error_or_has_every_pixel(cube, tmp_path, compression):
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    junk=st.binary(min_size=1, max_size=400),
-    suffix=st.sampled_from([".mat", ".npy", ".nc", ".h5", ".tif", ".png"]),
-)
+@given(junk=st.binary(min_size=1, max_size=400), suffix=st.sampled_from([".mat", ".npy", ".nc", ".h5", ".tif", ".png"]))
 def test_bytes_that_are_no_file_are_refused(tmp_path_factory, junk, suffix):
     path = tmp_path_factory.mktemp("junk") / f"a{suffix}"
     path.write_bytes(junk)
@@ -170,7 +167,7 @@ def test_negative_pixels_can_be_clipped_or_kept(tmp_path):
     assert float(clipped[2, 4, 5]) == 0
     assert float(clipped.min()) == 0
     assert float(read(tmp_path / "a.mat", negative="keep")[2, 4, 5]) == -0.25
-    with pytest.raises(SettingError, match=r"'error', 'clip' or 'keep'"):
+    with pytest.raises(SettingError, match="one of error, clip, keep"):
         read(tmp_path / "a.mat", negative="ignore")
 
 

@@ -7,13 +7,7 @@ import pytest
 import xarray as xr
 from PIL import Image
 
-from tests.data.light_field_files import (
-    hci_name,
-    shifted_plane,
-    write_folder,
-    write_parameters,
-    write_pfm,
-)
+from tests.data.light_field_files import hci_name, shifted_plane, write_folder, write_parameters, write_pfm
 from tmca.data import label_light_field, read, read_disparity, read_light_field, write_light_field
 from tmca.errors import DataError, SettingError, ShapeError
 
@@ -126,18 +120,15 @@ def no_views(folder):
         (hci_missing, r"24 views, without number 17, expected 5×5 views"),
         (hci_extra, r"26 views, with number 25 too, expected 5×5 views"),
         (unequal, r"3_2.png: found 39×48 pixels .* expected 40×48"),
-        (
-            other_depth,
-            r"3_2.png: found grey .*uint16, expected .*uint8 as in the first view; save all views",
-        ),
+        (other_depth, r"3_2.png: found grey .*uint16, expected .*uint8 as in the first view; save all views"),
         (other_colours, r"3_2.png: found colour .*expected grey"),
-        (broken, r"3_2.png: found an unreadable or truncated picture .*, expected a whole PNG; fetch"),
-        (no_picture, r"3_2.png: found an unreadable or truncated picture, expected a whole PNG; fetch"),
+        (broken, r"3_2.png: found an unreadable or truncated PNG .*, expected a whole PNG; fetch"),
+        (no_picture, r"3_2.png: found an unreadable or truncated PNG .*, expected a whole PNG; fetch"),
         (empty, r"3_2.png: found an empty file"),
         (even, r"found 4×4 views.*n odd, with views= .*such as 3"),
         (oblong, r"found 3×5 views.*such as 3"),
         (no_keys, r"parameters.cfg: found no number for \[extrinsics\] num_cams_x, \[extrinsics\] baseline_mm"),
-        (no_text, r"parameters.cfg: found no text.*; fetch it again, or take it away"),
+        (no_text, r"parameters.cfg: found an unreadable .*; fetch it again, or take it away"),
         (other_size, r"parameters.cfg: found a resolution of 512×512 pixels .* expected 40×48.*; correct it"),
         (other_grid, r"parameters.cfg: found num_cams_y = 9 and num_cams_x = 9, expected 5 and 5, as the 25 views"),
         (other_named_grid, r"parameters.cfg: found num_cams_y = 9 and num_cams_x = 9, expected 5 and 5, as the 25"),

@@ -45,10 +45,7 @@ def test_shares_of_zero_saturated_and_not_finite(tmp_path):
 
 
 def test_a_snapshot_is_a_dataset_with_every_variable(tmp_path):
-    variables = {
-        "snapshot": (("y", "x"), np.ones((6, 17))),
-        "aperture": (("slot", "y", "x0"), np.zeros((4, 6, 6))),
-    }
+    variables = {"snapshot": (("y", "x"), np.ones((6, 17))), "aperture": (("slot", "y", "x0"), np.zeros((4, 6, 6)))}
     dataset = xr.Dataset(variables, attrs={"exposure": "equal", "codes": {"slots": 4}})
     about = describe(write_dataset(dataset, tmp_path / "a.nc"))
     assert about["kind"] == "dataset"

@@ -8,14 +8,7 @@ import xarray as xr
 from PIL import Image
 from scipy.ndimage import map_coordinates
 
-from tests.data.light_field_files import (
-    hci_name,
-    shifted_plane,
-    write_folder,
-    write_parameters,
-    write_pfm,
-    write_png16,
-)
+from tests.data.light_field_files import hci_name, shifted_plane, write_folder, write_parameters, write_pfm, write_png16
 from tmca.data import (
     describe,
     label_light_field,
@@ -26,9 +19,9 @@ from tmca.data import (
     view_shifts,
     write_light_field,
 )
+from tmca.data.describe import agreement
 from tmca.data.formats.images import read_picture
 from tmca.data.formats.view_names import find_views
-from tmca.data.shifts import agreement
 from tmca.errors import DataError
 
 VIEWS = shifted_plane()

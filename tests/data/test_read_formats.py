@@ -228,7 +228,7 @@ def test_envi_cut_short_or_alone_is_an_error(pixels, nm, tmp_path):
         read(header)
     header.write_text("not a header")
     data.write_bytes(b"0" * 3640)
-    with pytest.raises(DataError, match=r"unusable ENVI header"):
+    with pytest.raises(DataError, match=r"truncated ENVI header"):
         read(header)
 
 

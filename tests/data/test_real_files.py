@@ -118,18 +118,9 @@ def test_splits_of_folders_and_name_beginnings_hold(real_data, split):
 
 def test_describe_of_a_real_cube(real_data):
     about = describe(real_data / "hsi/cave_uint8_512/sushi.mat")
-    assert (about["kind"], about["shape"], about["dims"]) == (
-        "cube",
-        [512, 512, 31],
-        ["y", "x", "wavelength"],
-    )
+    assert (about["kind"], about["shape"], about["dims"]) == ("cube", [512, 512, 31], ["y", "x", "wavelength"])
     waves = about["wavelengths"]
-    assert (waves["count"], waves["first_nm"], waves["last_nm"], waves["spacing_nm"]) == (
-        31,
-        400,
-        700,
-        [10, 10],
-    )
+    assert (waves["count"], waves["first_nm"], waves["last_nm"], waves["spacing_nm"]) == (31, 400, 700, [10, 10])
     stored = scipy.io.loadmat(real_data / "hsi/cave_uint8_512/sushi.mat")["orig"]
     assert about["mean"] == pytest.approx(stored.mean())
     assert about["zero_share"] == pytest.approx((stored == 0).mean())

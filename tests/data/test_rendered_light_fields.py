@@ -18,8 +18,8 @@ from tmca.data import (
     split_rendered_light_fields,
     view_shifts,
 )
+from tmca.data.describe import agreement
 from tmca.data.rendering.surfaces import STEEPEST, Outline, Relief, Surface, Texture, render_view
-from tmca.data.shifts import agreement
 from tmca.errors import DataError, SettingError
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tmca.data.rendering import measured, metamers
+from tmca.data.rendering import measured
+from tmca.data.rendering import pictures as metamers
 from tmca.data.rendering.photographs import linear_rgb
 from tmca.errors import SettingError
 

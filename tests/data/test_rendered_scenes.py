@@ -7,10 +7,10 @@ import pytest
 import scipy.io
 import skimage.data
 
+from tmca.data import pixels as resample
 from tmca.data import rendered_names, rendered_scene, split_rendered
-from tmca.data.rendering import measured, resample
-from tmca.data.rendering.depth import motorcycle_depth
-from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb
+from tmca.data.rendering import measured
+from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb, motorcycle_depth
 from tmca.data.rendering.pictures import band_weights
 from tmca.errors import SettingError
 

@@ -11,7 +11,7 @@ from PIL import Image
 from tests.data import rgbd_scenes as scenes
 from tests.data.light_field_files import hci_name, shifted_plane, write_folder, write_parameters, write_pfm
 from tmca.data import describe, read, read_rgbd
-from tmca.data.srgb import decoded, encoded
+from tmca.data.pixels import decoded, encoded
 from tmca.errors import DataError, SettingError
 
 
@@ -191,7 +191,7 @@ def test_a_calibration_without_a_key_names_it(tmp_path, key):
     with pytest.raises(DataError, match=rf"calib.txt: found no number for {key}, expected cam0"):
         read_rgbd(folder)
     (folder / "calib.txt").unlink()
-    with pytest.raises(DataError, match=r"calib.txt: found an unreadable file"):
+    with pytest.raises(DataError, match=r"calib.txt: found no such file"):
         read_rgbd(folder)
 
 
@@ -232,7 +232,7 @@ def test_a_truncated_picture_is_named(tmp_path, name):
     stem = scenes.open3d(tmp_path)
     whole = (tmp_path / name).read_bytes()
     (tmp_path / name).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DataError, match=rf"{name}: found an unreadable or truncated picture"):
+    with pytest.raises(DataError, match=rf"{name}: found an unreadable or truncated PNG"):
         read_rgbd(stem)
 
 

@@ -93,12 +93,7 @@ def write_depth(folder, kind, values):
 
 @pytest.mark.parametrize(
     ("cube_name", "depth_name"),
-    [
-        ("cube.mat", "depth.mat"),
-        ("spectral.npy", "depth.png"),
-        ("cube.hdr", "depth.pfm"),
-        ("spectral.nc", "depth.mat"),
-    ],
+    [("cube.mat", "depth.mat"), ("spectral.npy", "depth.png"), ("cube.hdr", "depth.pfm"), ("spectral.nc", "depth.mat")],
 )
 def test_a_folder_with_cube_and_depth_map_is_a_scene(tmp_path, pixels, nm, cube_name, depth_name):
     metres = np.random.default_rng(6).uniform(0.4, 2.0, pixels.shape[1:])
@@ -222,7 +217,7 @@ def test_the_two_halves_of_the_materials_differ():
         ({"wavelengths": [300e-9]}, SettingError, "400e-9"),
         ({"illuminant": "sun"}, SettingError, "sun"),
         ({"seed": -1}, SettingError, "seed"),
-        ({"materials": "all"}, SettingError, "'train' or 'test'"),
+        ({"materials": "all"}, SettingError, "one of train, test"),
     ],
 )
 def test_impossible_pictures_and_settings_are_refused(settings, error, named):

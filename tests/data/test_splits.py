@@ -14,12 +14,7 @@ from tmca.errors import DataError, OutputError
 @pytest.fixture
 def root(tmp_path):
     """A data folder: two files, a CAVE folder, a manifest of all, and splits in a folder of their own."""
-    files = [
-        "hsi/a.mat",
-        "hsi/b scene.mat",
-        "cave/paints_ms/paints_ms_01.png",
-        "cave/paints_ms/paints_ms_02.png",
-    ]
+    files = ["hsi/a.mat", "hsi/b scene.mat", "cave/paints_ms/paints_ms_01.png", "cave/paints_ms/paints_ms_02.png"]
     files += ["rgbd/art_rgb.png", "rgbd/art_disp.png", "rgbd/art2_rgb.png"]
     lines = []
     for name in files:

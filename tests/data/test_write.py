@@ -14,16 +14,7 @@ import pytest
 import tifffile
 import xarray as xr
 
-from tmca.data import (
-    atomic_path,
-    label,
-    read,
-    read_dataset,
-    write_dataset,
-    write_json,
-    write_text,
-    write_tiff,
-)
+from tmca.data import atomic_path, label, read, read_dataset, write_dataset, write_json, write_text, write_tiff
 from tmca.errors import OutputError, ShapeError
 
 SUFFIXES = [".nc", ".h5", ".zarr", ".tif"]
@@ -255,14 +246,7 @@ def test_wrong_suffix_or_shape_is_refused(cube, tmp_path):
 
 
 def test_json_holds_numpy_and_marks_what_is_not_finite(tmp_path):
-    value = {
-        "a": np.float32(0.5),
-        "b": np.arange(3),
-        "c": np.nan,
-        "d": (1, np.inf),
-        "e": tmp_path,
-        1: np.bool_(True),
-    }
+    value = {"a": np.float32(0.5), "b": np.arange(3), "c": np.nan, "d": (1, np.inf), "e": tmp_path, 1: np.bool_(True)}
     path = write_json(value, tmp_path / "a.json")
     expected = {"a": 0.5, "b": [0, 1, 2], "c": None, "d": [1, None], "e": str(tmp_path), "1": True}
     assert json.loads(path.read_text()) == expected

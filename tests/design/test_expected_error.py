@@ -7,8 +7,8 @@ from tests.design.small_designs import BANDS, PRIOR, block_error, designed, tile
 from tests.small_scenes import CAMERAS, camera
 from tmca.cameras import SpectralCamera
 from tmca.design import BlockMse
-from tmca.design.block_mse import BlockState
-from tmca.design.tile import count_places, even_places, windows
+from tmca.design.expected_error import windows
+from tmca.design.flips import BlockState
 from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianPrior
 from tmca.priors.gaussian import GaussianSolver
@@ -50,13 +50,6 @@ def test_a_tile_repeats_itself_for_ever(period):
     code, cut = small.operator().taps.code, wide.operator().taps.code
     for top, left in ((0, 0), (2, 3), (5, 11)):
         torch.testing.assert_close(windows(code, PRIOR.block, [(top, left)])[0], cut[:, top : top + 3, left : left + 9])
-
-
-def test_blocks_of_a_tile_are_counted_as_they_are_placed():
-    model = block_error().model
-    for period in ((1, 1), (3, 5), (4, 7), (6, 10), (13, 29)):
-        for count in (1, 2, 4):
-            assert count_places(model, period, count) == len(even_places(model, period, count))
 
 
 def test_the_tile_error_is_the_mean_over_its_phases():

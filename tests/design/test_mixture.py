@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from tmca.design import BlockMse, Descent, Effort, MixtureTileMse, TileMse, descend, designable, search
-from tmca.design.tile import phases, windows
+from tmca.design import BlockMse, Descent, Effort, MixtureMse, TileMse, descend, designable, search
+from tmca.design.expected_error import phases, windows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import BlockModel
@@ -32,7 +32,7 @@ def prior():
 @pytest.mark.parametrize("noise", [(0.01, 0.0), (0.002, 1e-3)])
 def test_one_component_is_the_gaussian(model, noise):
     gaussian = GaussianPrior.learn(cubes(), BLOCK)
-    mixture = MixtureTileMse.of(GaussianMixturePrior.of(gaussian), model, *noise)
+    mixture = TileMse(MixtureMse.of(GaussianMixturePrior.of(gaussian), model, *noise))
     camera = designable("free", 3, (4, 6), bands=BANDS)
     assert mixture.whole(camera) == pytest.approx(TileMse(BlockMse.of(gaussian, model, *noise)).whole(camera), rel=1e-6)
 
@@ -45,7 +45,7 @@ def test_it_is_the_mean_over_components_each_written_out(model, prior, noise):
         * TileMse(BlockMse.of(prior.component(kind, gain), model, *noise)).whole(camera)
         for kind in range(2) for gain in range(2)
     )  # fmt: skip
-    assert MixtureTileMse.of(prior, model, *noise, least=0).whole(camera) == pytest.approx(expected, rel=1e-5)
+    assert TileMse(MixtureMse.of(prior, model, *noise, least=0)).whole(camera) == pytest.approx(expected, rel=1e-5)
 
 
 def test_it_is_the_error_of_estimates_that_know_the_component(model, prior):
@@ -67,12 +67,12 @@ def test_it_is_the_error_of_estimates_that_know_the_component(model, prior):
                 seen = drawn @ A.mT + read * torch.randn(len(drawn), len(A), generator=generator).double()
                 left = model.in_judged(drawn - seen @ torch.linalg.solve(G, A @ S)).square().mean()
                 error += float(prior.weights[kind, gain] * left) / len(places)
-    found = MixtureTileMse.of(prior, model, read, 0.0, least=0)(code)
+    found = TileMse(MixtureMse.of(prior, model, read, 0.0, least=0))(code)
     assert float(found) == pytest.approx(error, rel=0.03)
 
 
 def test_slopes_of_relaxed_codes_are_those_of_differences(model, prior):
-    error = MixtureTileMse.of(prior, model, 0.01, 1e-3)
+    error = TileMse(MixtureMse.of(prior, model, 0.01, 1e-3))
     generator = torch.Generator().manual_seed(1)
     code = torch.rand(3, 4, 6, generator=generator).double().mul(0.8).add(0.1).requires_grad_()
     error(code).backward()
@@ -84,7 +84,7 @@ def test_slopes_of_relaxed_codes_are_those_of_differences(model, prior):
 
 
 def test_codes_descend_on_it(model, prior):
-    error, camera = MixtureTileMse.of(prior, model, 0.005, 0.0), designable("free", 2, (4, 6), bands=BANDS)
+    error, camera = TileMse(MixtureMse.of(prior, model, 0.005, 0.0)), designable("free", 2, (4, 6), bands=BANDS)
     before = error.whole(camera)
     assert descend(camera, error, Descent(steps=30)) < before
     found = search("free", 2, (4, 6), error, effort=Effort(1, 20, 0), bands=BANDS)
@@ -94,8 +94,8 @@ def test_codes_descend_on_it(model, prior):
 def test_what_does_not_fit_is_refused(model, prior):
     other = GaussianMixturePrior.learn(cubes(), (2, 8), kinds=1, rank=4, gains=1, samples=400, steps=0)
     with pytest.raises(ShapeError, match="mixture prior"):
-        MixtureTileMse.of(other, model, 0.01, 0.0)
+        MixtureMse.of(other, model, 0.01, 0.0)
     with pytest.raises(SettingError, match="least"):
-        MixtureTileMse.of(prior, model, 0.01, 0.0, least=2)
+        MixtureMse.of(prior, model, 0.01, 0.0, least=2)
     with pytest.raises(SettingError, match="flips"):
-        search("free", 2, (4, 6), MixtureTileMse.of(prior, model, 0.01, 0.0), bands=BANDS)
+        search("free", 2, (4, 6), TileMse(MixtureMse.of(prior, model, 0.01, 0.0)), bands=BANDS)

@@ -5,8 +5,8 @@ import torch
 
 from tests.design.small_designs import PRIOR, block_error, designed
 from tests.small_scenes import smooth_scene
+from tmca.design.expected_error import windows
 from tmca.design.measures import block_matrices
-from tmca.design.tile import windows
 from tmca.design.transfer import TransferMse, example_bytes, learn_examples
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.priors import GaussianPrior, pooled

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.data.placing import drawn_nearness
+from tmca.data.spectral_depth import drawn_nearness
 from tmca.decoders import PatchLikelihood
 from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
 from tmca.optics import PhaseMaskBench

@@ -10,7 +10,8 @@ import xarray as xr
 from tests.data import rgbd_scenes
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene, write_dataset
-from tmca.data.depth_scenes import load_spectral_depth, middle_of
+from tmca.data.depth_scenes import load_spectral_depth
+from tmca.data.fitting import middle_of
 from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError
 from tmca.experiments.camera_figures import psf_figure

@@ -1,19 +1,33 @@
 """Reading and writing files, data sets, splits and rendered scenes."""
 
-from tmca.data.bands import at_bands, nearest_bands, select_bands
-from tmca.data.checks import Negative
-from tmca.data.cubes import label, read, read_array
-from tmca.data.datasets import read_dataset
+from tmca.data.cubes import Negative, label, read, read_array
 from tmca.data.depth_maps import label_depth, read_depth_map
 from tmca.data.depth_scenes import load_spectral_depth
-from tmca.data.describe import describe
-from tmca.data.disparity import find_disparity, read_disparity
-from tmca.data.fitted_depth import fitted_depth
-from tmca.data.formats.known import KNOWN_SETS, KnownSet
-from tmca.data.formats.wavelengths import metres_to_nm, nm_to_metres
+from tmca.data.describe import describe, view_shifts
+from tmca.data.files import (
+    atomic_path,
+    check_folder,
+    check_target,
+    content_digest,
+    make_folder,
+    plain,
+    read_dataset,
+    write_dataset,
+    write_json,
+    write_text,
+    write_tiff,
+)
+from tmca.data.fitting import at_bands, fitted_depth, nearest_bands, select_bands
+from tmca.data.formats.stored import Contents, Stored, from_array, reads
+from tmca.data.formats.wavelengths import KNOWN_SETS, KnownSet, metres_to_nm, nm_to_metres
 from tmca.data.light_field_scenes import load_light_field
-from tmca.data.light_fields import label_light_field, read_light_field, write_light_field
-from tmca.data.placing import place_cube
+from tmca.data.light_fields import (
+    find_disparity,
+    label_light_field,
+    read_disparity,
+    read_light_field,
+    write_light_field,
+)
 from tmca.data.rendering import (
     rendered_light_field,
     rendered_names,
@@ -23,27 +37,16 @@ from tmca.data.rendering import (
     split_rendered_light_fields,
 )
 from tmca.data.rgbd import holds_rgbd, read_rgbd, refuse_rgbd, rgbd_sources
+from tmca.data.scene_names import checksum_of, read_split, write_split
 from tmca.data.scenes import load_scene, read_scene
-from tmca.data.shifts import view_shifts
-from tmca.data.spectral_depth import label_spectral_depth, read_spectral_depth
-from tmca.data.splits import checksum_of, read_split, write_split
-from tmca.data.tiff import write_tiff
-from tmca.data.write import (
-    atomic_path,
-    check_folder,
-    check_target,
-    content_digest,
-    make_folder,
-    plain,
-    write_dataset,
-    write_json,
-    write_text,
-)
+from tmca.data.spectral_depth import label_spectral_depth, place_cube, read_spectral_depth
 
 __all__ = [
     "KNOWN_SETS",
+    "Contents",
     "KnownSet",
     "Negative",
+    "Stored",
     "at_bands",
     "atomic_path",
     "check_folder",
@@ -53,6 +56,7 @@ __all__ = [
     "describe",
     "find_disparity",
     "fitted_depth",
+    "from_array",
     "holds_rgbd",
     "label",
     "label_depth",
@@ -77,6 +81,7 @@ __all__ = [
     "read_scene",
     "read_spectral_depth",
     "read_split",
+    "reads",
     "refuse_rgbd",
     "rendered_light_field",
     "rendered_names",

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.checks import Negative, check_pixels, divisor
 from tmca.data.formats.arrays import QUANTITY
-from tmca.data.formats.axes import find_cube, spectral_axis
-from tmca.data.formats.known import find_known
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.wavelengths import (
     check,
+    divisor,
+    find_cube,
+    find_known,
     from_argument,
     metres_to_nm,
     nm_to_metres,
     read_sidecar,
     sidecar_paths,
+    spectral_axis,
 )
 from tmca.data.light_fields import find_light_field, load_views
 from tmca.data.rgbd import refuse_rgbd
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, check_choice
 
 if TYPE_CHECKING:
     import xarray
@@ -119,11 +120,7 @@ def label(
     import xarray
 
     nm = metres_to_nm(metres)
-    wavelength = (
-        "wavelength",
-        np.asarray(metres, dtype=np.float64),
-        {"units": "m", "long_name": "wavelength"},
-    )
+    wavelength = ("wavelength", np.asarray(metres, dtype=np.float64), {"units": "m", "long_name": "wavelength"})
     in_nm = ("wavelength", nm, {"units": "nm", "long_name": "wavelength"})
     units = {"quantity": QUANTITY, "units": "1", "long_name": QUANTITY}
     return xarray.DataArray(
@@ -228,3 +225,43 @@ def _other_coords(stored: Stored, axis: int) -> dict[str, NDArray[Any]]:
     """The file's own ``y`` and ``x`` coordinates, if the cube's two other axes carry them."""
     others = _spatial_dims(stored, axis)
     return {dim: stored.coords[dim] for dim in others if sorted(others) == ["x", "y"] and dim in stored.coords}
+
+
+Negative = Literal["error", "clip", "keep"]
+
+
+def check_pixels(cube: NDArray[np.float32], where: object, negative: Negative = "error") -> None:
+    """Refuse a cube with NaN, infinite or negative pixels; with ``negative="clip"`` set the negative ones to
+    0.
+
+    Args:
+        cube: ``(L, H, W)``, changed in place when clipping.
+        where: the file, for the message.
+        negative: ``"error"``, ``"clip"``, or ``"keep"`` (reconstructions may have negative pixels).
+
+    Raises:
+        DataError: with how many there are and the first position, counted from 0.
+        SettingError: an unknown ``negative``.
+    """
+    check_choice("negative", negative, ("error", "clip", "keep"))
+    for name, bad in (("NaN", np.isnan), ("infinite", np.isinf)):
+        _refuse(cube, bad(cube), where, name, "mask or repair them first")
+    if negative == "error":
+        _refuse(
+            cube,
+            cube < 0,
+            where,
+            "negative",
+            'set them to 0 in the file, or read it with negative="clip" (--negative clip)',
+        )
+    elif negative == "clip":
+        np.maximum(cube, 0, out=cube)
+
+
+def _refuse(cube: NDArray[np.float32], bad: NDArray[np.bool_], where: object, name: str, remedy: str) -> None:
+    count = int(np.count_nonzero(bad))
+    if count:
+        band, y, x = (int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape))
+        first = f"band {band}, y {y}, x {x} ({cube[band, y, x]:g})"
+        found = f"{count} {name} pixel{'s' if count > 1 else ''}, the first at {first}"
+        raise DataError(where, found, "finite values from 0 up", remedy)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tmca.data.formats.images import read_picture
 from tmca.data.formats.opening import is_picture, open_contents
 from tmca.data.formats.stored import Contents, Stored
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, ShapeError, check_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,7 +97,7 @@ def disparity_to_depth(
 def relative_depth(disparity: NDArray[Any]) -> NDArray[np.float64]:
     """Depth of disparities without any calibration: inverse depth grows with them, from 2 m to 1 m.
 
-    Metres only in name: right up to an affine map of inverse depth, which `tmca.data.fitted_depth` replaces.
+    Metres only in name: right up to an affine map of inverse depth, which `tmca.data.fitting` replaces.
     """
     values = np.asarray(disparity, dtype=np.float64)
     known = np.isfinite(values)
@@ -170,6 +170,5 @@ def _in_metres(path: Path, values: NDArray[Any], unit: Any, scale: float | None)
         raise DataError(path, f"an array of type {values.dtype} and shape {values.shape}", "a depth map (y, x)")
     if scale is None:
         scale = _UNITS.get(str(unit).strip().lower(), 1.0 if values.dtype.kind == "f" else 1e-3)
-    if not np.isfinite(scale) or scale <= 0:
-        raise SettingError("scale", repr(scale), "metres per stored unit, above 0")
+    check_range("scale", scale, above=0, unit="metres per stored unit")
     return values.astype(np.float64) * scale, float(scale)

@@ -9,16 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.data.bands import at_bands
 from tmca.data.cubes import read
 from tmca.data.describe import describe
-from tmca.data.fitted_depth import fitted_depth
-from tmca.data.light_fields import centre_window
-from tmca.data.placing import place_cube
+from tmca.data.fitting import at_bands, fitted_depth, middle_of
 from tmca.data.rendering import rendered_names, rendered_scene
 from tmca.data.rendering.pictures import Materials
 from tmca.data.scene_names import READING
-from tmca.data.spectral_depth import read_spectral_depth, reduced_scene
+from tmca.data.spectral_depth import place_cube, read_spectral_depth, reduced_scene
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -57,7 +54,7 @@ def load_spectral_depth(
         placed: how a cube without depth is put at drawn depths: a kind of ``tmca.data.place_cube``.
         from_rgb: make up spectra for an RGB-D scene.
         materials: half of the measured reflectances that these are made of; ``"test"`` for scenes that are held out.
-        fitted: map inverse depth affinely onto the range (``tmca.data.fitted_depth``), which attributes tell; without,
+        fitted: map inverse depth affinely onto the range (``tmca.data.fitting``), which attributes tell; without,
             metres stay metres.
         seed: of what is drawn.
 
@@ -67,49 +64,34 @@ def load_spectral_depth(
     Raises:
         DataError, SettingError: no such scene, or one that cannot be used so.
     """
-    fitted = fitted and near is not None and far is not None
+    by, ranged = None if reduce == 1 else reduce, near is not None and far is not None
     how = {"source": source, "reduce": reduce, "placed": placed, "from_rgb": from_rgb, "materials": materials}
-    how |= {"fitted": fitted, "seed": seed}
-    scene = _read(source, wavelengths, near, far, reduce, placed, from_rgb, materials, seed)
-    if wavelengths is not None:
-        scene = scene.drop_dims("wavelength").assign(radiance=at_bands(scene["radiance"], wavelengths))
-    if placed is None and fitted:
-        scene["depth"], about = fitted_depth(scene["depth"], near, far)  # type: ignore[arg-type]
-        scene.attrs.update(about)
-    scene = scene if size is None else middle_of(scene, size, source)
-    return scene.assign_attrs({"name": Path(source).stem, READING: json.dumps(how)})
-
-
-def _read(
-    source: str,
-    wavelengths: Sequence[float] | None,
-    near: float | None,
-    far: float | None,
-    reduce: int,
-    placed: str | None,
-    from_rgb: bool,
-    materials: Materials,
-    seed: int,
-) -> xr.Dataset:
-    """A scene of any kind with ``reduce`` pixels per axis in one."""
-    by = None if reduce == 1 else reduce
+    how |= {"fitted": fitted and ranged, "seed": seed}
     if not Path(source).exists() and source in rendered_names():
         _refuse(source, "a rendered scene, which has spectra and depth", placed=placed, from_rgb=from_rgb)
-        scene = rendered_scene(source, wavelengths=wavelengths, seed=seed)
-        return reduced_scene(scene[["radiance", "depth"]], by, source)
-    if placed is not None:
+        rendered = rendered_scene(source, wavelengths=wavelengths, seed=seed)
+        scene = reduced_scene(rendered[["radiance", "depth"]], by, source)
+    elif placed is not None:
         if _kind_and_side(source)[0] != "cube":
             _refuse(source, "a scene with depth of its own", placed=placed)
         if near is None or far is None:
             raise SettingError("near", "no depth range", "near and far, metres, between which the cube is placed")
         cube = read(source) if wavelengths is None else at_bands(read(source), wavelengths)
-        return reduced_scene(place_cube(cube, near, far, seed, placed), by, source)  # type: ignore[arg-type]
-    how: dict[str, Any] = {"wavelengths": wavelengths, "seed": seed, "materials": materials} if from_rgb else {}
-    try:
-        return read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **how)
-    except DataError:
-        check_depth_scene(source, placed, from_rgb)
-        raise
+        scene = reduced_scene(place_cube(cube, near, far, seed, placed), by, source)  # type: ignore[arg-type]
+    else:
+        made_up = {"wavelengths": wavelengths, "seed": seed, "materials": materials} if from_rgb else {}
+        try:
+            scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **made_up)  # type: ignore[arg-type]
+        except DataError:
+            check_depth_scene(source, placed, from_rgb)
+            raise
+    if wavelengths is not None:
+        scene = scene.drop_dims("wavelength").assign(radiance=at_bands(scene["radiance"], wavelengths))
+    if placed is None and how["fitted"]:
+        scene["depth"], about = fitted_depth(scene["depth"], near, far)  # type: ignore[arg-type]
+        scene.attrs.update(about)
+    scene = scene if size is None else middle_of(scene, size, source)
+    return scene.assign_attrs({"name": Path(source).stem, READING: json.dumps(how)})
 
 
 def _refuse(source: str, found: str, **asked: Any) -> None:
@@ -201,16 +183,6 @@ def _kind_and_side(source: str) -> tuple[str, int]:
     if len(sides) > 2:  # bands or colours; of a cube of many bands they are not the shortest
         sides.remove(bands if bands in sides else min(sides))
     return kind, min(sides)
-
-
-def middle_of(scene: xr.Dataset, size: tuple[int, int], source: str) -> xr.Dataset:
-    """(H, W) pixels in the middle of a scene.
-
-    Raises:
-        DataError: a smaller scene.
-    """
-    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), size, None, source)
-    return scene.isel(y=rows, x=columns)
 
 
 def with_surroundings(scene: xr.Dataset, size: tuple[int, int], source: str, tile: int) -> xr.Dataset:

@@ -6,32 +6,34 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tmca.data.checks import divisor
 from tmca.data.cubes import find_wavelengths
-from tmca.data.depth_facts import depth_facts, depth_in, light_field_depth
-from tmca.data.depth_maps import read_depth_map
-from tmca.data.formats.axes import find_cube, spectral_axis
+from tmca.data.depth_maps import label_depth, read_depth_map, stored_metres
+from tmca.data.files import SUFFIXES as LABELLED
+from tmca.data.files import plain
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored, from_array
-from tmca.data.formats.wavelengths import metres_to_nm, read_sidecar
-from tmca.data.light_field_facts import describe_light_field
-from tmca.data.light_fields import find_light_field, open_light_field
+from tmca.data.formats.wavelengths import divisor, find_cube, metres_to_nm, read_sidecar, spectral_axis
+from tmca.data.light_fields import (
+    VIEW_DIMS,
+    find_disparity,
+    find_light_field,
+    has_colour,
+    load_views,
+    open_light_field,
+    read_disparity,
+)
 from tmca.data.rgbd import holds_rgbd, read_rgbd
 from tmca.data.spectral_depth import scene_parts
-from tmca.data.write import plain
-from tmca.errors import DataError
+from tmca.errors import DataError, ShapeError, TmcaError
 
 if TYPE_CHECKING:
-    import xarray
+    import xarray as xr
 
 
 def describe(
-    path: str | Path,
-    variable: str | None = None,
-    *,
-    pattern: str | None = None,
-    lens: tuple[int, int] | None = None,
+    path: str | Path, variable: str | None = None, *, pattern: str | None = None, lens: tuple[int, int] | None = None
 ) -> dict[str, Any]:
     """Shape, type, wavelengths and statistics of a file and of every variable in it.
 
@@ -78,7 +80,7 @@ def describe(
     return dict(plain(about))
 
 
-def _scene(path: str | Path, scene: xarray.Dataset) -> dict[str, Any]:
+def _scene(path: str | Path, scene: xr.Dataset) -> dict[str, Any]:
     """An RGB-D scene."""
     arrays = {name: from_array(str(name), v.values, dims=v.dims, attrs=v.attrs) for name, v in scene.data_vars.items()}
     about: dict[str, Any] = {"path": str(path), "format": scene.attrs["format"], "kind": "RGB-D scene"}
@@ -186,3 +188,152 @@ def _slices(stored: Stored) -> Any:
         yield stored.whole()
     else:
         yield from (stored.plane(0, i) for i in range(stored.shape[0]))
+
+
+def depth_facts(depth: xr.DataArray, metric: bool) -> dict[str, Any]:
+    """Range in metres where they are metric, pixels, how many are unknown and why, and whether they are metric."""
+    counts = {key: int(depth.attrs[key]) for key in depth.attrs if key.startswith("unknown_")}
+    facts: dict[str, Any] = {"pixels": depth.size, **counts, "metric": metric}
+    if not metric:
+        return facts
+    known = depth.values[np.isfinite(depth.values)]
+    near, median, far = (float(v) for v in np.percentile(known, [0, 50, 100]))
+    return {"near": near, "median": median, "far": far, **facts}
+
+
+def depth_in(contents: Contents) -> dict[str, Any] | None:
+    """Facts of the depth map in a file beside its cube; None without, a ``note`` where it cannot be used."""
+    if "depth" not in contents.arrays:
+        return None
+    try:
+        depth = label_depth(stored_metres(contents.path)[0], contents.path)
+    except TmcaError as error:
+        return {"note": str(error)}
+    return depth_facts(depth, bool(contents.attrs.get("metric", True)))
+
+
+def light_field_depth(folder: Path) -> dict[str, Any] | None:
+    """Facts of the depth that a light field's true disparity gives; None where it is no RGB-D scene."""
+    try:
+        scene = read_rgbd(folder) if folder.is_dir() else None
+    except TmcaError:
+        return None
+    return None if scene is None else depth_facts(scene["depth"], bool(scene.attrs["metric"]))
+
+
+def describe_light_field(contents: Contents, stored: Stored, pattern: str | None = None) -> dict[str, Any]:
+    """Kind and facts of a light field: views, size, colour, naming, shifts between views, true disparity.
+
+    The shifts are those of `tmca.data.view_shifts` where the grid is 3×3 or more. ``pattern`` is the one that the views
+    were opened with.
+    """
+    size = dict(zip(stored.dims, stored.shape, strict=True))
+    rows, columns, height, width = (size[dim] for dim in VIEW_DIMS)
+    facts: dict[str, Any] = {
+        "views": [rows, columns],
+        "size": [height, width],
+        "colour": has_colour(stored),
+        "pattern": contents.attrs.get("pattern") or stored.attrs.get("pattern") or contents.format,
+        "shifts": None,
+        "disparity": _disparity(contents, pattern),
+    }
+    if min(rows, columns) >= 3:
+        facts["shifts"] = shift_facts(load_views(contents, stored, views=3)) or None
+    about = {"kind": "light field", "variable": stored.name, "dims": stored.dims, "light_field": facts}
+    notes = [facts["shifts"].pop("note", None)] if facts["shifts"] else []
+    if rows != columns or rows % 2 == 0:
+        notes.append(f"{rows}×{columns} views: read the centre n×n, n odd, with views= (--views)")
+    if any(notes):
+        about["note"] = "; ".join(note for note in notes if note)
+    return {**about, "wavelengths": None}
+
+
+def _disparity(contents: Contents, pattern: str | None) -> dict[str, Any] | None:
+    """Range and file of the true disparity, None without."""
+    source = find_disparity(contents.path)
+    if contents.path.suffix.lower() in LABELLED and "disparity" in contents.arrays:
+        source = contents.path
+    if source is None:
+        return None
+    try:
+        values = read_disparity(contents.path, pattern=pattern)
+    except DataError as error:
+        return {"source": source.name, "min": None, "max": None, "note": str(error)}
+    return {"source": source.name, "min": float(values.min()), "max": float(values.max())}
+
+
+_BLOCKS = 6
+"""Blocks per axis, at most: enough to tell signs, few enough to take a second."""
+
+
+def view_shifts(light_field: xr.DataArray, block: int = 64) -> NDArray[np.float64]:
+    """Disparity of blocks of the centre view, once from its neighbours in the column and once from those in the row.
+
+    By phase correlation of the views one step before and one after. In the package's orientation both are
+    equal up to noise and occlusion; opposite signs mean that one axis of the grid runs the other way.
+
+    Args:
+        light_field: grey, ``(view_v, view_u, y, x)``, 3×3 views or more.
+        block: pixels per side, at most those of a view.
+
+    Returns:
+        ``(N, 2)`` in px per view step: along view rows and y, along view columns and x; blocks without texture are
+        left out.
+
+    Raises:
+        ShapeError: fewer than 3×3 views, or in colour.
+    """
+    if light_field.ndim != 4 or min(light_field.shape[:2]) < 3:
+        raise ShapeError("light_field", f"{light_field.dims} {light_field.shape}", "3×3 grey views or more")
+    views = light_field.values
+    v, u = (n // 2 for n in views.shape[:2])
+    size = min(block, *views.shape[2:])
+    window = np.hanning(size + 2)[1:-1]
+    found = []
+    for y in _starts(views.shape[2], size):
+        for x in _starts(views.shape[3], size):
+            part = views[v - 1 : v + 2, u - 1 : u + 2, y : y + size, x : x + size].astype(np.float64)
+            if part[1, 1].std() > 0.01:
+                part = (part - part.mean(axis=(2, 3), keepdims=True)) * window[:, None] * window
+                found.append((_shift(part[0, 1], part[2, 1])[0] / 2, _shift(part[1, 0], part[1, 2])[1] / 2))
+    return np.array(found, dtype=np.float64).reshape(-1, 2)
+
+
+def _starts(length: int, size: int) -> list[int]:
+    count = min(_BLOCKS, length // size)
+    return sorted({round(start) for start in np.linspace(0, length - size, count)})
+
+
+def _shift(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far (y, x) one must move ``after`` to bring it onto ``before``, in px to a twentieth."""
+    from skimage.registration import phase_cross_correlation
+
+    return np.asarray(phase_cross_correlation(before, after, upsample_factor=20)[0])
+
+
+def agreement(shifts: NDArray[np.float64]) -> float | None:
+    """Correlation about zero of the two columns of `view_shifts`: 1 where they are equal, -1 where one axis runs the
+    other way, None where nothing is shifted."""
+    power = float(np.sqrt(np.prod((shifts**2).sum(axis=0))))
+    return float((shifts[:, 0] * shifts[:, 1]).sum()) / power if power else None
+
+
+def shift_facts(light_field: xr.DataArray) -> dict[str, Any]:
+    """Median and range of the disparity along each axis, and whether the axes agree; {} where nothing is shifted."""
+    shifts = view_shifts(light_field)
+    agree = agreement(shifts)
+    if agree is None:
+        return {}
+    low, high = np.percentile(shifts, [5, 95])
+    facts: dict[str, Any] = {
+        "median_rows": float(np.median(shifts[:, 0])),
+        "median_columns": float(np.median(shifts[:, 1])),
+        "low": float(low),
+        "high": float(high),
+        "agreement": agree,
+    }
+    if agree < -0.5:
+        facts["note"] = (
+            "rows and columns run in opposite senses: read it with {-row} or {-column} in pattern= (--pattern)"
+        )
+    return facts

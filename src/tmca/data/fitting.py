@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tmca.data.bands import at_bands, nearest_bands
-from tmca.data.depth_scenes import middle_of
-from tmca.data.fitted_depth import fitted_depth
-from tmca.errors import DataError
+from tmca.data.formats.wavelengths import metres_to_nm
+from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Size = tuple[int, int]
+Scene = TypeVar("Scene", "xr.DataArray", "xr.Dataset")
 FITTED = ("inverse_depth_scale", "inverse_depth_shift")
 """Attributes of a scene whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
 
@@ -69,11 +69,198 @@ def fit_depth_scene(
 
 def _middle(scene: Any, wanted: dict[str, int], where: str) -> Any:
     """So many entries from the middle of every axis."""
-    middle = {}
-    for axis, count in wanted.items():
-        if scene.sizes[axis] < count:
-            there = "×".join(str(scene.sizes[name]) for name in wanted)
-            raise DataError(where, f"{there} ({', '.join(wanted)})", f"at least {'×'.join(map(str, wanted.values()))}")
-        start = (scene.sizes[axis] - count) // 2
-        middle[axis] = slice(start, start + count)
-    return scene.isel(middle)
+    if any(scene.sizes[axis] < count for axis, count in wanted.items()):
+        there = "×".join(str(scene.sizes[name]) for name in wanted)
+        raise DataError(where, f"{there} ({', '.join(wanted)})", f"at least {'×'.join(map(str, wanted.values()))}")
+    starts = {axis: (scene.sizes[axis] - count) // 2 for axis, count in wanted.items()}
+    return scene.isel({axis: slice(start, start + wanted[axis]) for axis, start in starts.items()})
+
+
+def centre_window(
+    size: tuple[int, int], crop: tuple[int, int] | None, scale: int | None, where: object
+) -> tuple[slice, slice]:
+    """The stored pixels behind a centre crop of ``crop`` pixels after reduction by ``scale``.
+
+    Raises:
+        SettingError: not a whole number above 0, or a crop larger than the views.
+    """
+    step = 1 if scale is None else scale
+    if isinstance(step, bool) or not isinstance(step, (int, np.integer)) or not 1 <= step <= min(size):
+        raise SettingError("scale", repr(scale), f"a whole number from 1 to {min(size)}", "views are never enlarged")
+    reduced = size[0] // step, size[1] // step
+    height, width = reduced if crop is None else crop
+    if not (1 <= height <= reduced[0] and 1 <= width <= reduced[1]):
+        raise SettingError("crop", f"{height}×{width}", f"at most the {reduced[0]}×{reduced[1]} pixels of {where}")
+    top, left = (reduced[0] - height) // 2 * step, (reduced[1] - width) // 2 * step
+    return slice(top, top + height * step), slice(left, left + width * step)
+
+
+def middle_of(scene: Scene, size: Size, where: object) -> Scene:
+    """(H, W) pixels in the middle of a scene.
+
+    Raises:
+        SettingError: a smaller scene.
+    """
+    rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), size, None, where)
+    return scene.isel(y=rows, x=columns)
+
+
+def select_bands(cube: xr.DataArray, count: int, low: float = 400e-9, high: float = 700e-9) -> xr.DataArray:
+    """The ``count`` bands nearest to even spacing from ``low`` to ``high``.
+
+    For CAVE's 31 bands and ``count=12`` these are 0, 3, 5, 8, 11, 14, 16, 19, 22, 25, 27, 30.
+
+    Args:
+        cube: with a ``wavelength`` coordinate in metres.
+        count: how many bands, 1 or more; one band is the one nearest to the middle.
+        low: metres.
+        high: metres.
+
+    Raises:
+        SettingError: an impossible count or range, or so many bands that one would be taken twice.
+        DataError: the cube has no wavelengths or does not cover the range.
+    """
+    if count < 1:
+        raise SettingError("bands", str(count), "1 band or more")
+    if not 0 < low < high:
+        raise SettingError("low, high", f"{low:g} m to {high:g} m", "0 < low < high, in metres")
+    _require_covered(cube, np.array([low, high]))
+    targets = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
+    return nearest_bands(cube, targets)
+
+
+def nearest_bands(cube: xr.DataArray, wavelengths: Iterable[float]) -> xr.DataArray:
+    """The band nearest to each wavelength (metres), in the order given; of two equally near the shorter one.
+
+    Raises:
+        SettingError: two wavelengths have the same nearest band, or there are none.
+        DataError: the cube has no wavelengths or a wavelength lies outside its bands.
+    """
+    targets = np.asarray(list(wavelengths), dtype=np.float64)
+    if not targets.size:
+        raise SettingError("wavelengths", "an empty list", "one wavelength or more")
+    _require_covered(cube, targets)
+    index = nearest_index(cube, targets)
+    if np.unique(index).size != index.size:
+        raise SettingError(
+            cube.attrs.get("source", "bands"),
+            f"{targets.size} wavelengths for which only {np.unique(index).size} different bands are nearest",
+            "a band of its own for each",
+            "ask for fewer bands or a wider range",
+        )
+    return cube.isel(wavelength=index)
+
+
+def nearest_index(cube: xr.DataArray, targets: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Index of the band nearest to each target in metres; of two equally near the shorter wavelength."""
+    nm = _nm(cube)
+    order = np.argsort(nm, kind="stable")
+    distance = np.round(np.abs(nm[order][None, :] - metres_to_nm(targets)[:, None]), 4)
+    return order[distance.argmin(axis=1)]
+
+
+def _nm(cube: xr.DataArray) -> NDArray[np.float64]:
+    if "wavelength" not in cube.coords or cube.coords["wavelength"].dims != ("wavelength",):
+        raise DataError(cube.attrs.get("source", "cube"), "no wavelength coordinate", "a cube from tmca.data.read")
+    return metres_to_nm(cube.coords["wavelength"].values)
+
+
+def _require_covered(cube: xr.DataArray, targets: NDArray[np.float64]) -> None:
+    """A wavelength counts as covered up to half a band beyond the outermost centres."""
+    nm = np.sort(_nm(cube))
+    wanted = metres_to_nm(targets)
+    low, high = nm[0], nm[-1]
+    if nm.size > 1:
+        low, high = low - (nm[1] - nm[0]) / 2, high + (nm[-1] - nm[-2]) / 2
+    if wanted.min() < low - 1e-3 or wanted.max() > high + 1e-3:
+        raise DataError(
+            cube.attrs.get("source", "cube"),
+            f"bands from {nm[0]:g} to {nm[-1]:g} nm",
+            f"bands that cover {wanted.min():g} to {wanted.max():g} nm",
+            "ask for a range inside the cube's",
+        )
+
+
+def at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
+    """The cube's nearest band for every wavelength.
+
+    Raises:
+        DataError: a wavelength farther from every band than half their spacing.
+    """
+    own = cube["wavelength"].values
+    wanted = np.asarray(wavelengths)
+    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
+        return cube
+    chosen = np.abs(own[:, None] - wanted).argmin(0)
+    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
+    worst = int(np.abs(own[chosen] - wanted).argmax())
+    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
+        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
+        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
+    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))
+
+
+def fitted_depth(
+    depth: xr.DataArray, near: float, far: float, *, percentiles: tuple[float, float] = (0.0, 100.0)
+) -> tuple[xr.DataArray, dict[str, Any]]:
+    """Map a scene's inverse depth affinely onto a design range: ``1/Z' = scale / Z + shift``.
+
+    A room of metres then fits a camera designed for a table top, with its edges and slopes; what the map was is told
+    in attributes, for tables. A scene of one depth keeps its scale and comes to the middle of the range.
+
+    Args:
+        depth: ``(y, x)`` metres, NaN where unknown, as from `label_depth`.
+        near, far: the range in metres; the nearest known pixel is mapped to ``near``, the farthest to ``far``.
+        percentiles: of inverse depth, (farthest, nearest), that are mapped there instead of the extremes. What lies
+            beyond stays beyond (nothing is clamped) and is counted; beyond infinity it is unknown.
+
+    Returns:
+        The mapped depth, and the attributes that it has too: ``inverse_depth_scale``, ``inverse_depth_shift`` (1/m),
+        ``design_near`` and ``design_far`` (m), ``fitted_percentiles``, ``source_near`` and ``source_far`` (m, the
+        depths that were mapped there), ``unknown_pixels``, ``outside_pixels`` (known, but outside the range).
+
+    Raises:
+        SettingError: an impossible range or percentiles.
+        DataError: no known depth.
+    """
+    check_depth_range(near, far)
+    low, high = percentiles
+    if not 0 <= low < high <= 100:
+        raise SettingError("percentiles", repr(percentiles), "(farthest, nearest) with 0 ≤ farthest < nearest ≤ 100")
+    values = depth.values.astype(np.float64)
+    known = np.isfinite(values) & (values > 0)
+    if not known.any():
+        raise DataError(depth.attrs.get("source", "depth"), "no known depth", "some positive, finite metres")
+    inverse = 1 / np.where(known, values, 1.0)
+    ends = np.percentile(inverse[known], [low, high])
+    scale, shift = _affine(ends, near, far)
+    mapped = scale * inverse + shift
+    usable = known & (mapped > 0)
+    fitted = np.where(usable, 1 / np.where(usable, mapped, 1.0), np.nan)
+    about = {
+        "inverse_depth_scale": scale, "inverse_depth_shift": shift,
+        "design_near": float(near), "design_far": float(far), "fitted_percentiles": [float(low), float(high)],
+        "source_near": float(1 / ends[1]), "source_far": float(1 / ends[0]),
+        "unknown_pixels": int(np.sum(~usable)), "outside_pixels": _outside(mapped[known], near, far),
+    }  # fmt: skip
+    return depth.copy(data=fitted.astype(np.float32)).assign_attrs(about), about
+
+
+def _outside(inverse: NDArray[np.float64], near: float, far: float) -> int:
+    """How many inverse depths are beyond a range by more than rounding."""
+    tolerance = 1e-6 * (1 / near - 1 / far)
+    return int(np.sum((inverse < 1 / far - tolerance) | (inverse > 1 / near + tolerance)))
+
+
+def _affine(ends: NDArray[np.float64], near: float, far: float) -> tuple[float, float]:
+    """Scale and shift that bring two inverse depths to the ends of a range; one depth to its middle."""
+    if ends[1] - ends[0] <= 1e-9 * ends[1]:
+        return 1.0, float((1 / near + 1 / far) / 2 - ends.mean())
+    scale = (1 / near - 1 / far) / (ends[1] - ends[0])
+    return float(scale), float(1 / far - scale * ends[0])
+
+
+def check_depth_range(near: float, far: float) -> None:
+    """Raises SettingError unless both are finite depths in front of the camera, ``near`` before ``far``."""
+    if not (np.isfinite(near) and np.isfinite(far) and 0 < near < far):
+        raise SettingError("near, far", f"{near:g} m, {far:g} m", "0 < near < far, both finite")

@@ -12,10 +12,9 @@ from warnings import warn
 
 import numpy as np
 
-from tmca.data.disparity import find_disparity, read_disparity
 from tmca.data.formats.opening import is_picture
 from tmca.data.formats.view_names import has_names
-from tmca.data.light_fields import read_light_field
+from tmca.data.light_fields import find_disparity, read_disparity, read_light_field
 from tmca.data.rendering import rendered_light_field, rendered_names
 from tmca.data.scene_names import READING, SceneWarning
 from tmca.errors import DataError, SettingError

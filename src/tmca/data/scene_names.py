@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from pathlib import Path
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
 from warnings import warn
 
+from tmca.data.files import write_text
 from tmca.data.rendering import rendered_names
 from tmca.data.rgbd import rgbd_sources
-from tmca.data.splits import checksum_of, read_split
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 
 READING = "scene_reading"
 """Attribute of scenes, snapshots and estimates: how the scene was read, as JSON."""
@@ -58,3 +59,163 @@ def compare_source(source: str, truth: str) -> None:
     """
     if Path(source).stem != Path(truth).stem:
         warn(f"truth: {truth} is beside a snapshot of {source}; is that the same scene?", SceneWarning, stacklevel=3)
+
+
+MANIFEST = "MANIFEST.sha256"
+_SUM_FIRST = re.compile(r"([0-9a-fA-F]{64})\s+\*?(.+)")
+_SUM_LAST = re.compile(r"(.+?)\s+([0-9a-fA-F]{64})")
+
+
+def read_split(path: str | Path, root: str | Path | None = None, manifest: str | Path | None = None) -> list[Path]:
+    """The files and folders of a split, each verified against its checksum.
+
+    Args:
+        path: the split.
+        root: the folder its paths are relative to; by default the nearest folder above the split with a
+            ``MANIFEST.sha256``, else the split's own folder.
+        manifest: a ``sha256sum`` list for entries without a checksum of their own; by default the root's
+            ``MANIFEST.sha256`` if there is one. Entries in neither are only checked to exist.
+
+    Returns:
+        ``root / entry`` in the split's order, also where it is a scene's name and not itself a file.
+
+    Raises:
+        DataError: naming the entry that is missing, altered or outside the root; or an unreadable split.
+    """
+    path = Path(path)
+    entries = parse_sums(path)
+    if not entries:
+        raise DataError(path, "an empty split", "one relative path per line")
+    base = Path(root) if root is not None else _root_of(path)
+    listed = Path(manifest) if manifest is not None else base / MANIFEST
+    sums = parse_sums(listed) if manifest is not None or listed.is_file() else {}
+    return [_verified(path, base, name, own, sums) for name, own in entries.items()]
+
+
+def parse_sums(path: str | Path) -> dict[str, str | None]:
+    """Relative path → SHA-256 (None without one) of a split or a manifest, in order, ``./`` and trailing
+    ``/`` removed.
+
+    Raises:
+        DataError: unreadable, a path twice, absolute, or leading out of the root.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(path, f"an unreadable list ({error})", "a text file with one path per line") from error
+    entries: dict[str, str | None] = {}
+    for line in (line.strip() for line in lines):
+        if not line or line.startswith("#"):
+            continue
+        name, checksum = _parse_line(line)
+        if name in entries:
+            raise DataError(path, f"{name} twice", "each path once")
+        if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+            raise DataError(path, f"the path {name}", "a path relative to the data's root, inside it")
+        entries[name] = checksum
+    return entries
+
+
+def _parse_line(line: str) -> tuple[str, str | None]:
+    if first := _SUM_FIRST.fullmatch(line):
+        name, checksum = first[2], first[1].lower()
+    elif last := _SUM_LAST.fullmatch(line):
+        name, checksum = last[1], last[2].lower()
+    else:
+        name, checksum = line, None
+    return PurePosixPath(name).as_posix(), checksum
+
+
+def _root_of(path: Path) -> Path:
+    parents = path.resolve().parents
+    return next((folder for folder in parents if (folder / MANIFEST).is_file()), parents[0])
+
+
+def _verified(split: Path, base: Path, name: str, own: str | None, sums: dict[str, str | None]) -> Path:
+    """The entry's path, after its own checksum or those of the manifest's files that belong to it held."""
+    entry = base / name
+    if own is not None:
+        _require(split, entry, own)
+        return entry
+    members = [listed for listed in sums if _belongs(listed, name)]
+    for listed in members:
+        _require(split, base / listed, sums[listed])
+    if not members and not entry.exists():
+        beside = entry.parent.iterdir() if entry.parent.is_dir() else ()
+        if not any(_belongs(file.relative_to(base).as_posix(), name) for file in beside):
+            raise _missing(split, entry)
+    return entry
+
+
+def _belongs(listed: str, name: str) -> bool:
+    """Whether a listed file is the entry, lies in it, or carries the scene's name as a word of its own."""
+    file, scene = PurePosixPath(listed), PurePosixPath(name)
+    in_it = file == scene or scene in file.parents
+    return in_it or (file.parent == scene.parent and scene.name in re.split(r"[_.-]", file.name))
+
+
+def _missing(split: Path, path: Path) -> DataError:
+    remedy = "correct the path, or fetch the data again"
+    return DataError(path, f"no such file or folder, named in {split}", "an existing one", remedy)
+
+
+def _require(split: Path, path: Path, checksum: str | None) -> None:
+    if not path.exists():
+        raise _missing(split, path)
+    if checksum is None:
+        return
+    found = checksum_of(path)
+    if found != checksum:
+        raise DataError(
+            path,
+            f"SHA-256 {found[:12]}… (altered since {split.name} was written)",
+            f"{checksum[:12]}…",
+            "fetch the data again",
+        )
+
+
+def checksum_of(path: str | Path) -> str:
+    """SHA-256 of a file; of a folder that of the ``sha256sum`` lines of its files, sorted by relative path.
+
+    Raises:
+        DataError: it cannot be read.
+    """
+    path = Path(path)
+    if path.is_dir():
+        files = sorted(file for file in path.rglob("*") if file.is_file())
+        lines = [f"{checksum_of(file)}  {file.relative_to(path).as_posix()}\n" for file in files]
+        return hashlib.sha256("".join(sorted(lines, key=lambda line: line[66:])).encode()).hexdigest()
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise DataError(path, f"an unreadable file ({error.strerror or error})", "a readable one") from error
+
+
+def write_split(
+    paths: Iterable[str | Path], path: str | Path, root: str | Path | None = None, *, overwrite: bool = False
+) -> Path:
+    """Write a split with the checksum of every entry, in the format of ``sha256sum``.
+
+    Args:
+        paths: files and folders.
+        path: the split to write.
+        root: what the entries are written relative to; by default the split's folder.
+        overwrite: replace an existing split.
+
+    Raises:
+        DataError: an entry is missing or outside the root, or there are none.
+        OutputError: the split exists or cannot be written.
+    """
+    base = Path(root if root is not None else Path(path).parent).resolve()
+    lines = []
+    for entry in map(Path, paths):
+        if not entry.exists():
+            raise DataError(entry, "no such file or folder", "an existing one")
+        if not entry.resolve().is_relative_to(base):
+            raise DataError(entry, f"a path outside {base}", "entries inside the root", "pass root=")
+        lines.append(f"{checksum_of(entry)}  {entry.resolve().relative_to(base).as_posix()}\n")
+    if not lines:
+        raise DataError(path, "no entries to list", "one file or more")
+    return write_text("".join(lines), path, overwrite=overwrite)

@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
 
-from tmca.data.bands import select_bands
-from tmca.data.checks import Negative
-from tmca.data.cubes import read
+from tmca.data.cubes import Negative, read
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.describe import describe
+from tmca.data.fitting import middle_of, select_bands
 from tmca.data.light_field_scenes import load_light_field
 from tmca.data.rendering import rendered_names, rendered_scene
 from tmca.data.rgbd import refuse_rgbd, rgbd_sources
 from tmca.data.scene_names import SceneWarning
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, check_choice
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,8 +48,7 @@ def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> 
         "spectral": load_scene, "light-field": load_light_field, "spectral-depth": load_spectral_depth,
     }  # fmt: skip
     chosen = scene_kind(source) if kind is None else kind
-    if chosen not in readers:
-        raise SettingError("kind", repr(kind), f"one of {', '.join(readers)}")
+    check_choice("kind", chosen, readers)
     return readers[chosen](str(source), **reading)
 
 
@@ -110,7 +108,7 @@ def load_scene(
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
     if bands is not None:
         cube = select_bands(cube, bands)
-    cube = cube if size is None else centre_crop(cube, size, name)
+    cube = cube if size is None else middle_of(cube, size, name)
     cube.attrs["name"] = Path(name).stem
     if not cube.values.any():
         warn(f"{name}: every pixel is zero", DarkScene, stacklevel=2)
@@ -129,16 +127,3 @@ def check_readable(scenes: Iterable[str | Path], bands: int, size: tuple[int, in
     """
     for scene in dict.fromkeys(map(str, scenes)):
         load_scene(scene, bands=bands, size=size)
-
-
-def centre_crop(cube: xr.DataArray, size: tuple[int, int], where: str) -> xr.DataArray:
-    """The middle (H, W) of a cube.
-
-    Raises:
-        SettingError: the crop is larger than the cube.
-    """
-    height, width = cube.shape[1:]
-    if size[0] > height or size[1] > width or min(size) < 1:
-        raise SettingError("crop", f"{size[0]}x{size[1]}", f"at most the {height}x{width} pixels of {where}")
-    top, left = (height - size[0]) // 2, (width - size[1]) // 2
-    return cube[:, top : top + size[0], left : left + size[1]]

@@ -1,15 +1,13 @@
 """Finding codes and masks: the expected error as objective, its optimisers, and which designs to take."""
 
 from tmca.design.advice import Advice, Candidate, SensorSheet, advise
-from tmca.design.block_mse import BlockMse
-from tmca.design.descent import Descent, Progress, descend
+from tmca.design.expected_error import BlockMse, MixtureMse, TileMse, design_model
 from tmca.design.flips import flip_greedily
 from tmca.design.kinds import KINDS, designable, hold_throughput, throughput_of
 from tmca.design.mask_search import MaskAdvice, MaskCandidate, MaskEffort, MaskTask, search_masks
 from tmca.design.measures import CodeMeasures, measures
-from tmca.design.search import SURVEY, Design, Effort, decibels, search
+from tmca.design.search import SURVEY, Descent, Design, Effort, Progress, decibels, descend, search
 from tmca.design.spectral_depth import depth_information, design_masks
-from tmca.design.tile import MixtureTileMse, TileMse, design_model
 from tmca.design.transfer import Examples, TransferMse, learn_examples
 
 __all__ = [
@@ -27,7 +25,7 @@ __all__ = [
     "MaskCandidate",
     "MaskEffort",
     "MaskTask",
-    "MixtureTileMse",
+    "MixtureMse",
     "Progress",
     "SensorSheet",
     "TileMse",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import floor, sqrt
+from math import floor
+from statistics import stdev
 from typing import Any
 
-from tmca.design.descent import Parts, Progress
 from tmca.design.kinds import designable, hold_throughput
-from tmca.design.search import SURVEY, Design, Effort, decibels, search
+from tmca.design.search import SURVEY, Design, Effort, Parts, Progress, decibels, search
 from tmca.design.transfer import Examples
 from tmca.errors import SettingError, check_range
 from tmca.sensor import Sensor
@@ -116,9 +116,7 @@ class Candidate:
     @property
     def spread(self) -> float | None:
         """Standard deviation of a scene's gain, dB; None with one scene."""
-        count = len(self.gains)
-        total = sum((g - self.gain) ** 2 for g in self.gains.values())
-        return sqrt(total / (count - 1)) if count > 1 else None
+        return stdev(self.gains.values()) if len(self.gains) > 1 else None
 
 
 @dataclass(frozen=True)
@@ -195,7 +193,8 @@ def advise(
     plan = [(kind, k) for kind, k in asked if task.reaches(kind, k)]
     out = tuple(sorted(set(asked) - set(plan)))
     effort = effort or Effort()
-    part = Parts(progress, [*map(_duration, [survey] * (len(plan) + 1) + [effort] * 2)])
+    searches = [survey] * (len(plan) + 1) + [effort] * 2
+    part = Parts(progress, [each.descents * each.steps + _FLIP * each.flips for each in searches])
     static = task.candidate("static", 1, survey, part("survey: static"))
     surveyed = [static]
     for kind, k in plan:
@@ -207,11 +206,6 @@ def advise(
         starts = [best, final] if kind == "free" else [best]
         chosen = task.candidate(kind, k, effort, part(f"{kind}, K = {k}"), starts, final)
     return Advice(final, surveyed, chosen, task.noise, sheet, out, throughput)
-
-
-def _duration(effort: Effort) -> float:
-    """Of a search, in steps of a descent."""
-    return effort.descents * effort.steps + _FLIP * effort.flips
 
 
 def _contained(candidates: Sequence[Candidate], slots: int) -> list[Candidate]:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.codes import CodePlane
-from tmca.design.block_mse import BlockState
-from tmca.design.descent import learnable
-from tmca.design.tile import TileMse, count_places, even_places, windows
+from tmca.design.expected_error import BlockMse, Products, TileMse, even_places, windows
+from tmca.design.kinds import learnable
+from tmca.errors import SettingError
 from tmca.priors.gaussian import BlockModel
 
 _SHIFTS = 2
 """Of the blocks: judged by one set of them alone, flips favour pixels by their place in a block."""
 
 
-@dataclass(frozen=True)
-class Flip:
+class Flip(NamedTuple):
     """One pixel of a plane turned over; where exactly one slot is open, one pixel moved to another slot."""
 
     plane: CodePlane
@@ -46,14 +46,13 @@ class Flip:
     @torch.no_grad()
     def undo(self, before: Tensor) -> None:
         """Turn it back."""
-        self.plane.latent[:, self.place[1], self.place[2]] = before
+        self.plane.latent[:, *self.place[1:]] = before
 
 
 def tile_bytes(model: BlockModel, period: tuple[int, int]) -> int:
     """Memory that flips need for the blocks of one tile, bytes."""
-    measurements, taps = model.measurements, len(model.offsets)
-    block = 8 * measurements * measurements * (2 * taps + 2)
-    return block * count_places(model, period, _SHIFTS)
+    block = 8 * model.measurements**2 * (2 * len(model.offsets) + 2)
+    return block * len(even_places(model, period, _SHIFTS))
 
 
 def flip_greedily(
@@ -96,19 +95,88 @@ def flip_greedily(
     return state.value
 
 
+@dataclass(frozen=True)
+class BlockState:
+    """One block under its present weights, and what changes of a few of them do, without a new factorisation for each.
+
+    A changed pixel of a code changes the weights of r of the m measurements. Then ``G`` and ``M`` change in r rows and
+    columns, and ``tr G⁻¹ M`` follows by the Woodbury identity with matrices of size 2r.
+
+    Args:
+        error: of such blocks.
+        weights: (m, T), float64.
+        products: of these weights, a batch of one.
+    """
+
+    error: BlockMse
+    weights: Tensor
+    products: Products
+
+    @classmethod
+    def of(cls, error: BlockMse, weights: Tensor) -> BlockState:
+        weights = weights.double()
+        return cls(error, weights, Products.of(error, weights[None]))
+
+    @property
+    def value(self) -> float:
+        """Mean squared error over the valid pixels."""
+        return self.error.variance - float(self.products.error_removed[0])
+
+    def after(self, changes: Tensor) -> Tensor:
+        """(B,) errors under ``weights + changes[b]``, changes (B, m, T), each of them alone."""
+        rows, few = _changed_rows(changes)
+        inverse, reached = self.products.inverse[0], self.products.reached[0]
+        ahead, among = self._forms(self.error.covariance, self.products.covariant, rows, few)
+        ahead_reach, among_reach = self._forms(self.error.reach, self.products.reaching, rows, few)
+        light = (self.weights * self.error.mean).sum(-1)[rows]
+        changed_light = (light + (few * self.error.mean[rows]).sum(-1)).clamp_min(0)
+        among = among + torch.diag_embed(self.error.shot * (changed_light - light.clamp_min(0)))
+        touched = inverse[:, rows].movedim(0, 1)  # (B, m, r): G⁻¹E
+        low = torch.cat([touched, inverse @ ahead.mT], -1)  # G⁻¹U with U = [E, Fᵀ]
+        inner = low.gather(1, rows[:, :, None].expand(-1, -1, low.shape[2]))  # Eᵀ G⁻¹ U
+        bridge = torch.cat([inner, ahead @ low], 1) + _middle(among)
+        turned = inner.mT @ (ahead_reach @ low)
+        moved = low.mT @ (reached @ low) + turned + turned.mT + inner.mT @ among_reach @ inner
+        gained = 2 * (ahead_reach * touched.mT).sum((1, 2)) + (among_reach * inner[..., : rows.shape[1]]).sum((1, 2))
+        lost = torch.linalg.solve(bridge, moved).diagonal(dim1=1, dim2=2).sum(1)
+        return self.error.variance - (self.products.error_removed[0] + gained - lost)
+
+    def _forms(self, form: Tensor, half: Tensor, rows: Tensor, changes: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, r, m) form between changed and present weights, (B, r, r) between changed and changed ones."""
+        near = half[:, 0, rows]  # (m, B, r, T)
+        ahead = torch.einsum("mbrt,brt->brm", near, changes)
+        pairs = form[rows[:, :, None], :, rows[:, None, :], :]  # (B, r, r, T, T)
+        return ahead, torch.einsum("brt,brstu,bsu->brs", changes, pairs, changes)
+
+
+def _changed_rows(changes: Tensor) -> tuple[Tensor, Tensor]:
+    """(B, r) rows that change, filled up with others, and (B, r, T) what they change by."""
+    touched = (changes != 0).any(-1)
+    count = max(1, int(touched.sum(1).max()))
+    rows = touched.to(torch.uint8).sort(dim=1, descending=True, stable=True).indices[:, :count]
+    return rows, changes.gather(1, rows[:, :, None].expand(-1, -1, changes.shape[2]))
+
+
+def _middle(among: Tensor) -> Tensor:
+    """Inverse of ``[[H, 1], [1, 0]]``: ``[[0, 1], [1, -H]]``."""
+    one = torch.eye(among.shape[1], dtype=among.dtype).expand_as(among)
+    return torch.cat([torch.cat([torch.zeros_like(among), one], 2), torch.cat([one, -among], 2)], 1)
+
+
 @dataclass
 class TileState:
     """The blocks that share out one period, each with its present weights."""
 
-    error: TileMse
+    error: BlockMse
     code: Tensor
     blocks: list[BlockState]
 
     @classmethod
     def of(cls, camera: CodedCamera, error: TileMse) -> TileState:
-        code = camera.taps().code.detach().double()
-        state = cls(error, code, [])
-        state.blocks = [BlockState.of(error.error, weights) for weights in state.weights(code[None])[0]]
+        if not isinstance(error.error, BlockMse):
+            raise SettingError("flips", f"the error of a {type(error.error).__name__}", "that of a BlockMse")
+        state = cls(error.error, camera.taps().code.detach().double(), [])
+        state.blocks = [BlockState.of(error.error, weights) for weights in state.weights(state.code[None])[0]]
         return state
 
     @property
@@ -122,7 +190,7 @@ class TileState:
         places = even_places(model, (codes.shape[2], codes.shape[3]), _SHIFTS)
         seen = windows(codes.flatten(0, 1), model.block, places)  # (P, B·taps, h, w)
         seen = seen.unflatten(1, codes.shape[:2]).transpose(0, 1).flatten(0, 1)
-        return self.error.error.weights(seen).unflatten(0, (len(codes), len(places)))
+        return self.error.weights(seen).unflatten(0, (len(codes), len(places)))
 
     def gains(self, changes: Tensor) -> tuple[Tensor, Tensor]:
         """(B,) by how much changes (B, taps, rows, columns) of the code lower the error, and (B, P) whom they touch."""
@@ -135,12 +203,11 @@ class TileState:
                 gains[those] += (block.value - block.after(weights[those, place])) / len(self.blocks)
         return gains, touched
 
-    def move(self, code: Tensor, touched: Sequence[bool]) -> None:
-        """Take over a code that differs in the blocks that are touched."""
+    def move(self, code: Tensor, touched: Tensor) -> None:
+        """Take over a code that differs in the blocks (P,) that are touched."""
         self.code, weights = code, self.weights(code[None])[0]
-        for place, is_touched in enumerate(touched):
-            if is_touched:
-                self.blocks[place] = BlockState.of(self.error.error, weights[place])
+        for place in touched.nonzero().flatten().tolist():
+            self.blocks[place] = BlockState.of(self.error, weights[place])
 
 
 def _flips(camera: CodedCamera) -> list[Flip]:
@@ -158,16 +225,16 @@ def _turn(camera: CodedCamera, state: TileState, flips: list[Flip], throughput: 
     gains, touched = state.gains(torch.stack([_change(camera, state, flip) for flip in flips]))
     done, taken = 0, torch.zeros(len(state.blocks), dtype=torch.bool)
     for index in gains.argsort(descending=True).tolist():
-        if gains[index] <= 1e-9 * state.error.error.variance:
+        if gains[index] <= 1e-9 * state.error.variance:
             break
         if (touched[index] & taken).any() or flips[index].present():
             continue
-        before, light = flips[index].do(), camera.throughput()
-        if throughput is not None and abs(light - throughput[0]) > throughput[1]:
+        before = flips[index].do()
+        if throughput is not None and abs(camera.throughput() - throughput[0]) > throughput[1]:
             flips[index].undo(before)
             continue
         taken |= touched[index]
-        state.move(camera.taps().code.detach().double(), touched[index].tolist())
+        state.move(camera.taps().code.detach().double(), touched[index])
         done += 1
     return done
 

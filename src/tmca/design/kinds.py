@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from tmca.cameras import CodedCamera, SpectralCamera
-from tmca.codes import CodePlane
 from tmca.errors import SettingError, check_choice
 
 KINDS: dict[str, dict[str, str]] = {
@@ -56,18 +55,28 @@ def designable(
     check_choice("kind", kind, KINDS)
     if kind == "static" and slots != 1:
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
-    planes: dict[str, Any] = dict(KINDS[kind])
-    made = camera_type(
-        size=period, period=period, slots=slots, learnable=True, jitter=_JITTER, seed=seed, **planes, **camera
-    )
+    settings: dict[str, Any] = {"jitter": _JITTER, "seed": seed}
+    made = camera_type(size=period, period=period, slots=slots, learnable=True, **settings, **KINDS[kind], **camera)
     if start is None:
         return made
     if slots % start.slots:
         raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
     for name in ("aperture", "shutter"):
         codes = getattr(start.codes, name).tile().detach().repeat_interleave(slots // start.slots, 0)
-        getattr(made.codes, name).show(codes, jitter=_JITTER, seed=seed)
+        getattr(made.codes, name).show(codes, **settings)
     return made
+
+
+def learnable(camera: CodedCamera) -> list[nn.Parameter]:
+    """The latent values of a camera's learnable codes.
+
+    Raises:
+        SettingError: there are none.
+    """
+    latents = [p for p in camera.codes.parameters() if p.requires_grad]
+    if not latents:
+        raise SettingError("camera", "fixed codes", "learnable=True, 'aperture' or 'shutter'")
+    return latents
 
 
 def throughput_of(camera: CodedCamera) -> Tensor:
@@ -90,15 +99,15 @@ def hold_throughput(camera: CodedCamera, target: float) -> None:
     latents = [plane.latent.clone() for plane in planes]
     reach = max(float(latent.abs().max()) for latent in latents) * 1.01 + 1e-3
     low, high, best = -reach, reach, (float("inf"), 0.0)
+
+    def show(shift: float) -> None:
+        for plane, latent in zip(planes, latents, strict=True):
+            plane.latent.copy_(latent + shift)
+
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        _shift(planes, latents, middle)
+        show(middle)
         share = camera.throughput()
         best = min(best, (abs(share - target), middle))
         low, high = (middle, high) if share < target else (low, middle)
-    _shift(planes, latents, best[1])
-
-
-def _shift(planes: list[CodePlane], latents: list[Tensor], shift: float) -> None:
-    for plane, latent in zip(planes, latents, strict=True):
-        plane.latent.copy_(latent + shift)
+    show(best[1])

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.design.descent import Parts, Progress
+from tmca.design.search import Parts, Progress
 from tmca.design.spectral_depth import confusion, depth_information, design_masks, window_covariance
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics import MODES, PhaseMaskBench, Stroke, mask_heights
@@ -101,9 +101,9 @@ class MaskTask:
         Raises:
             SettingError: heights of this rms are beyond the stroke, or nothing is learnable with so many slots.
         """
-        reach = float("inf") if self.stroke is None else (self.stroke.high - self.stroke.low) / 12
+        usual = _RMS if self.stroke is None else min(_RMS, (self.stroke.high - self.stroke.low) / 12)
         heights = mask_heights(
-            self.family, slots, self.bench, rms=min(_RMS, reach) if self.rms is None else self.rms, stroke=self.stroke,
+            self.family, slots, self.bench, rms=usual if self.rms is None else self.rms, stroke=self.stroke,
             modes=self.modes, seed=self.seed + _APART * number, learnable="mask" in self.learn,
         )  # fmt: skip
         if self.stroke is not None and self.rms is not None:
@@ -117,12 +117,12 @@ class MaskTask:
 
     @torch.no_grad()
     def covariance(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
-        """(D, n, n) of ``window_covariance``, without gradients."""
+        """(D, n, n) of ``window_covariance``."""
         return window_covariance(camera, prior, self.window)
 
     @torch.no_grad()
     def information(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
-        """(D,) of ``depth_information``, without gradients."""
+        """(D,) of ``depth_information``."""
         return depth_information(camera, prior, self.window)
 
 
@@ -226,10 +226,9 @@ def search_masks(
     counts = sorted({1, *slots})
     check_range("slots", counts[0], 1)
     search, part = _Search(task, prior, effort or MaskEffort(), judge), Parts(progress, [1.0] * len(counts))
-    candidates = list[MaskCandidate]()
-    for count in counts:
-        static = candidates[0] if candidates else None
-        candidates.append(search(count, static, part(f"masks, K = {count}")))
+    candidates = [search(1, None, part("masks, K = 1"))]
+    for count in counts[1:]:
+        candidates.append(search(count, candidates[0], part(f"masks, K = {count}")))
     return MaskAdvice(tuple(candidates))
 
 
@@ -240,6 +239,10 @@ class _Run:
     camera: SpectralDepthCamera
     start: str
     history: tuple[float, ...]
+
+    @property
+    def confusion(self) -> float:
+        return min(self.history)
 
 
 @dataclass(frozen=True)
@@ -253,29 +256,25 @@ class _Search:
 
     def __call__(self, slots: int, static: MaskCandidate | None, progress: Callable[[float], None]) -> MaskCandidate:
         """The best of all descents; for a judge random masks are good enough, too."""
-        begun, random = time.process_time(), self.task.camera_of(slots)
-        drawn, errors = self.task.covariance(random, self.prior), None
+        begun, random, errors = time.process_time(), self.task.camera_of(slots), None
+        drawn = self.task.covariance(random, self.prior)
         starts, designs = self.effort.starts, self.effort.starts + 1 + (static is not None)
         judging = [] if self.judge is None else [_JUDGING / designs] * designs
         part = Parts(lambda share, _: progress(share), [(1 - _JUDGING) / starts] * starts + judging)
         runs = self._descents(slots, static, part)
-        best = min(runs, key=lambda run: min(run.history))
+        best = min(runs, key=lambda run: run.confusion)
         if self.judge is not None:
             runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
-            best, errors = self._judge(runs, self.judge, part)
+            judged = []
+            for run in runs:
+                judged.append(self.judge(run.camera))
+                part()(1.0)
+            best, errors = runs[judged.index(min(judged))], (min(judged), judged[-1])
         seconds, covariance = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
         designed, others = (self.task.information(camera, self.prior) for camera in (best.camera, random))
         return MaskCandidate(
             best.camera, covariance, designed, drawn, others, best.start, seconds, best.history, errors
         )
-
-    def _judge(self, runs: Sequence[_Run], judge: Judge, part: Parts) -> tuple[_Run, tuple[float, float]]:
-        """The best for the judge, with its error and that of the last one."""
-        errors = []
-        for run in runs:
-            errors.append(judge(run.camera))
-            part()(1.0)
-        return runs[errors.index(min(errors))], (min(errors), errors[-1])
 
     def _descents(self, slots: int, static: MaskCandidate | None, part: Parts) -> list[_Run]:
         """One from every start, and the static mask in all slots as it is."""
@@ -291,13 +290,10 @@ class _Search:
                 _contain(camera, static.camera, _OWN)
                 start = "near the static mask in all slots"
             elif last and runs:
-                _contain(camera, min(runs, key=lambda run: min(run.history)).camera)
+                _contain(camera, min(runs, key=lambda run: run.confusion).camera)
                 start = "best so far"
-            design = design_masks(
-                camera, self.prior, window=self.task.window, steps=self.effort.steps, rate=self.effort.rate,
-                progress=part(),
-            )  # fmt: skip
-            runs.append(_Run(camera, start, design.confusion))
+            how: dict[str, Any] = {"window": self.task.window, "steps": self.effort.steps, "rate": self.effort.rate}
+            runs.append(_Run(camera, start, design_masks(camera, self.prior, **how, progress=part()).confusion))
         return runs
 
 

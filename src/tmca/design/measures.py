@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera
-from tmca.design.tile import windows
+from tmca.design.expected_error import windows
 from tmca.priors.gaussian import BlockModel
 
 

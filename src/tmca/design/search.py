@@ -1,19 +1,151 @@
-"""The best codes of a kind for a noise: descent from random codes, then flips, within a stated effort."""
+"""The best codes of a kind for a noise: descent from random codes, then flips, within a stated effort.
+
+A descent keeps codes binary through a smooth stand-in, or goes from grey to binary. What every search shares is here,
+too: the best parameters so far, and the progress of its parts.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import log10
+from dataclasses import dataclass, field
+from math import inf, log10
 from typing import Any
 
+import torch
+from torch import Tensor, nn
+
 from tmca.cameras import CodedCamera
-from tmca.design.descent import Best, Descent, Parts, descend, learnable
+from tmca.design.expected_error import BlockMse, TileMse
 from tmca.design.flips import flip_greedily
-from tmca.design.kinds import designable, hold_throughput
-from tmca.design.tile import CodeError, TileMse
+from tmca.design.kinds import designable, hold_throughput, learnable
 from tmca.errors import SettingError, check_range
+
+Progress = Callable[[float, str], None]
+"""Called with the share that is done and what is done."""
+
+
+class Parts:
+    """Progress of parts one after the other.
+
+    Args:
+        progress: of all of them; nobody is told if None.
+        lengths: of each, in any unit.
+    """
+
+    def __init__(self, progress: Progress | None, lengths: Sequence[float]) -> None:
+        self.progress, self.lengths, self.done, self.number = progress, lengths, 0.0, 0
+
+    def __call__(self, what: str = "") -> Callable[[float], None]:
+        """What takes the share that is done of the next part."""
+        progress, before, length, total = self.progress, self.done, self.lengths[self.number], sum(self.lengths)
+        self.done, self.number = before + length, self.number + 1
+        return lambda share: progress((before + length * share) / total, what) if progress else None
+
+
+@dataclass
+class Best:
+    """The parameters of the lowest value so far; those that they begin with before any."""
+
+    parameters: Sequence[nn.Parameter]
+    value: float = inf
+    copies: list[Tensor] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.copies = [parameter.detach().clone() for parameter in self.parameters]
+
+    def meet(self, value: float) -> None:
+        """Take over the present parameters if their value is lower."""
+        if value < self.value:
+            self.value, self.copies = value, [parameter.detach().clone() for parameter in self.parameters]
+
+    @torch.no_grad()
+    def restore(self) -> float:
+        """Bring them back; their value."""
+        for parameter, copy in zip(self.parameters, self.copies, strict=True):
+            parameter.copy_(copy)
+        return self.value
+
+
+@dataclass(frozen=True)
+class Descent:
+    """How codes descend.
+
+    Args:
+        steps: of Adam.
+        rate: its learning rate, in units of the latent values, which stay within ±1.
+        slope: first and last slope of the smooth stand-in, raised geometrically.
+        relaxed: let the codes be grey on the way, ever nearer to 0 and 1, instead of binary all the time.
+        throughput: share of light to hold after every step; free if None.
+        seed: of the blocks' shifts.
+        checks: how often the binary codes are judged; the best of them stay.
+
+    Raises:
+        SettingError: no steps or checks, no rate, or slopes that do not rise from above 0.
+    """
+
+    steps: int = 300
+    rate: float = 0.1
+    slope: tuple[float, float] = (2.0, 20.0)
+    relaxed: bool = False
+    throughput: float | None = None
+    seed: int = 0
+    checks: int = 12
+
+    def __post_init__(self) -> None:
+        check_range("descent steps", self.steps, 1)
+        check_range("descent rate", self.rate, above=0)
+        check_range("descent checks", self.checks, 1)
+        if not 0 < self.slope[0] <= self.slope[1]:
+            raise SettingError("descent slope", str(self.slope), "slopes rising from above 0")
+
+
+def descend(
+    camera: CodedCamera,
+    error: TileMse,
+    how: Descent | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> float:
+    """Lower the expected error of a camera of one period by its learnable codes, in place.
+
+    Args:
+        camera: as large as one period of its codes, see ``designable``.
+        error: of its tile.
+        how: settings.
+        progress: called with the share that is done.
+
+    Returns:
+        Expected mean squared error of the binary codes that the camera is left with, never above the first, once those
+        hold the throughput.
+
+    Raises:
+        SettingError: nothing to learn.
+    """
+    how = how or Descent()
+    latents = learnable(camera)
+    if how.throughput is not None:
+        hold_throughput(camera, how.throughput)
+    best = Best(latents, error.whole(camera))
+    optimiser = torch.optim.Adam(latents, lr=how.rate)
+    shifts = torch.randint(1 << 16, (how.steps, 2), generator=torch.Generator().manual_seed(how.seed)).tolist()
+    for step, shift in enumerate(shifts, 1):
+        camera.codes.anneal(how.slope[0] * (how.slope[1] / how.slope[0]) ** ((step - 1) / how.steps))
+        camera.codes.relax(how.relaxed)
+        value = error(camera.taps().code, tuple(shift))
+        camera.codes.relax(False)
+        optimiser.zero_grad()
+        value.log().backward()
+        optimiser.step()
+        with torch.no_grad():
+            for latent in latents:
+                latent.clamp_(-1, 1)
+        if how.throughput is not None:
+            hold_throughput(camera, how.throughput)
+        if step % max(1, how.steps // how.checks) == 0 or step == how.steps:
+            best.meet(error.whole(camera))
+        if progress:
+            progress(step / how.steps)
+    return best.restore()
 
 
 @dataclass(frozen=True)
@@ -76,7 +208,7 @@ def search(
     kind: str,
     slots: int,
     period: tuple[int, int],
-    error: CodeError,
+    error: TileMse,
     *,
     effort: Effort | None = None,
     starts: Sequence[CodedCamera] = (),
@@ -91,7 +223,7 @@ def search(
         kind: name in ``KINDS``.
         slots: number of time slots K.
         period: (rows, columns) of the tile, pixels.
-        error: expected error of a tile; for flips a ``TileMse``.
+        error: expected error of a tile; for flips of a ``BlockMse``.
         effort: descents, steps and flips.
         starts: cameras whose codes the first descents start from, see ``designable``; the others from random codes.
             The answer is never worse than those that are used.
@@ -101,11 +233,11 @@ def search(
         camera: ``camera_type`` and further arguments of it, see ``designable``.
 
     Raises:
-        SettingError: unknown kind, starts of another kind, no effort, or flips on another error than a ``TileMse``.
+        SettingError: unknown kind, starts of another kind, no effort, or flips on a mixture.
     """
     effort, begun = effort or Effort(), time.process_time()
-    if effort.flips and not isinstance(error, TileMse):
-        raise SettingError("flips", f"{effort.flips} on a {type(error).__name__}", "0: flips need a TileMse")
+    if effort.flips and not isinstance(error.error, BlockMse):
+        raise SettingError("flips", f"{effort.flips} on a {type(error.error).__name__}", "0: flips need a BlockMse")
     part = Parts(progress and (lambda share, _: progress(share)), [1.0] * effort.descents + [2.0] * (effort.flips > 0))
     candidates = []
     for number in range(effort.descents):
@@ -114,7 +246,7 @@ def search(
         how = Descent(steps=effort.steps, throughput=throughput, seed=seed + number)
         candidates.append((descend(candidate, error, how, part()), number, candidate))
     mse, _, chosen = min(candidates)
-    if effort.flips and isinstance(error, TileMse):
+    if effort.flips:
         mse = _polish(chosen, error, effort.flips, mse, seed, throughput, part())
     random = designable(kind, slots, period, seed=seed, **camera)
     if throughput is not None:

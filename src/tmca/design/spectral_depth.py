@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.design.descent import Best
+from tmca.design.search import Best
 from tmca.errors import SettingError, check_range
 from tmca.optics import DepthPlanes, PointSpread
 from tmca.priors import GaussianPrior
@@ -56,8 +56,7 @@ def window_covariance(
     Raises:
         ShapeError, SettingError: see ``snapshot_moments``.
     """
-    moments = _moments(camera, prior, window, camera.psf(), contamination=contamination)
-    return moments.covariance + torch.diag(_noise(camera, prior, window))
+    return _recorded(camera, prior, window, contamination)[0]
 
 
 def predict_windows(
@@ -67,14 +66,13 @@ def predict_windows(
 
     Arguments and errors as of ``window_covariance``.
     """
-    moments = _moments(camera, prior, window, camera.psf(), contamination=contamination, cross=True)
-    assert moments.cross is not None
-    covariance = moments.covariance + torch.diag(_noise(camera, prior, window))
-    white = torch.linalg.solve_triangular(torch.linalg.cholesky(covariance), moments.cross.mT, upper=False)
+    covariance, cross = _recorded(camera, prior, window, contamination, cross=True)
+    assert cross is not None
+    white = torch.linalg.solve_triangular(torch.linalg.cholesky(covariance), cross.mT, upper=False)
     rows, columns = (side - 1 for side in prior.block[1:])
     mean = prior.mean[:, 0, 0].to(covariance)
     power = prior.displaced[..., rows, columns].diagonal().to(mean) + mean.square()  # brightness as in the moments
-    explained = white.square().sum((-2, -1)) / moments.cross.shape[1]
+    explained = white.square().sum((-2, -1)) / cross.shape[1]
     return WindowPrediction(covariance, power.mean() - explained)
 
 
@@ -85,13 +83,17 @@ def _moments(
     return snapshot_moments(prior, psf.double(), colour, shutter, window, exposure=camera.exposure, **how)
 
 
-def _noise(camera: SpectralDepthCamera, prior: GaussianPrior, window: int) -> Tensor:
-    """(n,) variance of the noise of a window's samples."""
+def _recorded(
+    camera: SpectralDepthCamera, prior: GaussianPrior, window: int, contamination: float, **how: Any
+) -> tuple[Tensor, Tensor | None]:
+    """(D, n, n) moments of scene and noise, and the scene's moments with the snapshot if asked for."""
+    moments = _moments(camera, prior, window, camera.psf(), contamination=contamination, **how)
     colour, shutter = (part.double() for part in camera.tile())
     noise, mean = camera.noise, prior.mean[:, 0, 0].to(colour)
     passed = shutter.sum(0) / (camera.slots if camera.exposure == "equal" else 1)
     level = torch.einsum("clij,l,ij->cij", colour, mean, passed).mean((1, 2))
-    return noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
+    variance = noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
+    return moments.covariance + torch.diag(variance), moments.cross
 
 
 def depth_information(

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import CodedCamera
-from tmca.design.block_mse import BlockMse, Products, quadratic
-from tmca.design.tile import TileMse, even_places, windows
+from tmca.design.expected_error import BlockMse, Products, TileMse, even_places, quadratic, windows
 from tmca.errors import DataError, SettingError, ShapeError, check_range
 from tmca.priors.gaussian import BlockModel, GaussianPrior, noise_variance
 from tmca.priors.statistics import pooled
@@ -171,18 +171,14 @@ def learn_examples(
     """
     dark = {name: float(cube.mean()) for name, cube in cubes.items() if cube.max() <= 0 or cube.mean() <= 0}
     if dark:
-        text, remedy = (
-            f"no light, mean irradiance {max(dark.values()):.3g}",
-            "leave them out, or check how they are read",
-        )
-        raise DataError(", ".join(dark), text, "scenes of a mean above 0", remedy)
+        text = f"no light, mean irradiance {max(dark.values()):.3g}"
+        raise DataError(", ".join(dark), text, "scenes of a mean above 0", "leave them out, or check how they are read")
     (height, width), scenes = model.block[1:], {}
     for name, cube in cubes.items():
         if cube.shape[1] < height or cube.shape[2] < width:
             text = f"{cube.shape[1]}×{cube.shape[2]} pixels"
             raise ShapeError(name, text, f"at least {height}×{width}, the blocks of this camera")
-        scenes[name] = GaussianPrior.learn(
-            [cube], (height, width), wavelengths=wavelengths, sources=[name], views=views
-        )
+        arguments: dict[str, Any] = {"wavelengths": wavelengths, "sources": [name], "views": views}
+        scenes[name] = GaussianPrior.learn([cube], (height, width), **arguments)
     areas = {name: cube[0].numel() for name, cube in cubes.items()}
     return Examples(model, scenes, areas, {name: float(cube.max()) for name, cube in cubes.items()})

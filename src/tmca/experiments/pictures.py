@@ -17,7 +17,7 @@ from tmca.data import (
     read_rgbd,
     read_spectral_depth,
 )
-from tmca.data.srgb import encoded
+from tmca.data.pixels import encoded
 from tmca.errors import DataError
 from tmca.experiments.camera_figures import snapshot_figure
 from tmca.plots.cube import cube_figure

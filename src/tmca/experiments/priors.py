@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.data.bands import at_bands
+from tmca.data.fitting import at_bands
 from tmca.data.scenes import load_scene
 from tmca.decoders.likelihood import usual_window
 from tmca.errors import OutputError, SettingError

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
-from tmca.metrics.cubes import all_metrics, dd, ergas, psnr, sam, ssim, uiqi
+from tmca.metrics.cubes import (
+    all_metrics,
+    dd,
+    ergas,
+    light_field_metrics,
+    psnr,
+    psnr_per_view,
+    sam,
+    ssim,
+    ssim_per_view,
+    uiqi,
+)
 from tmca.metrics.depth import depth_mae, depth_rmse, within_bin
 from tmca.metrics.disparity import disparity_error, estimate_disparity, moved_view
-from tmca.metrics.light_field import light_field_metrics, psnr_per_view, ssim_per_view
 
 __all__ = [
     "all_metrics",

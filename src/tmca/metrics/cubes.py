@@ -1,16 +1,23 @@
-"""Figures of merit of cubes: PSNR, SSIM and UIQI band by band; SAM, ERGAS and DD of their spectra."""
+"""Figures of merit of cubes and light fields.
+
+PSNR, SSIM and UIQI band by band, SAM, ERGAS and DD of spectra, PSNR and SSIM of views.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import nan
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tmca.errors import ShapeError, check_range
-from tmca.metrics._pairs import Array, Reduction, pair, reduced
+from tmca.errors import SettingError, ShapeError, check_choice, check_range, check_shape
 
+Array = NDArray[np.float64]
+Reduction = Literal["mean", "none"]
+CUBE = ("B", "L", "H", "W")
+LIGHT_FIELD = ("C", "V", "U", "H", "W")
 SSIM_WINDOW, SSIM_SIGMA = 11, 1.5
 
 
@@ -69,28 +76,10 @@ def ssim(estimate: Any, truth: Any, *, data_range: float = 1.0, reduction: Reduc
     check_range("data_range", data_range, above=0)
     x, y = pair(estimate, truth)
     _check_window(x, SSIM_WINDOW, "SSIM's window is fixed: compare larger images")
-    c1, c2 = (0.01 * data_range) ** 2, (0.03 * data_range) ** 2
-    return reduced(_over_bands(x, y, lambda a, b: _ssim_band(a, b, c1, c2)), reduction)
+    from skimage.metrics import structural_similarity
 
-
-def _ssim_band(x: Array, y: Array, c1: float, c2: float) -> float:
-    mean_x, mean_y = _gaussian_mean(x), _gaussian_mean(y)
-    mean_xy, square = mean_x * mean_y, mean_x**2 + mean_y**2
-    covariance = _gaussian_mean(x * y) - mean_xy
-    variances = _gaussian_mean(x * x + y * y) - square
-    index = (2 * mean_xy + c1) * (2 * covariance + c2) / ((square + c1) * (variances + c2))
-    return float(index.mean())
-
-
-def _gaussian_mean(image: Array) -> Array:
-    """Gaussian-weighted means over the windows that lie inside an ``(H, W)`` image."""
-    from scipy.ndimage import correlate1d
-
-    radius = SSIM_WINDOW // 2
-    taps = np.exp(-0.5 * (np.arange(-radius, radius + 1) / SSIM_SIGMA) ** 2)
-    taps /= taps.sum()
-    rows = correlate1d(image, taps, axis=0)[radius:-radius]
-    return correlate1d(rows, taps, axis=1)[:, radius:-radius]
+    how = {"gaussian_weights": True, "sigma": SSIM_SIGMA, "use_sample_covariance": False, "data_range": data_range}
+    return reduced(_over_bands(x, y, lambda a, b: structural_similarity(a, b, **how)), reduction)
 
 
 def uiqi(estimate: Any, truth: Any, *, window: int = 32, reduction: Reduction = "mean") -> Any:
@@ -214,3 +203,81 @@ def dd(estimate: Any, truth: Any, *, reduction: Reduction = "mean") -> Any:
     """Degree of distortion, ``‖x - x̂‖₁ / number of entries``; arguments and errors as of :func:`psnr`."""
     x, y = pair(estimate, truth)
     return reduced(np.mean(np.abs(x - y), axis=(1, 2, 3)), reduction)
+
+
+def light_field_metrics(estimate: Any, truth: Any, *, data_range: float = 1.0) -> dict[str, float]:
+    """``psnr`` over the whole light field (dB), ``ssim`` (mean over views), ``psnr_min`` and ``psnr_max`` of a view.
+
+    SSIM is not a number for views smaller than its window.
+
+    Args:
+        estimate, truth: ``(V, U, H, W)``, or ``(C, V, U, H, W)`` with colours first.
+        data_range: the span between black and white.
+
+    Raises:
+        ShapeError: the shapes differ or are not those of light fields.
+    """
+    x, y = pair(estimate, truth, LIGHT_FIELD)
+    views = psnr_per_view(x, y, data_range=data_range)
+    flat = [values.reshape(-1, *x.shape[-2:]) for values in (x, y)]
+    return {
+        "psnr": psnr(*flat, data_range=data_range),
+        "ssim": ssim(*flat, data_range=data_range) if min(x.shape[-2:]) >= SSIM_WINDOW else nan,
+        "psnr_min": float(views.min()),
+        "psnr_max": float(views.max()),
+    }
+
+
+def psnr_per_view(estimate: Any, truth: Any, *, data_range: float = 1.0) -> Array:
+    """PSNR of every view in dB, ``(V, U)``, over all its colours; arguments as of :func:`light_field_metrics`."""
+    return _per_view(psnr, estimate, truth, data_range)
+
+
+def ssim_per_view(estimate: Any, truth: Any, *, data_range: float = 1.0) -> Array:
+    """SSIM of every view, ``(V, U)``, mean over its colours; arguments as of :func:`light_field_metrics`."""
+    return _per_view(ssim, estimate, truth, data_range)
+
+
+def _per_view(metric: Callable[..., Any], estimate: Any, truth: Any, data_range: float) -> Array:
+    """A figure of images, of the views as a batch of images ``(V·U, C, H, W)``."""
+    x, y = pair(estimate, truth, LIGHT_FIELD)
+    images = (np.moveaxis(v.reshape(len(v), -1, *v.shape[-2:]), 0, 1) for v in (x, y))
+    values: Array = metric(*images, data_range=data_range, reduction="none")
+    return values.reshape(x.shape[1:3])
+
+
+def pair(estimate: Any, truth: Any, axes: Sequence[Any] = CUBE, optional: int = 1) -> tuple[Array, Array]:
+    """Both with all axes, of which the first ``optional`` may be missing.
+
+    Raises:
+        ShapeError: the shapes differ, or are not those of the axes.
+    """
+    x, y = as_float64(estimate), as_float64(truth)
+    check_shape("estimate", x, y.shape, "crop, resample or transpose one of them: metrics never broadcast")
+    missing = len(axes) - x.ndim
+    if 0 < missing <= optional:
+        x, y = (values.reshape((1,) * missing + values.shape) for values in (x, y))
+    check_shape("estimate, truth", x, axes)
+    return x, y
+
+
+def as_float64(values: Any) -> Array:
+    """A float64 array from a torch tensor, a labelled array or anything numpy reads.
+
+    Labelled arrays are first brought to the order ``(..., wavelength, y, x)``.
+    """
+    if hasattr(values, "dims") and hasattr(values, "transpose"):
+        last = [name for name in ("wavelength", "y", "x") if name in values.dims]
+        values = values.transpose(..., *last).values
+    elif hasattr(values, "detach"):
+        values = values.detach().cpu().double().numpy()
+    array = np.asarray(values)
+    if np.iscomplexobj(array) or array.dtype.kind not in "fiub":
+        raise SettingError("metric", f"values of type {array.dtype}", "real numbers", "pass an intensity")
+    return array.astype(np.float64, copy=False)
+
+
+def reduced(per_image: Array, reduction: Reduction) -> Any:
+    """The mean over the batch as a python float, or the array ``(B,)`` itself for ``"none"``."""
+    check_choice("reduction", reduction, ("mean", "none"))
+    return per_image if reduction == "none" else float(per_image.mean())

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import SettingError, check_shape
-from tmca.metrics._pairs import Array, Reduction, as_float64, pair, reduced
+from tmca.metrics.cubes import Array, Reduction, as_float64, pair, reduced
 
 
 def depth_mae(estimate: Any, truth: Any, *, valid: Any = None, reduction: Reduction = "mean") -> Any:

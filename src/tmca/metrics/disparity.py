@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import SettingError, ShapeError, check_range, check_shape
-from tmca.metrics._pairs import Array, as_float64, pair
+from tmca.metrics.cubes import Array, as_float64, pair
 
 Image = NDArray[np.float32]
 
@@ -50,8 +50,13 @@ def estimate_disparity(
         ShapeError: not a light field of odd V and U with more than one view, or less than 4 × 4 pixels.
         SettingError: values that are not finite, limits that do not ascend, or labels or window below 1.
     """
-    views = _grey_views(light_field)
-    candidates = _candidates(limits, labels, window)
+    views, (low, high) = _grey_views(light_field), limits
+    check_range("labels", labels, 1, whole=True)
+    check_range("window", window, 1, whole=True)
+    if not (np.isfinite(low) and np.isfinite(high) and high - low >= 2 / labels):  # a parabola needs three candidates
+        expected = f"(lowest, highest) disparity in px per view step, at least {2 / labels:.3g} apart"
+        raise SettingError("limits", repr(limits), expected)
+    candidates = _Candidates(int(np.floor(low * labels)), int(np.ceil(high * labels)), labels)
     height, width = views.shape[2:]
     reach = max(-candidates.first, candidates.last) * max(views.shape[:2]) // (2 * labels)
     margin = 2 * window + reach + 4
@@ -98,17 +103,6 @@ class _Candidates:
         return self.last - self.first + 1
 
 
-def _candidates(limits: tuple[float, float], labels: int, window: int) -> _Candidates:
-    check_range("labels", labels, 1, whole=True)
-    check_range("window", window, 1, whole=True)
-    low, high = limits
-    # a parabola needs three candidates
-    if not (np.isfinite(low) and np.isfinite(high) and high - low >= 2 / labels):
-        expected = f"(lowest, highest) disparity in px per view step, at least {2 / labels:.3g} apart"
-        raise SettingError("limits", repr(limits), expected)
-    return _Candidates(int(np.floor(low * labels)), int(np.ceil(high * labels)), labels)
-
-
 def _best(views: Image, candidates: _Candidates, window: int) -> Array:
     """Winner of the best half at every pixel, refined by a parabola."""
     scores = _matching_scores(views, candidates)
@@ -137,15 +131,10 @@ def _matching_scores(views: Image, labels: _Candidates) -> Image:
             halves = [half for half, inside in enumerate((v < 0, v > 0, u < 0, u > 0)) if inside]
             if halves:
                 _add_view(scores, halves, views[v + rows, u + columns], (v, u), centre, labels)
-    scores /= _views_per_half(views.shape[0], views.shape[1])
+    # a grid of one row has nothing above or below: its empty halves stay at zero, below every other
+    counts = np.maximum([rows * views.shape[1], columns * views.shape[0]], 1).repeat(2)
+    scores /= counts.astype(np.float32)[:, None, None, None]
     return scores
-
-
-def _views_per_half(rows: int, columns: int) -> Image:
-    """A grid of one row has nothing above or below: its empty halves stay at zero, below every other."""
-    vertical, horizontal = (rows // 2) * columns, (columns // 2) * rows
-    counts = np.array([vertical, vertical, horizontal, horizontal], dtype=np.float32)
-    return np.maximum(counts, np.float32(1))[:, None, None, None]
 
 
 def _add_view(
@@ -175,20 +164,19 @@ def _features(image: Image) -> Image:
 
 def _filtered(scores: Image, guide: Image, radius: int) -> Image:
     """Guided filter of every plane of ``(..., H, W)`` along the edges of the guide ``(H, W)``."""
-    mean = _box(guide, radius)
-    variance = np.subtract(_box(guide * guide, radius), mean * mean, dtype=np.float32) + _REGULARISATION
-    result = np.empty_like(scores)
-    for plane in np.ndindex(scores.shape[:-2]):
-        level = _box(scores[plane], radius)
-        slope = np.divide(_box(guide * scores[plane], radius) - mean * level, variance, dtype=np.float32)
-        result[plane] = _box(slope, radius) * guide + _box(level - slope * mean, radius)
-    return result
-
-
-def _box(image: Image, radius: int) -> Image:
     from scipy.ndimage import uniform_filter
 
-    return uniform_filter(image, 2 * radius + 1, mode="nearest")
+    def box(image: Image) -> Image:
+        return uniform_filter(image, 2 * radius + 1, mode="nearest")
+
+    mean = box(guide)
+    variance = np.subtract(box(guide * guide), mean * mean, dtype=np.float32) + _REGULARISATION
+    result = np.empty_like(scores)
+    for plane in np.ndindex(scores.shape[:-2]):
+        level = box(scores[plane])
+        slope = np.divide(box(guide * scores[plane]) - mean * level, variance, dtype=np.float32)
+        result[plane] = box(slope) * guide + box(level - slope * mean)
+    return result
 
 
 def _interpolated(image: Image, fraction: float, axis: int) -> Image:
@@ -196,27 +184,13 @@ def _interpolated(image: Image, fraction: float, axis: int) -> Image:
 
     Cubic convolution of four pixels (Keys, IEEE TASSP 29, 1981); the edge pixels go on outside.
     """
+    from scipy.ndimage import correlate1d
+
     if fraction == 0:
         return image
-    padding = [(0, 0)] * image.ndim
-    padding[axis] = (1, 2)
-    wide, length = np.pad(image, padding, mode="edge"), image.shape[axis]
-    result = np.zeros_like(image)
-    for place, weight in enumerate(_keys(fraction)):
-        window = [slice(None)] * image.ndim
-        window[axis] = slice(place, place + length)
-        result += np.float32(weight) * wide[tuple(window)]
-    return result
-
-
-def _keys(f: float) -> tuple[float, float, float, float]:
-    """Weights of the pixels at -1, 0, 1 and 2 for the position f."""
-    return (
-        (-f + 2 * f**2 - f**3) / 2,
-        (2 - 5 * f**2 + 3 * f**3) / 2,
-        (f + 4 * f**2 - 3 * f**3) / 2,
-        (f**3 - f**2) / 2,
-    )
+    f = fraction
+    keys = ((-f + 2 * f**2 - f**3) / 2, (2 - 5 * f**2 + 3 * f**3) / 2, (f + 4 * f**2 - 3 * f**3) / 2, (f**3 - f**2) / 2)
+    return correlate1d(image, keys, axis, mode="nearest", origin=-1)
 
 
 def _overlap(length: int, offset: int, between: bool = False) -> tuple[slice, slice]:

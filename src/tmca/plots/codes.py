@@ -26,9 +26,7 @@ def snapshot_figure(snapshot: np.ndarray, full_scale: float, channel: str, title
         title: of the image.
     """
     figure, axes = grid(1, 2, width=6.0, aspect=snapshot.shape[0] / snapshot.shape[1])
-    shown = axes[0, 0].imshow(snapshot, cmap="gray", vmin=0)
-    bare(axes[0, 0], title)
-    add_bar(axes[0, 0], shown, f"snapshot (1 = one {channel} of a white scene)")
+    image(axes[0, 0], snapshot, title, "gray", bar=f"snapshot (1 = one {channel} of a white scene)")
     share = np.clip(np.asarray(snapshot).ravel() / full_scale, -0.05, 1.1)
     axes[0, 1].hist(share, bins=120, color=BLUE)
     axes[0, 1].set_yscale("log")

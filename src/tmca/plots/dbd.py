@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.plots.style import BLUE, COLOURS, RED, SMALL, blank_figure, plain_axes
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_TITLE, _SMALL = 10, 9
 _LEVEL = 0.98
 _RING: dict[str, Any] = {"markersize": 12, "markerfacecolor": "none", "markeredgewidth": 1.6}
-_CROSS: dict[str, Any] = {"markersize": 7, "color": "#d1495b", "markeredgewidth": 2, "label": "estimate"}
+_CROSS: dict[str, Any] = {"markersize": 7, "color": RED, "markeredgewidth": 2, "label": "estimate"}
 
 
 @dataclass(frozen=True)
@@ -42,18 +43,14 @@ class Plane:
 
 def planes_figure(planes: Sequence[Plane]) -> Figure:
     """A picture for every source: an image of two dimensions, a line over one."""
-    from matplotlib.figure import Figure
-
     columns = min(len(planes), 2)
     rows = -(-len(planes) // columns)
-    figure = Figure(figsize=(5.2 * columns + 0.8, 4.4 * rows), layout="constrained")
+    figure = blank_figure(5.2 * columns + 0.8, 4.4 * rows)
     axes = figure.subplots(rows, columns, squeeze=False).reshape(-1)
     top = max(1.0, *(float(plane.norms.max()) for plane in planes))
     image: Any = None
     for axis, plane in zip(axes, planes, strict=False):
-        axis.set_title(plane.title, fontsize=_TITLE)
-        axis.tick_params(labelsize=_SMALL)
-        axis.set_xlabel(plane.labels[0], fontsize=_SMALL)
+        plain_axes(axis, plane.title, plane.labels[0], plane.labels[1] if plane.norms.ndim == 2 else "‖f‖ / weight")
         if plane.norms.ndim == 2:
             image = _draw_image(axis, plane, top)
         else:
@@ -61,11 +58,10 @@ def planes_figure(planes: Sequence[Plane]) -> Figure:
     for axis in axes[len(planes) :]:
         axis.remove()
     if image is not None:
-        figure.colorbar(image, ax=list(axes[: len(planes)])).set_label(
-            f"‖f‖ / weight; black line: {_LEVEL}", fontsize=_SMALL
-        )
+        bar = figure.colorbar(image, ax=list(axes[: len(planes)]))
+        bar.set_label(f"‖f‖ / weight; black line: {_LEVEL}", fontsize=SMALL)
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=_SMALL, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
     return figure
 
 
@@ -78,7 +74,6 @@ def _draw_image(axis: Axes, plane: Plane, top: float) -> Any:
     image = axis.imshow(norms, origin="lower", extent=extent, aspect="auto", cmap="viridis", vmin=0, vmax=top)
     if norms.max() > _LEVEL:
         axis.contour(x[:-1], y[:-1], norms, levels=[_LEVEL], colors="black", linewidths=0.8)
-    axis.set_ylabel(plane.labels[1], fontsize=_SMALL)
     if plane.truth is not None:
         outlined = [withStroke(linewidth=3.2, foreground="black")]  # seen on the plane and in the legend
         axis.plot(*plane.truth.T, "o", label="truth", markeredgecolor="white", path_effects=outlined, **_RING)
@@ -87,12 +82,11 @@ def _draw_image(axis: Axes, plane: Plane, top: float) -> Any:
 
 
 def _draw_line(axis: Axes, plane: Plane) -> None:
-    axis.plot(plane.edges[0][:-1], plane.norms, color="#00798c", linewidth=1.2)
+    axis.plot(plane.edges[0][:-1], plane.norms, color=BLUE, linewidth=1.2)
     axis.axhline(1.0, color="0.5", linewidth=0.8, linestyle="--")
     if plane.truth is not None:
         x = plane.truth[:, 0]
-        axis.plot(x, np.ones_like(x), "o", label="truth", markeredgecolor="#edae49", **_RING)
+        axis.plot(x, np.ones_like(x), "o", label="truth", markeredgecolor=COLOURS[2], **_RING)
     x = plane.estimate[:, 0]
     axis.plot(x, np.ones_like(x), "x", **_CROSS)
-    axis.set_ylabel("‖f‖ / weight", fontsize=_SMALL)
     axis.set_ylim(0, 1.15 * max(1.0, float(plane.norms.max())))

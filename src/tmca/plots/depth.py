@@ -10,7 +10,7 @@ import numpy as np
 
 from tmca.metrics import psnr
 from tmca.plots.cube import mark, rgb_composite, spectra, spread_points, white_level
-from tmca.plots.style import add_bar, bare, grid, image, panels, plain_axes
+from tmca.plots.style import GREY, grid, image, panels, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,8 +24,7 @@ Limits = tuple[float | None, float | None]
 def rgbd_figure(picture: np.ndarray, depth: np.ndarray, title: str, metric: bool = True) -> Figure:
     """A picture ``(H, W, 3)`` in [0, 1] and its depth map ``(H, W)``; ``metric`` as in `depth_map`."""
     figure, axes = grid(1, 2, width=5.0, aspect=depth.shape[0] / depth.shape[1])
-    axes[0, 0].imshow(picture)
-    bare(axes[0, 0], title)
+    image(axes[0, 0], picture, title)
     depth_map(axes[0, 1], depth, metric)
     return figure
 
@@ -35,8 +34,7 @@ def scene_figure(scene: Pair, wavelengths: Sequence[float], title: str, metric: 
     cube, depth = scene
     figure, axes = grid(1, 3, width=4.6, aspect=depth.shape[0] / depth.shape[1])
     points = spread_points(cube)
-    axes[0, 0].imshow(rgb_composite(cube, wavelengths))
-    bare(axes[0, 0], title)
+    image(axes[0, 0], rgb_composite(cube, wavelengths), title)
     mark(axes[0, 0], points)
     depth_map(axes[0, 1], depth, metric)
     spectra(axes[0, 2], {"": cube}, wavelengths, points)
@@ -67,8 +65,7 @@ def depth_figure(
     rows.append((name, *estimate))
     figure, axes = grid(len(rows), 3, width=3.6, aspect=reference.shape[1] / reference.shape[2])
     for row, (title, cube, depth) in zip(axes, rows, strict=True):
-        row[0].imshow(rgb_composite(cube, wavelengths, white))
-        bare(row[0], title)
+        image(row[0], rgb_composite(cube, wavelengths, white), title)
         mark(row[0], points)
         depth_map(row[1], depth, title=f"depth, {title}", limits=limits)
     image(axes[-1, 2], confidence, "probability within a bin", top=1.0, bar="probability")
@@ -82,21 +79,15 @@ def before_after(
 ) -> Figure:
     """A column for the truth and every estimate: colour composite and depth; errors in the titles."""
     cube, metres = truth
-    white = white_level(cube, wavelengths)
+    white, (near, far) = white_level(cube, wavelengths), limits
     figure, axes = grid(2, 1 + len(estimates), width=3.6, aspect=cube.shape[1] / cube.shape[2])
     image(axes[0, 0], rgb_composite(cube, wavelengths, white), "truth")
-    _near_is_light(axes[1, 0], metres, "depth", limits)
+    image(axes[1, 0], metres, "depth", "viridis_r", far, "m", near)
     for column, (name, (estimate, depth)) in zip(axes[:, 1:].T, estimates.items(), strict=True):
         away = np.nanmean(np.abs(depth - metres))
         image(column[0], rgb_composite(estimate, wavelengths, white), f"{name}\n{psnr(estimate, cube):.2f} dB")
-        _near_is_light(column[1], depth, f"{away:.3f} m off", limits)
+        image(column[1], depth, f"{away:.3f} m off", "viridis_r", far, "m", near)
     return figure
-
-
-def _near_is_light(axis: Axes, metres: np.ndarray, title: str, limits: tuple[float, float]) -> None:
-    shown = axis.imshow(metres, cmap="viridis_r", vmin=limits[0], vmax=limits[1], interpolation="nearest")
-    bare(axis, title)
-    add_bar(axis, shown, "m")
 
 
 def rows_figure(
@@ -125,7 +116,7 @@ def rows_figure(
     mark(axes[0, 0], points)
     for row, (code, estimates) in zip(axes[1:], rows.items(), strict=True):
         for decoder, estimate in estimates.items():
-            _pair(row, 2 * decoders.index(decoder), estimate, f"{_wrapped(code)}\n{decoder}", **look)
+            _pair(row, 2 * decoders.index(decoder), estimate, f"{textwrap.fill(code, 36)}\n{decoder}", **look)
         row[-1].set_axis_on()
         missing = np.full_like(cube, np.nan)
         cubes = {name: estimates[name][0] if name in estimates else missing for name in decoders}
@@ -133,11 +124,6 @@ def rows_figure(
         row[-1].get_legend().remove()
     axes[0, -1].legend(*axes[-1, -1].get_legend_handles_labels(), loc="center", fontsize=8)
     return figure
-
-
-def _wrapped(code: str) -> str:
-    """A long name over two lines, which fit over a picture."""
-    return textwrap.fill(code, 36)
 
 
 def _pair(
@@ -152,8 +138,7 @@ def _pair(
     """Colours and depth side by side."""
     for axis in row[first : first + 2]:
         axis.set_axis_on()
-    row[first].imshow(rgb_composite(scene[0], wavelengths, white))
-    bare(row[first], label)
+    image(row[first], rgb_composite(scene[0], wavelengths, white), label)
     depth_map(row[first + 1], scene[1], title="depth", limits=limits)
 
 
@@ -178,11 +163,7 @@ def predicted_depth_figure(predictions: Mapping[str, Mapping[str, Mapping[str, A
 
 
 def depth_map(
-    axis: Axes,
-    depth: np.ndarray,
-    metric: bool = True,
-    title: str = "depth",
-    limits: Limits = (None, None),
+    axis: Axes, depth: np.ndarray, metric: bool = True, title: str = "depth", limits: Limits = (None, None)
 ) -> None:
     """A depth map ``(H, W)`` in metres with its colour bar; what is near is warm, unknown pixels are grey.
 
@@ -193,12 +174,6 @@ def depth_map(
         title: above it.
         limits: of the colours, metres; those of the map without.
     """
-    from matplotlib import colormaps
-
-    shown = axis.imshow(
-        np.ma.masked_invalid(depth), cmap=colormaps["turbo_r"].with_extremes(bad="0.75"), interpolation="nearest",
-        vmin=limits[0], vmax=limits[1],
-    )  # fmt: skip
-    bare(axis, title)
     label = "depth (m)" if metric else "depth (m up to an affine map of 1/depth)"
-    add_bar(axis, shown, label if np.isfinite(depth).all() else f"{label}, grey: unknown")
+    bar = label if np.isfinite(depth).all() else f"{label}, grey: unknown"
+    image(axis, depth, title, "turbo_r", limits[1], bar, limits[0], GREY)

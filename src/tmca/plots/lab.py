@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tmca.plots.style import BLUE, RED, add_bar, bare, blank_figure, panels, plain_axes
+from tmca.plots.style import BLUE, GREY, RED, bare, blank_figure, curve_with_band, image, panels, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,9 +33,9 @@ def measured_depth_figure(
     from matplotlib.colors import ListedColormap
 
     figure, axes = _pictures(depth.shape)
-    _picture(axes[0], depth, title, "depth (m)", cmap="turbo_r")
+    image(axes[0], depth, title, "turbo_r", bar="depth (m)", low=None, unknown=GREY)
     top = float(np.nanpercentile(deviation * 1e3, 98))
-    _picture(axes[1], deviation * 1e3, "standard deviation", "mm", cmap="viridis", vmin=0, vmax=top)
+    image(axes[1], deviation * 1e3, "standard deviation", top=top, bar="mm", unknown=GREY)
     colours = ListedColormap(_REASONS[: len(reasons)])
     shown = axes[2].imshow(reason, cmap=colours, vmin=-0.5, vmax=len(reasons) - 0.5, interpolation="nearest")
     bare(axes[2], f"{(reason == 0).mean():.1%} known")
@@ -58,31 +58,18 @@ def reflectance_figure(
     """
     height, width = cube.shape[1:]
     figure, axes = _pictures((height, width))
-    _picture(axes[0], np.nan_to_num(cube).mean(axis=0), title, "mean reflectance", cmap="gray", vmin=0)
+    image(axes[0], np.nan_to_num(cube).mean(axis=0), title, "gray", bar="mean reflectance")
     for (y, x), colour in _POINTS.items():
         row, column = int(y * height), int(x * width)
-        spectrum, spread = cube[:, row, column], 2 * deviation[:, row, column]
         axes[0].plot(column, row, "o", color=colour, markeredgecolor="white")
-        axes[1].plot(wavelengths_nm, spectrum, color=colour)
-        low, high = spectrum - spread, spectrum + spread
-        axes[1].fill_between(wavelengths_nm, low, high, color=colour, alpha=0.25, linewidth=0)
+        curve_with_band(axes[1], wavelengths_nm, cube[:, row, column], 2 * deviation[:, row, column], colour)
     plain_axes(axes[1], "spectra ± 2 standard deviations", "wavelength (nm)", "reflectance")
-    _picture(axes[2], left_out, "saturated or dark", "share of the bands", cmap="magma", vmin=0, vmax=1)
+    image(axes[2], left_out, "saturated or dark", "magma", top=1.0, bar="share of the bands")
     return figure
 
 
 def _pictures(size: tuple[int, ...]) -> tuple[Figure, np.ndarray]:
     return panels(3, 4.6, max(2.4, 3.9 * size[0] / size[1]))
-
-
-def _picture(axis: Axes, values: np.ndarray, title: str, bar: str, cmap: str, **limits: Any) -> None:
-    """An image whose unknown pixels are grey."""
-    from matplotlib import colormaps
-
-    colours = colormaps[cmap].with_extremes(bad="0.75")
-    shown = axis.imshow(np.ma.masked_invalid(values), cmap=colours, interpolation="nearest", **limits)
-    bare(axis, title)
-    add_bar(axis, shown, bar)
 
 
 def compared_spectra_figure(spectra: Mapping[str, tuple[np.ndarray, ...]]) -> Figure:
@@ -93,11 +80,9 @@ def compared_spectra_figure(spectra: Mapping[str, tuple[np.ndarray, ...]]) -> Fi
     """
     figure, axes = panels(len(spectra), 3.4, 2.9)
     for axis, (title, (nm, spectrum, spread, reference)) in zip(axes, spectra.items(), strict=True):
-        low, high = spectrum - spread, spectrum + spread
-        axis.fill_between(nm, low, high, color=BLUE, alpha=0.2, linewidth=0)
-        axis.plot(nm, spectrum, color=BLUE, label="scan")
+        curve_with_band(axis, nm, spectrum, spread, BLUE, "scan")
         axis.plot(nm, reference, "--", color="0.2", label="spectrometer")
-        axis.set_ylim(0, 1.15 * max(high.max(), reference.max()))
+        axis.set_ylim(0, 1.15 * max((spectrum + spread).max(), reference.max()))
         plain_axes(axis, title, "wavelength (nm)", "reflectance" if axis is axes[0] else "")
         axis.legend(fontsize=8, loc="upper left")
     return figure

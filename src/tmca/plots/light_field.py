@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.plots.style import add_bar, bare, grid, image
-from tmca.plots.views import (
-    brightest,
-    colour_views,
-    horizontal_slice,
-    liveliest,
-    shown,
-    vertical_slice,
-    zoom_window,
-)
+from tmca.plots.views import brightest, colour_views, horizontal_slice, liveliest, shown, vertical_slice, zoom_window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

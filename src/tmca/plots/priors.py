@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.errors import SettingError
-from tmca.plots.style import BLUE, SMALL, TITLE, blank_figure, plain_axes
+from tmca.plots.style import BLUE, SMALL, TITLE, blank_figure, curve_with_band, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,9 +72,7 @@ def _draw_spectra(axis: Axes, mean: np.ndarray, variance: np.ndarray, wavelength
     """Mean spectrum with one standard deviation either side."""
     spectrum, deviation = mean.mean((1, 2)), np.sqrt(variance.mean((1, 2)))
     x = np.arange(len(mean)) if wavelengths is None else np.array(wavelengths) * 1e9
-    axis.plot(x, spectrum, color=BLUE, label="mean")
-    low, high = spectrum - deviation, spectrum + deviation
-    axis.fill_between(x, low, high, color=BLUE, alpha=0.3, label="±1 standard deviation")
+    curve_with_band(axis, x, spectrum, deviation, BLUE, "mean", "±1 standard deviation")
     axis.legend(fontsize=SMALL)
     name = "channel" if wavelengths is None else "wavelength (nm)"
     plain_axes(axis, "spectrum of a pixel", name, "relative irradiance")

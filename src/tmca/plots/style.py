@@ -18,6 +18,8 @@ PICTURES = (".png", ".pdf", ".svg")
 TITLE, SMALL = 9, 8
 """Sizes of texts, points."""
 BLUE, RED = "#00798c", "#d1495b"
+GREY = "0.75"
+"""Of unknown pixels."""
 COLOURS = (BLUE, RED, "#edae49", "#66a182", "#8d6a9f")
 _BAR = 0.12
 """Inches across a colour bar, at least."""
@@ -63,13 +65,32 @@ def grid(rows: int, columns: int, width: float, aspect: float = 0.8) -> tuple[Fi
 
 
 def image(
-    axis: Axes, values: np.ndarray, title: str, colours: str = "viridis", top: float | None = None, bar: str = ""
-) -> None:
-    """An image without ticks; ``bar`` is the label of a colour bar."""
-    shown = axis.imshow(values, cmap=colours, vmin=0, vmax=top, interpolation="nearest")
+    axis: Axes,
+    values: np.ndarray,
+    title: str,
+    colours: str = "viridis",
+    top: float | None = None,
+    bar: str = "",
+    low: float | None = 0,
+    unknown: str = "white",
+) -> Any:
+    """An image without ticks from ``low`` to ``top``, ``unknown`` where it is NaN; ``bar`` labels a colour bar."""
+    from matplotlib import colormaps
+
+    colour_map = colormaps[colours].with_extremes(bad=unknown)
+    shown = axis.imshow(np.ma.masked_invalid(values), cmap=colour_map, vmin=low, vmax=top, interpolation="nearest")
     bare(axis, title)
     if bar:
         add_bar(axis, shown, bar)
+    return shown
+
+
+def curve_with_band(
+    axis: Axes, x: Any, mean: np.ndarray, deviation: np.ndarray, colour: str, label: str = "", band: str = ""
+) -> None:
+    """A curve and what lies within a deviation of it."""
+    axis.plot(x, mean, color=colour, label=label or None)
+    axis.fill_between(x, mean - deviation, mean + deviation, color=colour, alpha=0.25, linewidth=0, label=band or None)
 
 
 def add_bar(axis: Axes, shown: Any, label: str) -> None:

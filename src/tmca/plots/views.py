@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tmca.errors import OutputError, ShapeError
-from tmca.plots.style import add_bar, bare, grid, image
+from tmca.plots.style import grid, image
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,16 +113,12 @@ def light_field_views(centre: np.ndarray, mosaic: np.ndarray, disparity: np.ndar
     height, width = centre.shape[-2:]
     figure, axes = grid(1, 2 if disparity is None else 3, width=4.6, aspect=height / width)
     views = as_pictures(centre)
-    axes[0, 0].imshow(views[views.shape[0] // 2, views.shape[1] // 2], cmap="gray", vmin=0, vmax=1)
-    bare(axes[0, 0], title)
+    image(axes[0, 0], views[views.shape[0] // 2, views.shape[1] // 2], title, "gray", 1.0)
     sheet = mosaic_of(as_pictures(mosaic))
     rows, columns = mosaic.shape[-4:-2]
-    axes[0, 1].imshow(sheet, cmap="gray", vmin=0, vmax=1)
-    bare(axes[0, 1], f"{rows}×{columns} views")
+    image(axes[0, 1], sheet, f"{rows}×{columns} views", "gray", 1.0)
     if disparity is not None:
-        shown = axes[0, 2].imshow(disparity, cmap="turbo")
-        bare(axes[0, 2], "true disparity")
-        add_bar(axes[0, 2], shown, "px per view, nearer is positive")
+        image(axes[0, 2], disparity, "true disparity", "turbo", bar="px per view, nearer is positive", low=None)
     return figure
 
 

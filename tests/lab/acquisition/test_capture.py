@@ -292,7 +292,7 @@ def test_a_frame_that_is_taken_again_is_the_frame_that_it_was(tmp_path):
 @pytest.mark.parametrize("moment", [0, 1, 2, 3])
 def test_a_capture_whose_process_is_killed_at_its_first_frame_goes_on(tmp_path, monkeypatch, moment):
     """Whatever file is being put in its place: the list, the frame, the list again."""
-    import tmca.data.write as write
+    import tmca.data.files as write
 
     camera, export, calls = spectral(), exported(tmp_path, spectral()), []
     own, remove = write._replace, write._remove

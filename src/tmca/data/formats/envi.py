@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from tmca.data.formats import wavelengths
-from tmca.data.formats.stored import Contents, from_array
+from tmca.data.formats.stored import Contents, from_array, reads, whole_file
 from tmca.errors import DataError
 
 DATA_SUFFIXES = ("", ".img", ".dat", ".raw", ".bin", ".bsq", ".bil", ".bip", ".envi", ".hyspex", ".cube")
@@ -34,6 +33,7 @@ def _data_of(header: Path, asked: Path) -> Path:
     return found
 
 
+@reads(".hdr", *DATA_SUFFIXES[1:])
 def open_envi(path: Path) -> Contents:
     """An ENVI cube from its header or its data file, memory-mapped, axes ``(y, x, band)`` for any interleave.
 
@@ -41,36 +41,21 @@ def open_envi(path: Path) -> Contents:
         DataError: no header, no data file, a header that is not ENVI's, or data shorter than the header says.
     """
     from spectral.io import envi
-    from spectral.utilities.errors import SpyException
 
     header = header_of(path)
     if header is None:
         raise DataError(path, "no .hdr beside it", "an ENVI header", f"add {path.stem}.hdr")
     data = _data_of(header, path)
-    try:
+    with whole_file(header, "ENVI header"):
         image = envi.open(str(header), str(data))
-    except (SpyException, OSError, ValueError, KeyError, TypeError, UnicodeDecodeError) as error:
-        raise DataError(header, f"an unusable ENVI header ({error})", "a whole ENVI header") from error
     needed = image.offset + image.nrows * image.ncols * image.nbands * image.sample_size
     if data.stat().st_size < needed:
         raise DataError(data, f"{data.stat().st_size} bytes", f"{needed} bytes by {header.name}", "fetch it again")
-    return Contents(path, "ENVI", {data.stem: _cube(data.stem, image)}, attrs=_plain(image.metadata))
-
-
-def _cube(name: str, image: Any) -> Any:
-    values = image.open_memmap(interleave="bip")
-    unit = image.metadata.get("wavelength units")
-    metres = wavelengths.from_file(image.bands.centers or [], unit)
-    factor = image.metadata.get("reflectance scale factor")
-    return from_array(
-        name,
-        values,
-        dims=("y", "x", "band"),
-        wavelengths=metres,
-        full_scale=float(factor) if factor else None,
-    )
-
-
-def _plain(metadata: dict[str, Any]) -> dict[str, Any]:
-    """The header's short entries; lists of one value per band are told elsewhere."""
-    return {key: value for key, value in metadata.items() if isinstance(value, str | int | float)}
+    metadata = image.metadata
+    metres = wavelengths.from_file(image.bands.centers or [], metadata.get("wavelength units"))
+    factor = metadata.get("reflectance scale factor")
+    scale = float(factor) if factor else None
+    values, dims = image.open_memmap(interleave="bip"), ("y", "x", "band")
+    cube = from_array(data.stem, values, dims=dims, wavelengths=metres, full_scale=scale)
+    short = {key: value for key, value in metadata.items() if isinstance(value, str | int | float)}
+    return Contents(path, "ENVI", {data.stem: cube}, attrs=short)

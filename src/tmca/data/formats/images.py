@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import logging
 import re
-import struct
-import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,22 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats import wavelengths
-from tmca.data.formats.png16 import sixteen_bit_colour
-from tmca.data.formats.stored import Contents, Index, Stored, from_array
+from tmca.data.formats.stored import Contents, Index, Stored, from_array, guarded, reads, whole_file
 from tmca.errors import DataError
 
 _BAND_FILE = re.compile(r"_ms_(\d+)\.png$", re.IGNORECASE)
-_BROKEN_TIFF = (OSError, ValueError, IndexError, KeyError, TypeError, struct.error, zlib.error)
-"""What tifffile raises on a cut or damaged file, besides its own error."""
-_BROKEN_PICTURE = (OSError, SyntaxError, ValueError, struct.error, zlib.error)
-"""What Pillow raises on a cut or damaged picture."""
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp")
 _KINDS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".pfm": "PFM"}
+_HIGH, _LOW = ";16B", ";16L"
+"""Pillow's raw modes that keep the first and the second byte of every 16-bit sample."""
 _LABEL_NM = re.compile(r"(\d+(?:\.\d+)?)\s*(nm|µm|μm|um)\b", re.IGNORECASE)
 
 
 def band_files(folder: Path) -> list[Path]:
-    """The ``*_ms_NN.png`` of a CAVE scene in band order, also where they lie one folder deeper; [] if there
-    are none.
+    """The ``*_ms_NN.png`` of a CAVE scene in band order, also where they lie one folder deeper; [] without.
 
     Raises:
         DataError: a band is missing or there twice.
@@ -50,8 +45,7 @@ def band_files(folder: Path) -> list[Path]:
 
 
 def open_cave(folder: Path) -> Contents:
-    """A CAVE scene: 16-bit grey PNG per band ("watercolors" has 8-bit RGBA; its one luminance channel is
-    used).
+    """A CAVE scene: 16-bit grey PNG per band ("watercolors" has 8-bit RGBA; its one luminance channel is used).
 
     Raises:
         DataError: no bands, a band missing, or bands of different size or depth.
@@ -99,18 +93,29 @@ def _grey(file: Path) -> NDArray[Any]:
 def read_picture(file: Path) -> NDArray[Any]:
     """The pixels of a PNG, JPEG, BMP or PFM in their own depth, palette resolved.
 
+    Colour PNG of 16 bits a channel, which Pillow on its own reduces to 8, is decoded twice, once for each byte.
+
     Raises:
         DataError: the picture cannot be read whole.
     """
     from PIL import Image
 
-    with _whole_picture(file):
-        deep = sixteen_bit_colour(file)
-        if deep is not None:
-            return deep
-        with Image.open(file) as image:
-            image.load()
-            return np.asarray(image.convert() if image.mode == "P" else image)
+    with _whole_picture(file), Image.open(file) as image:
+        raw = str(image.tile[0].args) if image.format == "PNG" and image.tile else ""
+        if raw.endswith(_HIGH) and image.mode in ("RGB", "RGBA", "LA"):
+            high, low = (_decoded(file, raw.removesuffix(_HIGH) + byte) for byte in (_HIGH, _LOW))
+            return np.asarray((high.astype(np.uint16) << 8) | low, dtype=np.uint16)
+        image.load()
+        return np.asarray(image.convert() if image.mode == "P" else image)
+
+
+def _decoded(file: Path, raw: str) -> NDArray[Any]:
+    from PIL import Image
+
+    with Image.open(file) as image:
+        image.tile = [image.tile[0]._replace(args=raw)]
+        image.load()
+        return np.asarray(image)
 
 
 def picture_size(file: Path) -> tuple[int, int]:
@@ -125,29 +130,8 @@ def picture_size(file: Path) -> tuple[int, int]:
         return image.height, image.width
 
 
-@contextmanager
-def _whole_picture(file: Path) -> Iterator[None]:
-    """Pillow's errors as one of ours."""
-    from PIL import Image
-
-    try:
-        yield
-    except FileNotFoundError as error:
-        raise DataError(file, "no such file", "a picture", "check the path") from error
-    except PermissionError as error:
-        raise DataError(file, "no permission to read it", "a readable file", "change its permissions") from error
-    except (*_BROKEN_PICTURE, Image.DecompressionBombError) as error:
-        kind = _KINDS.get(file.suffix.lower(), "PNG, JPEG or BMP")
-        raise DataError(file, _broken(file, error), f"a whole {kind}", "fetch or write it again") from error
-
-
-def _broken(file: Path, error: Exception) -> str:
-    from PIL import UnidentifiedImageError
-
-    if file.stat().st_size == 0:
-        return "an empty file"
-    known = "" if isinstance(error, UnidentifiedImageError) else f" ({error})"
-    return f"an unreadable or truncated picture{known}"
+def _whole_picture(file: Path) -> AbstractContextManager[None]:
+    return whole_file(file, _KINDS.get(file.suffix.lower(), "PNG, JPEG or BMP"))
 
 
 def open_picture(path: Path) -> Contents:
@@ -157,30 +141,18 @@ def open_picture(path: Path) -> Contents:
     return Contents(path, "picture", {path.stem: from_array(path.stem, pixels, dims=dims)})
 
 
-@contextmanager
-def open_tiff(path: Path) -> Iterator[Contents]:
-    """A multi-page TIFF, one band per page; wavelengths from ImageJ labels ("450 nm") or OME channels if
-    there.
-
-    Raises:
-        DataError: not a TIFF, cut short, or pages of different shapes.
-    """
+@reads(".tif", ".tiff")
+def open_tiff(path: Path) -> Contents:
+    """A multi-page TIFF, one band per page; wavelengths from ImageJ labels ("450 nm") or OME channels if there."""
     import tifffile
 
-    try:
-        with _complaints() as complaints, tifffile.TiffFile(path) as tiff:
-            if len(tiff.series) > 1:
-                shapes = ", ".join(str(series.shape) for series in tiff.series[:4])
-                raise DataError(path, f"pages of different shapes ({shapes})", "bands of one shape")
-            _require_whole(path, tiff, complaints)
-            stored, about = _tiff_array(path, tiff), dict(tiff.imagej_metadata or {})
-    except (tifffile.TiffFileError, *_BROKEN_TIFF) as error:
-        raise _damaged_tiff(path, error) from error
-    yield Contents(path, "TIFF", {stored.name: stored}, attrs=about)
-
-
-def _damaged_tiff(path: Path, error: object) -> DataError:
-    return DataError(path, f"an unreadable or truncated TIFF ({error})", "a whole TIFF", "write it again")
+    with whole_file(path, "TIFF"), _complaints() as complaints, tifffile.TiffFile(path) as tiff:
+        if len(tiff.series) > 1:
+            shapes = ", ".join(str(series.shape) for series in tiff.series[:4])
+            raise DataError(path, f"pages of different shapes ({shapes})", "bands of one shape")
+        _require_whole(path, tiff, complaints)
+        stored = _tiff_array(path, tiff)
+        return Contents(path, "TIFF", {stored.name: stored}, attrs=dict(tiff.imagej_metadata or {}))
 
 
 @contextmanager
@@ -204,7 +176,7 @@ def _require_whole(path: Path, tiff: Any, complaints: list[str]) -> None:
     """Refuse a file with broken pages or that ends before its pixels do: the library would fill in zeros."""
     broken = [text for text in complaints if "invalid" in text or "corrupted" in text]
     if broken:
-        raise _damaged_tiff(path, broken[0])
+        raise ValueError(broken[0])
     series, size = tiff.series[0], path.stat().st_size
     if series.dataoffset is not None:
         end = series.dataoffset + series.nbytes
@@ -212,7 +184,7 @@ def _require_whole(path: Path, tiff: Any, complaints: list[str]) -> None:
         ends = (zip(page.dataoffsets, page.databytecounts, strict=True) for page in series.pages if page)
         end = max(offset + count for page in ends for offset, count in page)
     if end > size:
-        raise _damaged_tiff(path, f"{size} bytes of {end}")
+        raise ValueError(f"{size} bytes of {end}")
 
 
 def _tiff_array(path: Path, tiff: Any) -> Stored:
@@ -223,19 +195,16 @@ def _tiff_array(path: Path, tiff: Any) -> Stored:
     labels = [str(label) for label in about.get("Labels") or ()]
     named = not series.axes.startswith("Q")  # else tifffile only guesses: pages may be rows of a channel-last cube
 
-    def load(index: Index) -> NDArray[Any]:
-        try:
-            if per_page and isinstance(index[0], int):
-                return np.asarray(tifffile.imread(path, key=index[0]))[index[1:]]
-            return np.asarray(tifffile.imread(path))[index]
-        except (tifffile.TiffFileError, *_BROKEN_TIFF) as error:
-            raise _damaged_tiff(path, error) from error
+    def read(index: Index) -> NDArray[Any]:
+        if per_page and isinstance(index[0], int):
+            return np.asarray(tifffile.imread(path, key=index[0]))[index[1:]]
+        return np.asarray(tifffile.imread(path))[index]
 
     return Stored(
         path.stem,
         series.shape,
         series.dtype,
-        load,
+        guarded(path, "TIFF", read),
         dims=("band", "y", "x") if per_page and named else (),
         wavelengths=_from_labels(labels) if labels else _from_ome(tiff.ome_metadata),
         usual_axis=0 if per_page else -1,

@@ -1,17 +1,18 @@
-"""What a file holds before it is loaded: its arrays, their axes, and the wavelengths written in it."""
+"""What a file holds before it is loaded: its arrays, their axes, and the wavelengths written in it; who opens it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.errors import DataError
+from tmca.errors import DataError, TmcaError
 
 Index = tuple[int | slice, ...]
 
@@ -92,11 +93,8 @@ class Contents:
             DataError: the file has no such array, or it is not numeric.
         """
         if variable not in self.arrays:
-            raise DataError(
-                self.path,
-                f"no variable {variable!r}",
-                f"one of {', '.join(self.arrays) or 'none: it is empty'}",
-            )
+            there = ", ".join(self.arrays) or "none: it is empty"
+            raise DataError(self.path, f"no variable {variable!r}", f"one of {there}")
         stored = self.arrays[variable]
         if not stored.numeric:
             raise DataError(self.path, f"variable {variable!r} of type {stored.dtype}", "real numbers")
@@ -106,3 +104,51 @@ class Contents:
 def from_array(name: str, array: NDArray[Any], **about: Any) -> Stored:
     """A `Stored` over an array in memory or memory-mapped."""
     return Stored(name, array.shape, array.dtype, array.__getitem__, **about)
+
+
+Opener = Callable[[Path], Contents | AbstractContextManager[Contents]]
+_Opener = TypeVar("_Opener", bound=Opener)
+OPENERS: dict[str, Opener] = {}
+"""What opens a file, by suffix in lower case."""
+
+
+def reads(*suffixes: str) -> Callable[[_Opener], _Opener]:
+    """Register the function that opens files of these suffixes.
+
+    It takes the path and gives `Contents`, or is a context manager that does. What it raises on a damaged file becomes
+    a `DataError` that names the file.
+    """
+
+    def register(opener: _Opener) -> _Opener:
+        OPENERS.update(dict.fromkeys(suffixes, opener))
+        return opener
+
+    return register
+
+
+@contextmanager
+def whole_file(path: Path, kind: str = "file", remedy: str = "fetch or write it again") -> Iterator[None]:
+    """Within it, whatever a library raises on a file that is missing, empty, cut or damaged is a DataError."""
+    try:
+        yield
+    except TmcaError:
+        raise
+    except FileNotFoundError as error:
+        raise DataError(path, "no such file", f"a {kind}", "check the path") from error
+    except PermissionError as error:
+        raise DataError(path, "no permission to read it", "a readable file", "change its permissions") from error
+    except Exception as error:
+        reason = str(error).replace(repr(path), path.name).partition("\n")[0] or type(error).__name__
+        empty = path.is_file() and path.stat().st_size == 0
+        found = "an empty file (0 bytes)" if empty else f"an unreadable or truncated {kind} ({reason})"
+        raise DataError(path, found, f"a whole {kind}", remedy) from error
+
+
+def guarded(path: Path, kind: str, read: Callable[[Index], Any]) -> Callable[[Index], NDArray[Any]]:
+    """The ``load`` of a `Stored` whose library may meet damage only when it reads."""
+
+    def load(index: Index) -> NDArray[Any]:
+        with whole_file(path, kind):
+            return np.asarray(read(index))
+
+    return load

@@ -14,11 +14,11 @@ from itertools import islice, pairwise
 from math import isqrt
 from pathlib import Path
 
+from tmca.data.formats.images import PICTURES
 from tmca.errors import DataError, SettingError
 
 Place = tuple[int, int]
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp")
 _NUMBER = r"[-+]?\d+\.\d+"
 _HCI = re.compile(r"(?P<prefix>input_Cam)(?P<index>\d+)\.png", re.IGNORECASE)
 _PLACED = re.compile(rf"(?P<prefix>.*?)(?P<row>\d+)_(?P<column>\d+)_(?P<y>{_NUMBER})_(?P<x>{_NUMBER})(?:_[^_]*)*\.\w+")
@@ -95,7 +95,7 @@ def has_names(folder: Path, pattern: str) -> bool:
 
 
 def _pictures(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file())
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES and file.is_file())
 
 
 def _matches(names: Iterable[Path], expression: re.Pattern[str]) -> list[tuple[Path, re.Match[str]]]:

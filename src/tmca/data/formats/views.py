@@ -1,19 +1,20 @@
-"""A folder with one picture per view as one array, loaded view by view."""
+"""Light fields as one array: a folder with one picture per view, loaded view by view, and lenslet pictures."""
 
 from __future__ import annotations
 
 from configparser import ConfigParser
-from configparser import Error as ConfigError
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.formats.images import picture_size, read_picture
-from tmca.data.formats.stored import Contents, Index, Stored
+from tmca.data.formats.images import PICTURES, open_picture, picture_size, read_picture
+from tmca.data.formats.stored import Contents, Index, Stored, reads, whole_file
 from tmca.data.formats.view_names import Place, ViewFiles, find_views
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 
 DIMS = ("view_v", "view_u", "y", "x")
 PARAMETERS = "parameters.cfg"
@@ -116,15 +117,13 @@ def read_parameters(path: Path) -> dict[str, float]:
     Raises:
         DataError: unreadable, without a needed key, or with an impossible number of views.
     """
-    parser = ConfigParser()
-    try:
+    parser, numbers = ConfigParser(), dict[str, float]()
+    with whole_file(path, "parameters.cfg of the HCI benchmark", _FETCH):
         parser.read_string(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ConfigError) as error:
-        found = "no text" if isinstance(error, UnicodeDecodeError) else f"an unreadable file ({error})"
-        raise DataError(path, found, "a parameters.cfg of the HCI benchmark", _FETCH) from error
-    numbers = {
-        key: number for s in parser.sections() for key, v in parser.items(s) if (number := _number(v)) is not None
-    }
+    for section in parser.sections():
+        for key, text in parser.items(section):
+            with suppress(ValueError):
+                numbers[key] = float(text)
     gone = [f"[{s}] {key}" for s, keys in NEEDED.items() for key in keys if key not in numbers]
     if gone:
         raise DataError(path, f"no number for {', '.join(gone)}", "the keys of the HCI benchmark", _FETCH)
@@ -133,13 +132,6 @@ def read_parameters(path: Path) -> dict[str, float]:
             wanted = f"a whole number of views from 1 to {_MOST_A_SIDE}"
             raise DataError(path, f"{name} = {numbers[name]:g}", wanted, _FETCH)
     return numbers
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def _si(about: dict[str, float]) -> dict[str, float]:
@@ -151,3 +143,43 @@ def _si(about: dict[str, float]) -> dict[str, float]:
         "focus_distance_m": ("focus_distance_m", 1.0),
     }
     return {ours: about[key] * unit for ours, (key, unit) in metres.items() if key in about}
+
+
+LENS = (14, 14)
+"""Views under a lens of the Lytro Illum, as Stanford's archive stores them."""
+LIT = 7
+"""Views per axis around the centre that no lens of the Lytro Illum vignettes: those taken where none are asked for."""
+
+
+@reads(*PICTURES)
+def open_single(path: Path) -> Contents:
+    """A single picture; one whose name says so is a lenslet picture, as in the Lytro archive's ``*_eslf.png``."""
+    return open_lenslet(path) if "eslf" in path.stem.lower() else open_picture(path)
+
+
+def open_lenslet(path: Path, lens: tuple[int, int] = LENS) -> Contents:
+    """The views of a lenslet picture: view (v, u) is every ``lens``-th pixel from row v and column u on.
+
+    Raises:
+        DataError: the picture's size is no multiple of the lens grid, or it cannot be read.
+        SettingError: an impossible lens grid.
+    """
+    if len(lens) != 2 or any(isinstance(n, bool) or not isinstance(n, int) or n < 1 for n in lens):
+        raise SettingError("lens", repr(lens), "rows and columns of the views under a lens, such as 14 and 14")
+    height, width = picture_size(path)
+    if height % lens[0] or width % lens[1]:
+        found = f"{height}×{width} pixels (height × width)"
+        remedy = "fetch it again, or give its lens grid with lens= (--lens)"
+        raise DataError(path, found, f"a multiple of the {lens[0]}×{lens[1]} views under a lens", remedy)
+    pixels = cache(lambda: read_picture(path))
+    dtype, channels = pixels().dtype, pixels().shape[2:]
+
+    def load(index: Index) -> NDArray[Any]:
+        whole = pixels().reshape(height // lens[0], lens[0], width // lens[1], lens[1], *channels)
+        return np.moveaxis(whole, (1, 3), (0, 1))[index]
+
+    dims = (*DIMS, *("channel" for _ in channels))
+    shape = (*lens, height // lens[0], width // lens[1], *channels)
+    about = {"default_views": LIT} if min(lens) >= LIT else {}
+    stored = Stored(path.stem, shape, dtype, load, dims, attrs=about)
+    return Contents(path, "lenslet picture", {stored.name: stored}, attrs={"pattern": f"lenslet {lens[0]}×{lens[1]}"})

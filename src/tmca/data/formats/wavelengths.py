@@ -1,34 +1,26 @@
-"""Wavelengths: units, checks, sidecar files. Metres inside, nanometres in files."""
+"""What the values of a file mean: wavelengths (metres inside, nanometres in files), spectral axis, full scale.
+
+Public data sets whose files carry no wavelengths are recognised by band count and variable name.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tmca.errors import DataError, SettingError
+from tmca.data.formats.stored import Contents, Stored
+from tmca.errors import DataError, SettingError, check_range
 
 NAMES = frozenset(
     {
         *("wavelength", "wavelengths", "wavelength_nm", "wavelengths_nm", "wavelength_um", "wave_length"),
-        *(
-            "wavelen",
-            "wave",
-            "waves",
-            "wl",
-            "wls",
-            "lambda",
-            "lambdas",
-            "bands",
-            "band",
-            "centers",
-            "centres",
-            "nm",
-        ),
+        *("wavelen", "wave", "waves", "wl", "wls", "lambda", "lambdas", "bands", "band", "centers", "centres", "nm"),
     }
 )
 """Names, in lower case, under which files keep their wavelengths or label their spectral axis."""
@@ -93,10 +85,7 @@ def from_argument(wavelengths: Iterable[float], count: int, where: object) -> ND
     metres = np.asarray(list(wavelengths), dtype=np.float64).ravel()
     if metres.size and np.isfinite(metres).all() and guess_unit(metres) in ("nm", "um"):
         raise SettingError(
-            "wavelengths",
-            f"values from {metres.min():g} to {metres.max():g}",
-            "metres",
-            "write 400 nm as 400e-9",
+            "wavelengths", f"values from {metres.min():g} to {metres.max():g}", "metres", "write 400 nm as 400e-9"
         )
     return check(metres, count, where, "wavelengths=")
 
@@ -147,3 +136,225 @@ def read_sidecar(path: Path) -> NDArray[np.float64] | None:
         values = f"values from {nm.min():g} to {nm.max():g}" if nm.size else "no values"
         raise DataError(found, values, "wavelengths in nm, one per line")
     return nm_to_metres(nm)
+
+
+_FLOWER_EDGES_NM = (
+    *((423, 436), (437, 448), (449, 463), (464, 479), (480, 499), (500, 521)),
+    *((522, 546), (547, 577), (578, 618), (619, 673), (674, 700)),
+)
+_TSA_NM = (
+    *(453.3, 457.6, 462.1, 466.8, 471.6, 476.5, 481.6, 486.9, 492.4, 498.0, 503.9, 509.9, 516.2, 522.7),
+    *(529.5, 536.5, 543.8, 551.4, 558.6, 567.5, 575.3, 584.3, 594.4, 604.2, 614.4, 625.1, 636.3, 648.1),
+)
+
+
+def _steps(first: float, last: float, count: int) -> tuple[float, ...]:
+    return tuple(float(nm) for nm in np.linspace(first, last, count))
+
+
+@dataclass(frozen=True)
+class KnownSet:
+    """A data set's signature and what its files leave unsaid.
+
+    Attributes:
+        name: the set.
+        nm: band centres in nanometres.
+        variables: names under which its files keep the cube; empty if the band count alone tells.
+        full_scale: the count that stands for 1 where it is not the dtype's maximum.
+    """
+
+    name: str
+    nm: tuple[float, ...]
+    variables: frozenset[str] = frozenset()
+    full_scale: float | None = None
+
+    @property
+    def label(self) -> str:
+        """How the origin of the wavelengths is told to the user."""
+        return f"known set {self.name}, {self.nm[0]:g}-{self.nm[-1]:g} nm"
+
+
+KNOWN_SETS = (
+    KnownSet("ICVL", _steps(400, 700, 31), frozenset({"rad"}), full_scale=4095.0),
+    KnownSet("Harvard", _steps(420, 720, 31), frozenset({"ref"})),
+    KnownSet("CAVE", _steps(400, 700, 31)),
+    KnownSet("TSA-Net simulation", _TSA_NM, frozenset({"img", "img_expand", "data_slice"})),
+    KnownSet("flower-stars", tuple((a + b) / 2 for a, b in _FLOWER_EDGES_NM), frozenset({"Ori"})),
+    KnownSet("Samson", _steps(401, 889, 156)),
+)
+"""In order of precedence: sets that ask for a variable name come before those that go by count alone."""
+
+
+def find_known(variable: str, bands: int) -> KnownSet | None:
+    """The known set with this many bands whose files call the cube ``variable``."""
+    short = variable.rsplit("/", 1)[-1]
+    fits = (known for known in KNOWN_SETS if len(known.nm) == bands)
+    return next((known for known in fits if not known.variables or short in known.variables), None)
+
+
+def spectral_axis(stored: Stored, count: int | None = None) -> int | None:
+    """The axis of a three-axis array that runs over wavelength.
+
+    In this order: the axis the file labels so; the one as long as the wavelengths (``count`` of them, or
+    those in the file); the one as long as a known set; the odd one out of two equal axes; the shortest by
+    half or more; the pages of a file that has them.
+
+    Returns:
+        0, 1 or 2, or None where nothing tells.
+    """
+    labelled = [i for i, name in enumerate(stored.dims) if name.lower() in NAMES]
+    if len(labelled) == 1:
+        return labelled[0]
+    count = count or (None if stored.wavelengths is None else len(stored.wavelengths))
+    if count is not None and count in stored.shape:
+        return _choose([i for i, n in enumerate(stored.shape) if n == count], stored)
+    known = [i for i, n in enumerate(stored.shape) if find_known(stored.name, n)]
+    return _choose(known, stored) if known else _odd_one_out(stored)
+
+
+def _choose(axes: Sequence[int], stored: Stored) -> int:
+    """The only candidate, or the format's usual axis among several equal ones."""
+    usual = stored.usual_axis % 3
+    return usual if usual in axes else axes[0]
+
+
+def _odd_one_out(stored: Stored) -> int | None:
+    shape = stored.shape
+    odd = [i for i in range(3) if shape.count(shape[i]) == 1]
+    if len(odd) == 1:
+        return odd[0]
+    shortest = min(range(3), key=lambda i: shape[i])
+    others = [n for i, n in enumerate(shape) if i != shortest]
+    if 2 * shape[shortest] <= min(others):
+        return shortest
+    return 0 if stored.pages else None
+
+
+MAIN = ("estimate", "radiance")
+"""Names under which tmca's own files keep their cube, beside others such as its deviation."""
+
+
+def find_cube(contents: Contents, variable: str | None, count: int | None) -> Stored:
+    """The variable to read as a cube: the one asked for, or the only one that can be it.
+
+    Args:
+        contents: the open file.
+        variable: its name, or None.
+        count: how many wavelengths the caller gave, or None.
+
+    Raises:
+        DataError: none or several could be the cube, or the one asked for has not three axes.
+    """
+    if variable is not None:
+        return _three_axes(contents, contents.get(variable))
+    cubes = [s for s in contents.arrays.values() if s.numeric and len(s.shape) == 3 and s.size]
+    if not cubes:
+        raise _no_cube(contents)
+    named = [s for s in cubes if s.name in MAIN]
+    for narrowed in (named, _sized(cubes, count), [s for s in cubes if _is_known(s)], cubes):
+        if len(narrowed) == 1:
+            return narrowed[0]
+    raise DataError(
+        contents.path,
+        f"{len(cubes)} arrays of three axes ({', '.join(s.name for s in cubes)})",
+        "one",
+        "choose it with variable= (--variable)",
+    )
+
+
+def _sized(cubes: Sequence[Stored], count: int | None) -> list[Stored]:
+    """Those with an axis as long as the given wavelengths, or as their own."""
+    lengths = [count or (len(s.wavelengths) if s.wavelengths is not None else None) for s in cubes]
+    return [s for s, n in zip(cubes, lengths, strict=True) if n is not None and n in s.shape]
+
+
+def _is_known(stored: Stored) -> bool:
+    return any(find_known(stored.name, n) for n in stored.shape)
+
+
+def _no_cube(contents: Contents) -> DataError:
+    numeric = [s for s in contents.arrays.values() if s.numeric]
+    others = ", ".join(f"{s.name} of type {s.dtype}" for s in list(contents.arrays.values())[:6])
+    names = ", ".join(f"{s.name} {s.shape}" for s in numeric[:6]) or others or "nothing numeric"
+    return DataError(
+        contents.path,
+        f"no array of three axes ({names})",
+        "a spectral cube",
+        "read masks and captures with tmca.data.read_array",
+    )
+
+
+def _three_axes(contents: Contents, stored: Stored) -> Stored:
+    if len(stored.shape) != 3 or not stored.size:
+        raise DataError(
+            contents.path,
+            f"variable {stored.name!r} of shape {stored.shape}",
+            "a spectral cube of three axes",
+            "read masks and captures with tmca.data.read_array",
+        )
+    return stored
+
+
+def give_wavelengths(arrays: dict[str, Stored]) -> dict[str, Stored]:
+    """Give each cube the vector of wavelengths kept beside it in the file, where its length fits an axis."""
+    for vector in [s for s in arrays.values() if s.name.rsplit("/", 1)[-1].lower() in NAMES]:
+        if not vector.numeric or not vector.size or vector.size != max(vector.shape, default=0):
+            continue
+        metres = from_file(vector.whole(), vector.attrs.get("units"))
+        for name, stored in arrays.items():
+            if metres is not None and len(stored.shape) == 3 and len(metres) in stored.shape:
+                arrays[name] = replace(stored, wavelengths=metres)
+    return arrays
+
+
+MAXIMUM = "maximum"
+"""Where the divisor of floats above 1 comes from, if nothing else is known."""
+
+
+def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] | None) -> tuple[float, str]:
+    """What the stored values are divided by to become relative irradiance, and where that comes from.
+
+    ``scale`` if given; what the file states; a known set's full scale (ICVL's 12 bits); an integer type's
+    maximum; for floats the maximum of the whole cube if it is above 1, else 1.
+
+    Args:
+        stored: the array in its file.
+        axis: its spectral axis.
+        scale: the user's divisor, or None.
+        bands: the float pixels if they are all loaded already, else None and they are read band by band.
+
+    Raises:
+        SettingError: a ``scale`` that is not a positive number.
+    """
+    if scale is not None:
+        check_range("scale", scale, above=0)
+        return float(scale), "argument"
+    if stored.full_scale is not None:
+        return stored.full_scale, "file"
+    known = find_known(stored.name, stored.shape[axis])
+    top = None
+    if known is not None and known.full_scale is not None:
+        top = _maximum(stored, axis, bands)
+        if 1 < top <= known.full_scale:
+            return known.full_scale, known.label
+    if stored.dtype.kind in "iu":
+        return float(np.iinfo(stored.dtype).max), "integer type"
+    if stored.dtype.kind == "b":
+        return 1.0, "file"
+    top = _maximum(stored, axis, bands) if top is None else top
+    return (top, MAXIMUM) if top > 1 else (1.0, "file")
+
+
+def _maximum(stored: Stored, axis: int, bands: NDArray[Any] | None) -> float:
+    """The largest finite value of the whole array, read band by band unless it is in memory."""
+    if bands is not None:
+        return _finite_maximum(bands)
+    return max(_finite_maximum(stored.plane(axis, i)) for i in range(stored.shape[axis]))
+
+
+def _finite_maximum(values: NDArray[Any]) -> float:
+    values = values.astype(np.float32, copy=False)
+    top = float(values.max())
+    if np.isfinite(top):
+        return top
+    return float(np.max(values, initial=0.0, where=np.isfinite(values)))

@@ -9,12 +9,22 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.rendering.outlines import drawn, placed, silhouettes, similarity
+from tmca.data.pixels import encoded
 from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb, photograph
-from tmca.data.rendering.pictures import COARSE
+from tmca.data.rendering.pictures import COARSE, generator
 from tmca.data.rendering.scene import regions
-from tmca.data.rendering.surfaces import STEEPEST, Outline, Relief, Surface, Texture, render_view
-from tmca.data.srgb import encoded
+from tmca.data.rendering.surfaces import (
+    STEEPEST,
+    Outline,
+    Relief,
+    Surface,
+    Texture,
+    drawn,
+    placed,
+    render_view,
+    silhouettes,
+    similarity,
+)
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -80,7 +90,7 @@ def rendered_light_field(
     entry = photograph(name)
     _check(views, disparity, size)
     height, width = linear_rgb(name).shape[:2] if size is None else size
-    surfaces = _staged(name, (height, width), disparity, _generator(name, seed), colour)
+    surfaces = _staged(name, (height, width), disparity, generator(crc32(f"light field {name}".encode()), seed), colour)
     steps = np.arange(views) - (views - 1) / 2
     rendered = [[render_view(surfaces, v, u, (height, width), SAMPLES) for u in steps] for v in steps]
     pixels = np.clip(np.stack([np.stack([view for view, _ in row]) for row in rendered]), 0, 1)
@@ -107,12 +117,6 @@ def _check(views: int, disparity: tuple[float, float], size: tuple[int, int] | N
     extent = max(abs(float(d)) for d in disparity)
     if extent > 20:
         raise SettingError("disparity", repr(disparity), "at most 20 px per view step either way")
-
-
-def _generator(name: str, seed: int) -> np.random.Generator:
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise SettingError("seed", repr(seed), "an integer, 0 or more")
-    return np.random.default_rng([crc32(f"light field {name}".encode()), int(seed)])
 
 
 def _staged(
@@ -210,8 +214,5 @@ def _dataset(pixels: NDArray[np.float32], disparity: NDArray[np.float32], about:
     height, width = disparity.shape
     light_field = label_light_field(pixels, {"name": about["name"], "source": "rendered", "pattern": "rendered"})
     truth = (("y", "x"), disparity, {"units": "px per view step", "long_name": "disparity, positive = nearer"})
-    coordinates = {
-        "y": ("y", np.arange(height), {"units": "pixel"}),
-        "x": ("x", np.arange(width), {"units": "pixel"}),
-    }
+    coordinates = {"y": ("y", np.arange(height), {"units": "pixel"}), "x": ("x", np.arange(width), {"units": "pixel"})}
     return xr.Dataset({"light_field": light_field, "disparity": truth}, coordinates, about)

@@ -10,18 +10,9 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.rendering.depth import motorcycle_depth, staged_depth
-from tmca.data.rendering.photographs import WHITE, linear_rgb, photograph
-from tmca.data.rendering.pictures import (
-    COARSE,
-    FINE,
-    checked_wavelengths,
-    generator,
-    lit_bands,
-    regions_of,
-    spectra_of,
-)
-from tmca.data.rendering.resample import area_average, centre_crop, nearest
+from tmca.data.pixels import area_average, centre_crop, nearest
+from tmca.data.rendering.photographs import WHITE, linear_rgb, motorcycle_depth, photograph, staged_depth
+from tmca.data.rendering.pictures import COARSE, FINE, checked_wavelengths, generator, lit_bands, regions_of, spectra_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tmca.cameras import CodedCamera
-from tmca.design import Descent, Examples, MixtureTileMse, descend
+from tmca.design import Descent, Examples, MixtureMse, TileMse, descend
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, load_examples, mean
 from tmca.priors import GaussianMixturePrior
@@ -76,7 +76,7 @@ def _for_scenes(choose: Callable[[str, Examples], bool]) -> Made:
 
 def _for_mixture(task: Task, slots: int) -> CodedCamera:
     prior = GaussianMixturePrior.load(task.cell["mixture"])
-    error = MixtureTileMse.of(prior, task.examples.model, task.noise.read, task.noise.shot)
+    error = TileMse(MixtureMse.of(prior, task.examples.model, task.noise.read, task.noise.shot))
     camera = task.random("free", slots)
     descend(camera, error, Descent(steps=task.effort.steps, seed=task.seed))
     return camera

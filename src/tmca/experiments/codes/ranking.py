@@ -11,7 +11,7 @@ import numpy as np
 from tmca.cameras import CodedCamera, SpectralCamera
 from tmca.codes import write_codes
 from tmca.data.scenes import load_scene
-from tmca.design import MixtureTileMse, decibels
+from tmca.design import MixtureMse, TileMse, decibels
 from tmca.experiments.cells import Measured, Settings
 from tmca.experiments.codes.task import Task, on_frame
 from tmca.priors import GaussianMixturePrior, GaussianPrior
@@ -65,10 +65,9 @@ def ranking(cell: Settings) -> Measured:
         weights = _trained(task, cell, camera)
         camera = Weights.load(weights).camera_for(task.period)  # tuned codes are others than it began with
     found: Measured = {"expected": task.psnr(camera), "throughput": camera.throughput()}
-    error = MixtureTileMse.of(
-        GaussianMixturePrior.load(cell["mixture"]), task.examples.model, task.noise.read, task.noise.shot
-    )
-    found["expected_mixture"] = decibels(error.whole(camera))
+    mixture = GaussianMixturePrior.load(cell["mixture"])
+    error = MixtureMse.of(mixture, task.examples.model, task.noise.read, task.noise.shot)
+    found["expected_mixture"] = decibels(TileMse(error).whole(camera))
     found["lmmse"] = _measured(task, cell, camera, "lmmse", prior=GaussianPrior.load(cell["prior"]))
     if weights:
         found["unrolled"] = _measured(task, cell, camera, "network", weights=weights)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.data.light_fields import centre_window
-from tmca.data.placing import drawn_nearness
+from tmca.data.fitting import centre_window
+from tmca.data.spectral_depth import drawn_nearness
 from tmca.decoders import PatchLikelihood
 from tmca.design.mask_search import SIZE, Judge
 from tmca.priors import GaussianPrior

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.data.bands import at_bands
+from tmca.data.fitting import at_bands
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
 from tmca.errors import DataError, SettingError
 from tmca.experiments.design.checks import named_once

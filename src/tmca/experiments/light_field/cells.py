@@ -10,8 +10,8 @@ import numpy as np
 
 from tmca.applications import simulate
 from tmca.cameras import LightFieldCamera
+from tmca.data.fitting import centre_window
 from tmca.data.light_field_scenes import Reading, read_middle, true_disparity
-from tmca.data.light_fields import centre_window
 from tmca.decoders import OtherCodes
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.codes.task import Task, on_frame

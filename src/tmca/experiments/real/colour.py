@@ -41,7 +41,7 @@ def srgb_picture(
         cube, wavelengths, lamp: as for `linear_srgb`.
         level: linear value shown as full; the 99.8 % quantile without it.
     """
-    from tmca.data.srgb import encoded
+    from tmca.data.pixels import encoded
 
     linear = linear_srgb(cube, wavelengths, lamp)
     top = shown_level(linear) if level is None else level

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.data.write import atomic_path
+from tmca.data.files import atomic_path
 from tmca.decoders import Weights
 from tmca.experiments.real.decoding import decode_real
 from tmca.experiments.source import source_digest

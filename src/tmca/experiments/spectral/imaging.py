@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.data.scenes import centre_crop, load_scene
+from tmca.data.fitting import middle_of
+from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
 from tmca.experiments.reconstructions import Reconstruction, decoded
 from tmca.plots.cube import reconstruction_figure
@@ -54,7 +55,7 @@ def true_scene(source: str, snapshot: Snapshot[SpectralCamera], **reading: Any) 
     height, width = snapshot.camera.size
     if cube.shape[1] < height or cube.shape[2] < width:
         raise DataError(source, f"{cube.shape[1]}×{cube.shape[2]} pixels", f"at least the snapshot's {height}×{width}")
-    return centre_crop(cube, (height, width), source)
+    return middle_of(cube, (height, width), source)
 
 
 def reconstruction_files(path: Path, figures: bool) -> list[Path]:
@@ -127,7 +128,7 @@ def _pair_of(
     if told:
         told(whole)
     reference = nearest_bands(whole, cube["wavelength"].values)
-    return cube, centre_crop(reference, (cube.shape[1], cube.shape[2]), truth)
+    return cube, middle_of(reference, (cube.shape[1], cube.shape[2]), truth)
 
 
 def _estimate(path: str | Path, reading: dict[str, Any]) -> xr.DataArray:

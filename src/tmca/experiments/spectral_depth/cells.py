@@ -12,7 +12,8 @@ import torch
 from tmca.applications.spectral_depth import spectral_depth_metrics
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
-from tmca.data.depth_scenes import load_any_depth_scene, middle_of, with_surroundings
+from tmca.data.depth_scenes import load_any_depth_scene, with_surroundings
+from tmca.data.fitting import middle_of
 from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.decoder_labels import prior_kind

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.data.depth_scenes import middle_of
+from tmca.data.fitting import middle_of
 from tmca.experiments.cells import Measured
 from tmca.experiments.spectral_depth.rows import DECODER_NAMES
 from tmca.plots.depth import Pair, predicted_depth_figure, rows_figure

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.data.depth_scenes import load_spectral_depth, middle_of
+from tmca.data.depth_scenes import load_spectral_depth
+from tmca.data.fitting import middle_of
 from tmca.experiments.camera_figures import psf_figure
 from tmca.experiments.reconstructions import Reconstruction
 from tmca.experiments.report import Section

@@ -15,8 +15,8 @@ from tmca.applications.spectral_depth import spectral_depth_metrics
 from tmca.applications.unknown_depth import check_depth_known, unknown_depth
 from tmca.cameras import Hardware, Snapshot, SpectralDepthCamera, imperfect
 from tmca.cameras.sensor_tiles import check_holds
-from tmca.data.depth_scenes import depth_tensor, middle_of
-from tmca.data.fitting import FITTED
+from tmca.data.depth_scenes import depth_tensor
+from tmca.data.fitting import FITTED, middle_of
 from tmca.data.scene_names import READING
 from tmca.experiments.camera_figures import phase_codes_figure, psf_figure, snapshot_figure
 from tmca.experiments.reconstructions import Reconstruction, decoded

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.cameras import Snapshot
-from tmca.data.bands import at_bands
+from tmca.data.fitting import at_bands
 from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
 from tmca.errors import SettingError

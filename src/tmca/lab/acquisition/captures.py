@@ -118,7 +118,8 @@ def keep(
     """
     import tifffile
 
-    from tmca.data import atomic_path, make_folder, write_json
+    from tmca.data import make_folder, write_json
+    from tmca.data.files import atomic_path
 
     file = make_folder(folder) / f"{frame.name}.tif"
     for left in [one for one in folder.iterdir() if _UNDONE.fullmatch(one.name)]:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tmca.data.placing import drawn_nearness
+from tmca.data.spectral_depth import drawn_nearness
 from tmca.errors import DataError
 from tmca.training.patches import CubeStore, Patch, in_other_light, turned
 

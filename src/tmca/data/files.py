@@ -1,4 +1,4 @@
-"""Writing whole or not at all: to a temporary name in the same folder, then renamed."""
+"""Files of our own: labelled ones read back; written whole or not at all, to a temporary name that is then renamed."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ import secrets
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.errors import OutputError
+from tmca.data.formats.arrays import LABELLED, open_labelled
+from tmca.data.formats.stored import whole_file
+from tmca.data.formats.wavelengths import metres_to_nm
+from tmca.errors import DataError, OutputError, ShapeError
 
 if TYPE_CHECKING:
     import xarray
@@ -267,3 +270,63 @@ def _netcdf_encoding(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
 def _zarr_encoding(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
     cubes = {name: v for name, v in dataset.data_vars.items() if v.ndim >= 3 and v.size}
     return {name: {"chunks": (1, *variable.shape[1:])} for name, variable in cubes.items()}
+
+
+SUFFIXES = (".nc", ".h5", ".zarr", ".nc4", ".hdf5")
+
+
+def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Dataset:
+    """A NetCDF or Zarr file as an ``xarray.Dataset``, loaded whole, the file closed again.
+
+    Args:
+        path: a file from `write_dataset`, or any NetCDF file.
+        required: variables or coordinates that it must hold.
+
+    Raises:
+        DataError: missing, not such a file, cut short, or without a required variable.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise DataError(path, "no such file", "an existing one", "check the path")
+    if path.suffix.lower() not in SUFFIXES:
+        raise DataError(path, f"the suffix {path.suffix!r}", f"a labelled file ({' '.join(SUFFIXES[:3])})")
+    with open_labelled(path) as dataset:
+        missing = [name for name in required if name not in dataset.variables]
+        if missing:
+            there = ", ".join(str(name) for name in dataset.variables) or "none"
+            raise DataError(path, f"no variable {', '.join(missing)}", f"it beside those there ({there})")
+        with whole_file(path, LABELLED, "write it again"):
+            return dataset.load()
+
+
+_LIMIT = 2**32 - 2**20
+"""ImageJ's own TIFF holds one contiguous stack below 4 GiB."""
+
+
+def write_tiff(cube: xarray.DataArray, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a cube as float32 TIFF, one page per band, each labelled with its wavelength ("450 nm").
+
+    Args:
+        cube: dims ``(wavelength, y, x)`` with the coordinate ``wavelength`` in metres.
+        path: ending in ``.tif`` or ``.tiff``.
+        overwrite: replace an existing file.
+
+    Raises:
+        ShapeError: not such a cube.
+        OutputError: a wrong suffix, a cube above 4 GiB, or see `atomic_path`.
+    """
+    import tifffile
+
+    path = Path(path)
+    if path.suffix.lower() not in (".tif", ".tiff"):
+        raise OutputError(path, f"the suffix {path.suffix!r}", ".tif or .tiff", "rename the output")
+    if cube.dims != ("wavelength", "y", "x") or "wavelength" not in cube.coords:
+        raise ShapeError("cube", f"dims {cube.dims}", "(wavelength, y, x) with a wavelength coordinate")
+    if cube.size * 4 > _LIMIT:
+        raise OutputError(path, f"a cube of {cube.size * 4 / 2**30:.1f} GiB", "less than 4 GiB", "write .nc or .zarr")
+    labels = [f"{nm:.10g} nm" for nm in metres_to_nm(cube.coords["wavelength"].values)]
+    about = {"axes": "ZYX", "Labels": labels, "mode": "grayscale", "quantity": str(cube.attrs.get("quantity", ""))}
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        pixels = np.ascontiguousarray(cube.values, dtype=np.float32)
+        tifffile.imwrite(temporary, pixels, imagej=True, photometric="minisblack", metadata=about)
+    return path
