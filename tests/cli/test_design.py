@@ -161,7 +161,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
     ("options", "words"),
     [
         (["--sensor", "none.yaml"], "no such file"),
-        (["--full-well", "-1"], "electrons > 0"),
+        (["--full-well", "-1"], "above 0 electrons"),
         (["--bits", "0"], "1 to 32"),
         (["--exposure", "0.01", "--pattern-rate", "300", "--slots", "8"], "at most 3"),
         (["--pattern-rate", "300"], "exposure"),

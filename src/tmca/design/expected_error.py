@@ -10,6 +10,7 @@ one period is judged with its neighbours around.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any
 
 import torch
@@ -249,6 +250,12 @@ def _even_shifts(model: BlockModel, count: int) -> list[tuple[int, int]]:
 def even_places(model: BlockModel, period: tuple[int, int], count: int) -> list[tuple[int, int]]:
     """Corners of the blocks of all even shifts over one period."""
     return [place for shift in _even_shifts(model, count) for place in phases(model, period, shift)]
+
+
+def count_places(model: BlockModel, period: tuple[int, int], count: int) -> int:
+    """How many corners ``even_places`` gives, without a list of them."""
+    first, last = model.valid
+    return count * ceil(period[0] / model.block[1]) * ceil(period[1] / (last - first))
 
 
 def windows(code: Tensor, block: tuple[int, int, int], places: list[tuple[int, int]]) -> Tensor:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.codes import CodePlane
-from tmca.design.expected_error import BlockMse, Products, TileMse, even_places, windows
+from tmca.design.expected_error import BlockMse, Products, TileMse, count_places, even_places, windows
 from tmca.design.kinds import learnable
 from tmca.errors import SettingError
 from tmca.priors.gaussian import BlockModel
@@ -52,7 +52,7 @@ class Flip(NamedTuple):
 def tile_bytes(model: BlockModel, period: tuple[int, int]) -> int:
     """Memory that flips need for the blocks of one tile, bytes."""
     block = 8 * model.measurements**2 * (2 * len(model.offsets) + 2)
-    return block * len(even_places(model, period, _SHIFTS))
+    return block * count_places(model, period, _SHIFTS)
 
 
 def flip_greedily(
