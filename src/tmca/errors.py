@@ -95,6 +95,7 @@ def check_range(
     below: float | None = None,
     unit: str = "",
     whole: bool = False,
+    remedy: str = "",
 ) -> None:
     """Raise SettingError unless a value is a finite number within bounds.
 
@@ -105,12 +106,13 @@ def check_range(
         above, below: bounds that are not.
         unit: of the value and its bounds.
         whole: whether it has to be a whole number.
+        remedy: what to do about it.
     """
     number = isinstance(value, Real) and not isinstance(value, bool)
     if not (number and _within(float(value), low, high, above, below) and (not whole or value == int(value))):  # type: ignore[arg-type, call-overload]
         text = f"{value:g}" if number else repr(value)
         bounds = _bounds(low, high, above, below, whole)
-        raise SettingError(where, f"{text} {unit}".rstrip(), f"{bounds} {unit}".rstrip())
+        raise SettingError(where, f"{text} {unit}".rstrip(), f"{bounds} {unit}".rstrip(), remedy)
 
 
 def _within(value: float, low: float | None, high: float | None, above: float | None, below: float | None) -> bool:

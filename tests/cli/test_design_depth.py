@@ -75,7 +75,7 @@ def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
     ("options", "words"),
     [
         (["--learn", "none"], "nothing"),
-        (["--learn", "lens"], "some of mask, shutter, filters"),
+        (["--learn", "lens"], "mask, shutter, filters"),
         (["--slots", "0"], "slots: found 0"),
         (["--slots", "two"], "whole numbers"),
         (["--steps", "0"], "steps: found 0"),

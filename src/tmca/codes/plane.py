@@ -100,7 +100,7 @@ class CodePlane(nn.Module):
     ) -> None:
         super().__init__()
         self.name, self.slots, self.size, self.slope, self.relaxed = name, slots, size, float(slope), False
-        self.period = _tile(period, name)
+        self.period = _tile(period)
         self.family = patterns if isinstance(patterns, str) else "own"
         tile = self.period or size
         if isinstance(patterns, str):
@@ -200,11 +200,11 @@ class CodePlane(nn.Module):
         return f"{self.name}: {self.family}, slots={self.slots}, size={self.size}, period={self.period}"
 
 
-def _tile(period: int | tuple[int, int] | None, name: str) -> tuple[int, int] | None:
+def _tile(period: int | tuple[int, int] | None) -> tuple[int, int] | None:
     if period is None:
         return None
     tile = (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
-    check_range(f"{name} period", min(tile), 1, unit="pixels")
+    check_range("period", min(tile), 1, unit="pixels", remedy="leave it out for a full frame")
     return tile
 
 

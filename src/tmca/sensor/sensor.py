@@ -103,7 +103,9 @@ class Sensor(nn.Module):
         check_range("read_noise_electrons", read_noise_electrons, 0)
         check_range("pedestal", pedestal, 0)
         if full_well is not None:
-            check_range("full_well", full_well, above=0, unit="electrons")
+            check_range(
+                "full_well", full_well, above=0, unit="electrons", remedy="leave it out for a sensor without one"
+            )
         elif read_noise_electrons:
             found, expected = str(read_noise_electrons), "a full_well beside it"
             raise SettingError("read_noise_electrons", found, expected, "or use read_noise")
