@@ -15,7 +15,8 @@ VIEWS = {"views": 5, "size": (8, 9)}
 SETTINGS = {
     SpectralCamera: [
         ({"bands": 0}, "bands"), ({"bands": [550.0, 600.0]}, "bands"), ({"size": (0, 4)}, "size"),
-        ({"exposure": "mean"}, "exposure"), ({"disperser": "triple"}, "disperser"), ({"shutter": "oneshot"}, "pattern family"),
+        ({"exposure": "mean"}, "exposure"), ({"disperser": "triple"}, "disperser"),
+        ({"shutter": "oneshot"}, "pattern family"),
         ({"response": [1.0]}, "response"), ({"dispersion": [1.0, 2.0]}, "dispersion"),
         ({"bands": 3, "size": (6, 7), "coloured": torch.ones(4, 6, 7)}, "coloured"),
         *(({"bands": 4, "size": (6, 7), "coloured": torch.ones(4, 6, 7), **more}, "coloured")
