@@ -6,6 +6,7 @@ from scipy.signal import convolve2d
 
 from tmca.errors import ShapeError
 from tmca.operators.spectral_depth import (
+    coded_exposure,
     composited,
     equivalent_psf,
     framed,
@@ -61,6 +62,21 @@ def test_energy_is_kept_away_from_the_rim():
     scene[..., :6] = scene[..., -6:] = 0
     found = layered(scene, weights, transfer_functions(spread, frame), frame)
     torch.testing.assert_close(found.sum((-2, -1)), scene.sum((-2, -1))[:, None].expand(-1, SLOTS, -1))
+
+
+def test_brute_force_with_the_equivalent_psf_is_the_fast_path():
+    """Eq. (34): every point of the scene adds its own spatially variant P̃."""
+    size, psf = (9, 10), (5, 4)
+    spread, scene, weights, frame = parts(size, psf)
+    colour, shutter = torch.rand(CHANNELS, BANDS, *size).double(), (torch.rand(SLOTS, *size) > 0.5).double()
+    fast = coded_exposure(layered(scene, weights, transfer_functions(spread, frame), frame), colour, shutter)
+    slow = torch.zeros(CHANNELS, size[0] + 2 * psf[0], size[1] + 2 * psf[1], dtype=torch.float64)
+    for i in range(size[0]):
+        for j in range(size[1]):
+            own = equivalent_psf(spread, colour, shutter, (i, j), int(weights[0, :, i, j].argmax()))
+            top, left = i - psf[0] // 2 + psf[0], j - psf[1] // 2 + psf[1]
+            slow[:, top : top + psf[0], left : left + psf[1]] += torch.einsum("clhw,l->chw", own, scene[0, :, i, j])
+    torch.testing.assert_close(fast[0], slow[:, psf[0] : -psf[0], psf[1] : -psf[1]], atol=1e-10, rtol=1e-10)
 
 
 def test_a_scene_may_change_from_slot_to_slot():
