@@ -2,7 +2,7 @@
 PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test lint benchmarks clean
+.PHONY: demo test test-all lint benchmarks clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -13,6 +13,9 @@ demo: .venv/installed
 	.venv/bin/tmca demo --overwrite
 
 test: .venv/installed
+	.venv/bin/pytest -n 2 -m "not slow" --durations=20
+
+test-all: .venv/installed
 	.venv/bin/pytest -n 2 --durations=20
 
 lint: .venv/installed

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from tmca.cli import main
+
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text()
 BASH = [line.strip() for block in re.findall(r"```bash\n(.*?)```", TEXT, re.S) for line in block.splitlines() if line]
+SMALL = {"spectral": "24x32", "light-field": "20x24", "spectral-depth": "48x64"}
 PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.S)
 
 
@@ -28,6 +31,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("tour")
 
 
+@pytest.mark.slow
 def test_the_tour_runs_in_its_order(folder):
     for line in BASH:
         words = shlex.split(line)
@@ -36,6 +40,24 @@ def test_the_tour_runs_in_its_order(folder):
         assert done.returncode == 0, f"{line}\n{done.stderr}"
 
 
+def first_of(camera):
+    """The tour's first snapshot of a camera, small, and what reconstructs it without a comparison."""
+    taken = next(line for line in BASH if line.startswith(f"tmca simulate {camera} ") and "--weights" not in line)
+    file = re.search(r"--out (\S+)", taken)[1]
+    taken = re.sub(r"--crop \S+", f"--crop {SMALL[camera]}", taken)
+    decoded = next(line for line in BASH if line.startswith(f"tmca reconstruct {file}"))
+    return taken, decoded
+
+
+@pytest.mark.parametrize("camera", SMALL)
+def test_the_first_snapshot_of_every_camera_is_taken_and_reconstructed(camera, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for line in first_of(camera):
+        main(shlex.split(line)[1:])
+    assert len(list(tmp_path.glob("*.nc"))) == 2
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("code", PYTHON)
 def test_the_python_of_the_tour_runs(code, tmp_path):
     done = run([sys.executable, "-c", code], tmp_path)
@@ -47,17 +69,21 @@ def test_the_two_commands_are_what_the_makefile_and_ci_call():
     assert "make demo" in TEXT
     assert "tmca demo" in makefile
     assert "make test" in TEXT
-    assert "make test" in ci
+    assert "make test-all" in ci
+    assert "make lint" in ci
+    assert '-m "not slow"' in makefile
     assert 'install -c constraints.txt -e ".[dev]"' in TEXT
     assert '-c constraints.txt -e ".[dev]"' in makefile
 
 
+@pytest.mark.slow
 def test_the_demo_command_runs(tmp_path):
     done = run([sys.executable, "-m", "tmca", "demo", "--size", "40x48", "--json"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "tmca-demo" / "report.html").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", ["spectral", "light_field"])
 def test_the_benchmarks_run(camera, tmp_path):
     done = run([sys.executable, str(ROOT / "benchmarks" / f"{camera}.py"), "--repeats", "1", "--json"], tmp_path)

@@ -4,7 +4,6 @@ import pytest
 import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.errors import SettingError, ShapeError
 
 
 def coloured_camera(**changes):
@@ -33,11 +32,3 @@ def test_a_snapshot_file_keeps_the_coloured_aperture(tmp_path):
     camera, code = coloured_camera()
     Snapshot(camera(torch.rand(1, 4, 6, 7)), camera).save(tmp_path / "s.nc")
     assert torch.equal(Snapshot.load(tmp_path / "s.nc").camera.code_cube(), code)
-
-
-@pytest.mark.parametrize("changes", [{"disperser": "dual"}, {"relay_blur": 1.0}])
-def test_a_coloured_aperture_refuses_what_it_cannot_have(changes):
-    with pytest.raises(SettingError, match="coloured"):
-        coloured_camera(**changes)
-    with pytest.raises(ShapeError, match="coloured"):
-        SpectralCamera(bands=3, size=(6, 7), coloured=torch.ones(4, 6, 7))

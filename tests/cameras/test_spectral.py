@@ -4,9 +4,7 @@ import pytest
 import torch
 
 from tmca.cameras import SpectralCamera
-from tmca.errors import SettingError, ShapeError
 from tmca.optics import Dispersion
-from tmca.sensor import Sensor
 
 
 def test_thesis_preset():
@@ -53,21 +51,6 @@ def test_codes_code_cube_and_operator_agree(disperser, dispersion):
     assert torch.allclose(light, camera.code_cube() * camera.response[:, None, None])
 
 
-def test_noise_comes_after_the_optics_and_is_seeded():
-    camera = SpectralCamera(bands=4, size=(5, 8), sensor=Sensor(read_noise=0.1))
-    scene = torch.rand(2, 4, 5, 8)
-    assert torch.equal(camera(scene, generator=7), camera(scene, generator=7))
-    assert not torch.equal(camera(scene, generator=7), camera.A(scene))
-
-
-def test_a_moving_scene_is_accepted():
-    camera = SpectralCamera(bands=4, size=(5, 8), slots=3)
-    still = torch.rand(2, 1, 4, 5, 8)
-    assert torch.allclose(camera(still.expand(-1, 3, -1, -1, -1)), camera(still[:, 0]))
-    with pytest.raises(ShapeError, match="2, 2, 4"):
-        camera(still.expand(-1, 2, -1, -1, -1))
-
-
 def test_relay_blur_spreads_light_without_making_any():
     sharp, soft = (
         SpectralCamera(bands=3, size=(30, 31), slots=2, relay_blur=b, aperture="open", shutter="open") for b in (0, 1)
@@ -93,37 +76,6 @@ def test_loading_other_codes_changes_the_operator():
     assert not torch.equal(a.A(scene), b.A(scene))
     a.load_state_dict(b.state_dict())
     assert torch.equal(a.A(scene), b.A(scene))
-
-
-def test_changing_precision_changes_the_operator():
-    camera = SpectralCamera(bands=3, size=(6, 7))
-    camera.A(torch.rand(1, 3, 6, 7))
-    assert camera.double().A(torch.rand(1, 3, 6, 7).double()).dtype == torch.float64
-
-
-@pytest.mark.parametrize(
-    ("settings", "word"),
-    [
-        ({"bands": 0}, "bands"),
-        ({"bands": [550.0, 600.0]}, "metres"),
-        ({"size": (0, 4)}, "size"),
-        ({"exposure": "mean"}, "equal"),
-        ({"disperser": "triple"}, "dual"),
-        ({"shutter": "oneshot"}, "one-hot"),
-        ({"response": [1.0]}, "response"),
-        ({"dispersion": [1.0, 2.0]}, "12 bands"),
-    ],
-)
-def test_impossible_cameras_are_refused_in_one_line(settings, word):
-    with pytest.raises((SettingError, ShapeError), match=word):
-        SpectralCamera(**settings)
-    with pytest.raises(SettingError, match="thesis"):
-        SpectralCamera.from_preset("tehsis")
-
-
-def test_wrong_scene_names_both_shapes():
-    with pytest.raises(ShapeError, match=r"31, 6, 7.*12, 6, 7"):
-        SpectralCamera(size=(6, 7))(torch.rand(1, 31, 6, 7))
 
 
 def test_non_monotone_bands_keep_their_order():

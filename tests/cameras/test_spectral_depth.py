@@ -61,18 +61,6 @@ def test_the_snapshot_is_the_sum_of_equivalent_psfs():
     torch.testing.assert_close(made(cube, depth)[0], frame[:, 4:-4, 5:-5], atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("size", [(13, 16), (12, 15)])
-def test_the_adjoint_is_the_transpose_and_the_inverse_explains_the_snapshot(size):
-    made = camera(size).double()
-    cube, depth = (part.double() for part in scene_of(made))
-    snapshot = torch.rand(2, *made.snapshot_shape, dtype=torch.float64)
-    there = (made.A(cube, depth) * snapshot).sum()
-    torch.testing.assert_close(there, (cube * made.A_adjoint(snapshot, depth)).sum(), rtol=1e-6, atol=0)
-    exact = made.A(cube, depth)
-    missed = made.A(made.A_dagger(exact, depth), depth) - exact
-    assert float(missed.norm() / exact.norm()) < 1e-3  # blur leaves singular values near zero
-
-
 def test_equal_masks_behind_an_open_shutter_are_a_static_camera():
     still = camera(slots=1, shutter="open")
     maps = still.codes()[0].expand(3, -1, -1)
@@ -192,62 +180,12 @@ def test_what_is_learned_gets_gradients_and_stays_feasible():
     assert not camera(learnable="mask").shutter.learnable
 
 
-def test_the_transfer_functions_are_kept_until_the_mask_changes():
-    made = camera()
-    first = made.transfer()
-    assert made.transfer() is first
-    made.point_spread.heights.coefficients.mul_(2)
-    assert not torch.equal(made.transfer(), first)
-
-
-def test_noise_is_that_of_the_sensor_and_repeats_by_seed():
-    made = camera(sensor=Sensor(read_noise=0.01), size=(40, 44))
-    cube, depth = scene_of(made)
-    noise = made(cube, depth, generator=1) - made.exact(cube, depth)
-    assert float(noise.std()) == pytest.approx(0.01, rel=0.05)
-    torch.testing.assert_close(made(cube, depth, generator=1), made(cube, depth, generator=1))
-    assert made.full_scale == pytest.approx(float(made.response.sum(1).max()))
-
-
 @pytest.mark.parametrize("name", SpectralDepthCamera.presets)
 def test_presets_are_cameras_without_a_warning(name, recwarn):
     made = SpectralDepthCamera.from_preset(name, size=(64, 64))
     assert not [w for w in recwarn if issubclass(w.category, Undersampled)]
     snapshot = made(torch.rand(1, *made.scene_shape), torch.ones(1, 1, 64, 64))
     assert tuple(snapshot.shape[1:]) == made.snapshot_shape
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"mask": "wavy"}, "free-form"),
-        ({"mask": torch.zeros(2, 24, 24)}, "mask"),
-        ({"shutter": torch.ones(2, 4, 4)}, "slots"),
-        ({"filters": torch.ones(4, 2)}, "bands"),
-        ({"filters": 2 * torch.ones(4, 3)}, "transmittance"),
-        ({"cells": torch.tensor([[0, 7], [1, 2]])}, "cells"),
-        ({"channels": torch.ones(2, 5)}, "channels"),
-        ({"channels": "cmyk"}, "rgb"),
-        ({"depth": (2.0, 0.4)}, "near < far"),
-        ({"learnable": "lens"}, "mask, shutter, filters"),
-        ({"image_formation": "ray"}, "occlusion"),
-        ({"bands": (250e-9, 550e-9), "bench": PhaseMaskBench(material="PMMA")}, "nm"),
-    ],
-)
-def test_impossible_settings_are_refused(changes, message):
-    with pytest.raises((SettingError, ShapeError), match=message):
-        camera(**changes)
-
-
-def test_scenes_that_do_not_fit_are_refused():
-    made = camera()
-    cube, depth = scene_of(made)
-    for wrong, at in ((cube[:, :2], depth), (cube[..., :-1], depth), (cube[:, None], depth)):
-        with pytest.raises(ShapeError, match="scene"):
-            made(wrong, at)
-    for at in (depth[:, 0], depth[..., 1:], depth[:, None].expand(-1, 3, -1, -1, -1)):
-        with pytest.raises(ShapeError, match="depth"):
-            made(cube, at)
 
 
 @pytest.mark.parametrize("shutter", ["one-hot", "whole"])

@@ -82,6 +82,7 @@ def test_what_cannot_be_trained_is_one_line(tmp_path, capsys, more, words):
     assert not (tmp_path / "run" / "weights.safetensors").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_stopped_says_where(tmp_path, number):
     (tmp_path / "run.yaml").write_text(TINY + "checkpoint_every: 2\n")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from tmca.data import describe, read, read_array, read_split, select_bands
+from tmca.data import describe, read, read_array, read_split
 from tmca.errors import DataError
 
 CUBES = {
@@ -98,31 +98,8 @@ def test_two_files_of_one_scene_agree_in_geometry(real_data):
     assert np.corrcoef(halved[..., ::-1].ravel(), coarse.ravel())[0, 1] < 0.9
 
 
-def test_the_usual_twelve_bands_of_cave(real_data):
-    cube = read(real_data / "hsi/cave_crops/balloons_101_101_31.mat")
-    index = np.linspace(0, 30, 12).round().astype(int)
-    np.testing.assert_array_equal(select_bands(cube, 12).wavelength, cube.wavelength[index])
-
-
-@pytest.mark.parametrize("split", ["spectral_train", "spectral_val", "spectral_test"])
-def test_spectral_splits_hold(real_data, split):
-    scenes = read_split(real_data / "splits" / f"{split}.txt")
+@pytest.mark.parametrize("kind", ["spectral_train", "spectral_val", "spectral_test", "spectral_depth_train"])
+def test_splits_hold(real_data, kind):
+    scenes = read_split(real_data / "splits" / f"{kind}.txt")
     assert scenes
-    assert all(scene.is_file() and scene.is_relative_to(real_data.resolve()) for scene in scenes)
-
-
-@pytest.mark.parametrize("split", ["light_field_test", "light_field_train", "spectral_depth_train"])
-def test_splits_of_folders_and_name_beginnings_hold(real_data, split):
-    assert read_split(real_data / "splits" / f"{split}.txt")
-
-
-def test_describe_of_a_real_cube(real_data):
-    about = describe(real_data / "hsi/cave_uint8_512/sushi.mat")
-    assert (about["kind"], about["shape"], about["dims"]) == ("cube", [512, 512, 31], ["y", "x", "wavelength"])
-    waves = about["wavelengths"]
-    assert (waves["count"], waves["first_nm"], waves["last_nm"], waves["spacing_nm"]) == (31, 400, 700, [10, 10])
-    stored = scipy.io.loadmat(real_data / "hsi/cave_uint8_512/sushi.mat")["orig"]
-    assert about["mean"] == pytest.approx(stored.mean())
-    assert about["zero_share"] == pytest.approx((stored == 0).mean())
-    assert (about["max"], about["saturated_share"], about["scale"]) == (244, 0, 255)
-    json.dumps(about, allow_nan=False)
+    assert all(scene.is_relative_to(real_data.resolve()) for scene in scenes)

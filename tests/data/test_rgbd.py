@@ -159,109 +159,6 @@ def test_the_curve_of_srgb_goes_both_ways():
     assert decoded(np.float32([0, 1])).tolist() == [0, 1]
 
 
-# Bad input
-
-
-def test_a_missing_partner_is_named(tmp_path):
-    stem = scenes.nyuv2(tmp_path)
-    (tmp_path / "sync_depth_00007.png").unlink()
-    for path in (stem, tmp_path / "rgb_00007.png"):
-        with pytest.raises(DataError, match=r"rgb_00007.png: found no depth map beside it, .* sync_depth_00007.png"):
-            read_rgbd(path)
-    bike = scenes.middlebury_2014(tmp_path / "bike")
-    (bike / "im0.png").unlink()
-    with pytest.raises(DataError, match=r"disp0.pfm: found no picture beside it, expected im0.png"):
-        read_rgbd(bike)
-
-
-def test_sizes_that_differ_are_both_told(tmp_path):
-    stem = scenes.open3d(tmp_path)
-    scenes.write_picture(tmp_path / "room_depth_3.png", scenes.millimetres((40, 59)))
-    with pytest.raises(DataError, match=r"depth map of 40×59 pixels, expected 40×60"):
-        read_rgbd(stem)
-    art, disparity = scenes.hole_filled(tmp_path / "art")
-    scenes.write_picture(tmp_path / "art" / "art_disp.png", disparity[:-1])
-    with pytest.raises(DataError, match=r"95×128 pixels, expected 110×128"):
-        read_rgbd(art)
-
-
-@pytest.mark.parametrize("key", ["cam0", "baseline", "doffs"])
-def test_a_calibration_without_a_key_names_it(tmp_path, key):
-    folder = scenes.middlebury_2014(tmp_path, without=(key,))
-    with pytest.raises(DataError, match=rf"calib.txt: found no number for {key}, expected cam0"):
-        read_rgbd(folder)
-    (folder / "calib.txt").unlink()
-    with pytest.raises(DataError, match=r"calib.txt: found no such file"):
-        read_rgbd(folder)
-
-
-def test_broken_camera_files_are_named(tmp_path):
-    stem = scenes.open3d(tmp_path)
-    for text in ("{", "[]", '{"intrinsic_matrix": [0]}'):
-        (tmp_path / "camera_primesense.json").write_text(text)
-        with pytest.raises(DataError, match=r"camera_primesense\.json"):
-            read_rgbd(stem)
-
-
-def test_what_names_no_scene_or_several_is_refused(tmp_path):
-    scenes.nyuv2(tmp_path, "00007")
-    scenes.nyuv2(tmp_path, "00008")
-    with pytest.raises(DataError, match=r"found 2 RGB-D scenes, expected one; name one of .*00007, .*00008"):
-        read_rgbd(tmp_path)
-    with pytest.raises(DataError, match=r"00009: found no files of this name .*rgb_00007.png"):
-        read_rgbd(tmp_path / "00009")
-    with pytest.raises(DataError, match=r"no such folder"):
-        read_rgbd(tmp_path / "no" / "00009")
-    (tmp_path / "notes.txt").write_text("hello")
-    with pytest.raises(DataError, match=r"notes.txt: found a file of no known RGB-D scene"):
-        read_rgbd(tmp_path / "notes.txt")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(DataError, match=r"empty: found no picture with depth in it"):
-        read_rgbd(tmp_path / "empty")
-    scenes.open3d(tmp_path / "two")
-    for kind in ("color", "depth"):
-        old = tmp_path / "two" / f"room_{kind}_3.png"
-        old.with_name(f"hall_{kind}_3.png").write_bytes(old.read_bytes())
-    with pytest.raises(DataError, match=r"2 RGB-D scenes.*hall_3, .*room_3"):
-        read_rgbd(tmp_path / "two" / "3")
-    assert read_rgbd(tmp_path / "two" / "hall_3")
-
-
-@pytest.mark.parametrize("name", ["room_color_3.png", "room_depth_3.png"])
-def test_a_truncated_picture_is_named(tmp_path, name):
-    stem = scenes.open3d(tmp_path)
-    whole = (tmp_path / name).read_bytes()
-    (tmp_path / name).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(DataError, match=rf"{name}: found an unreadable or truncated PNG"):
-        read_rgbd(stem)
-
-
-def test_pictures_of_the_wrong_kind_are_refused(tmp_path):
-    stem = scenes.open3d(tmp_path)
-    scenes.write_picture(tmp_path / "room_depth_3.png", np.full((40, 60), 9, np.uint8))
-    with pytest.raises(DataError, match=r"room_depth_3.png: .*expected one channel of 16 bits in millimetres"):
-        read_rgbd(stem)
-    scenes.open3d(tmp_path)
-    scenes.write_picture(tmp_path / "room_color_3.png", np.full((40, 60), 9, np.uint8))
-    with pytest.raises(DataError, match=r"room_color_3.png: .*expected red, green and blue"):
-        read_rgbd(stem)
-    scenes.open3d(tmp_path)
-    scenes.write_picture(tmp_path / "room_depth_3.png", np.zeros((40, 60), np.uint16))
-    with pytest.raises(DataError, match=r"no known depth in 2400 pixels"):
-        read_rgbd(stem)
-
-
-def test_rgb_is_never_taken_for_a_spectrum(tmp_path):
-    stem = scenes.open3d(tmp_path)
-    for path in (stem, tmp_path, tmp_path / "room_color_3.png"):
-        with pytest.raises(DataError, match=r"an RGB picture with depth, expected a spectral scene; .*from_rgb=True"):
-            read(path)
-    Image.fromarray(scenes.picture()).save(tmp_path / "alone.png")
-    with pytest.raises(DataError, match=r"3 colour channels, expected a spectral cube; .*spectral_from_rgb"):
-        read(tmp_path / "alone.png")
-    assert read(tmp_path / "alone.png", wavelengths=[4e-7, 5e-7, 6e-7]).shape == (3, 37, 52)
-
-
 def test_describe_tells_depth_and_what_is_unknown(tmp_path):
     about = describe(scenes.open3d(tmp_path))
     assert (about["kind"], about["format"]) == ("RGB-D scene", "Open3D")
@@ -272,3 +169,103 @@ def test_describe_tells_depth_and_what_is_unknown(tmp_path):
     assert facts["near"] == pytest.approx(known.min() / 1000)
     assert facts["far"] == pytest.approx(known.max() / 1000)
     json.dumps(about, allow_nan=False)
+
+
+# Bad input
+
+
+def two_frames(folder):
+    scenes.nyuv2(folder, "00007")
+    scenes.nyuv2(folder, "00008")
+
+
+def two_rooms(folder):
+    scenes.open3d(folder)
+    for kind in ("color", "depth"):
+        (folder / f"hall_{kind}_3.png").write_bytes((folder / f"room_{kind}_3.png").read_bytes())
+
+
+def nyu_without_depth(folder):
+    scenes.nyuv2(folder)
+    (folder / "sync_depth_00007.png").unlink()
+
+
+def bike_without(name, *keys):
+    def write(folder):
+        scenes.middlebury_2014(folder, without=keys)
+        (folder / name).unlink() if name else None
+
+    return write
+
+
+def room_with(name, pixels):
+    def write(folder):
+        scenes.open3d(folder)
+        scenes.write_picture(folder / name, pixels)
+
+    return write
+
+
+def room_cut(name):
+    def write(folder):
+        scenes.open3d(folder)
+        (folder / name).write_bytes((folder / name).read_bytes()[:900])
+
+    return write
+
+
+def room_camera(text):
+    def write(folder):
+        scenes.open3d(folder)
+        (folder / "camera_primesense.json").write_text(text)
+
+    return write
+
+
+def art_cut(folder):
+    _, disparity = scenes.hole_filled(folder)
+    scenes.write_picture(folder / "art_disp.png", disparity[:-1])
+
+
+COLOUR, DEPTH = "room_color_3.png", "room_depth_3.png"
+FLAT = np.full((40, 60), 9, np.uint8)
+UNUSABLE = {
+    "no depth map": (nyu_without_depth, "00007", "rgb_00007.png", "sync_depth_00007.png"),
+    "no depth map beside the picture": (nyu_without_depth, "rgb_00007.png", "rgb_00007.png", "sync_depth_00007.png"),
+    "no picture": (bike_without("im0.png"), "", "disp0.pfm", "im0.png"),
+    "no calibration": (bike_without("calib.txt"), "", "calib.txt", "no such file"),
+    **{f"no {key}": (bike_without("", key), "", "calib.txt", key) for key in ("cam0", "baseline", "doffs")},
+    "another size": (room_with(DEPTH, scenes.millimetres((40, 59))), "3", "3", "40×59"),
+    "another size in the middle": (art_cut, "art", "art", "95×128"),
+    **{f"camera {text}": (room_camera(text), "3", "camera_primesense.json", "")
+       for text in ("{", "[]", '{"intrinsic_matrix": [0]}')},
+    "two frames": (two_frames, "", "", "00008"),
+    "two rooms": (two_rooms, "3", "3", "hall_3"),
+    "another frame": (two_frames, "00009", "00009", "rgb_00007.png"),
+    "no folder": (two_frames, "no/00009", "no/00009", "no such folder"),
+    "a text": (lambda folder: (folder / "notes.txt").write_text("hello"), "notes.txt", "notes.txt", "no known RGB-D"),
+    "an empty folder": (lambda folder: None, "", "", "no picture with depth"),
+    **{f"{name} cut short": (room_cut(name), "3", name, "truncated PNG") for name in (COLOUR, DEPTH)},
+    "depth of 8 bits": (room_with(DEPTH, FLAT), "3", DEPTH, "16 bits in millimetres"),
+    "grey for colours": (room_with(COLOUR, FLAT), "3", COLOUR, "red, green and blue"),
+    "no known depth": (room_with(DEPTH, FLAT.astype(np.uint16) * 0), "3", "3", "2400 pixels"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNUSABLE)
+def test_what_is_no_scene_with_depth_is_named(tmp_path, name):
+    write, path, where, said = UNUSABLE[name]
+    write(tmp_path)
+    with pytest.raises(DataError) as caught:
+        read_rgbd(tmp_path / path)
+    assert caught.value.where == str(tmp_path / where)
+    assert said in str(caught.value)
+
+
+def test_rgb_is_never_taken_for_a_spectrum(tmp_path):
+    stem = scenes.open3d(tmp_path)
+    Image.fromarray(scenes.picture()).save(tmp_path / "alone.png")
+    for path in (stem, tmp_path, tmp_path / COLOUR, tmp_path / "alone.png"):
+        with pytest.raises(DataError, match="from_rgb"):
+            read(path)
+    assert read(tmp_path / "alone.png", wavelengths=[4e-7, 5e-7, 6e-7]).shape == (3, 37, 52)

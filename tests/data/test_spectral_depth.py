@@ -284,15 +284,6 @@ def test_staged_depth_follows_the_cubes_own_edges(textured):
     assert edge[step].mean() > 1.5 * edge[~step].mean()
 
 
-def test_a_real_cube_is_placed(real_data):
-    from tmca.data import read
-
-    cube = read(real_data / "hsi/cave_crops/balloons_101_101_31.mat")
-    for kind in ("staged", "random"):
-        scene = place_cube(cube, 0.4, 2.0, 0, kind)
-        assert scene["radiance"].shape == (31, *scene["depth"].shape)
-
-
 @pytest.mark.parametrize(
     ("settings", "named"),
     [

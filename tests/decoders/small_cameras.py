@@ -82,11 +82,6 @@ def coded_camera(shape: tuple[int, int, int] = (3, 6, 7), dtype: torch.dtype = t
     return TapCamera(Taps(code, tuple(range(bands)), tuple(range(bands)), bands, width + bands - 1))
 
 
-def plain_camera(shape: tuple[int, int, int], dtype: torch.dtype = torch.float64) -> TapCamera:
-    """The identity for one band."""
-    return TapCamera(Taps(torch.ones(shape, dtype=dtype), (0,), (0,), 1, shape[2]))
-
-
 def blocky_scene(shape: tuple[int, ...], dtype: torch.dtype = torch.float64, seed: int = 0) -> Tensor:
     """(B, L, H, W) in [0, 1]: a bright rectangle on a darker textured ground."""
     scene = 0.2 + 0.1 * torch.rand(shape, generator=torch.Generator().manual_seed(seed), dtype=dtype)

@@ -1,7 +1,5 @@
 """Patch likelihood: against scipy's Gaussian and the explicit LMMSE, and on scenes of known depth."""
 
-from dataclasses import replace
-
 import pytest
 import torch
 from scipy.stats import multivariate_normal
@@ -9,7 +7,6 @@ from scipy.stats import multivariate_normal
 from tests.priors.test_spectral_depth import BENCH, camera, matrix, parts, prior_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders import PatchLikelihood
-from tmca.errors import SettingError, ShapeError
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
@@ -78,21 +75,6 @@ def test_a_textured_wall_is_found_at_its_depth_brighter_or_darker(size):
         assert float((1 / found.depth[inside] - 1 / depth[inside]).abs().mean()) < made.planes.step / 2
         assert float(found.confidence.min()) >= 0
         assert float((found.values - scene)[inside].square().mean()) < float(scene[inside].var())
-
-
-def test_what_does_not_fit_is_refused():
-    made, prior, _ = one_window()
-    with pytest.raises(SettingError, match="window"):
-        PatchLikelihood(prior, made, 5)
-    for odd in ({"temperature": 0.0}, {"reach": -1}, {"contamination": 1.5}, {"contamination": float("nan")}):
-        with pytest.raises(SettingError, match=next(iter(odd))):
-            PatchLikelihood(prior, made, 4, **odd)
-    with pytest.raises(SettingError, match="480 nm"):
-        PatchLikelihood(replace(prior, wavelengths=(480e-9, 600e-9)), made, 4)
-    with pytest.raises(ShapeError, match="snapshot"):
-        PatchLikelihood(prior, made, 4)(torch.zeros(1, 1, 4, 4))
-    with pytest.raises(ShapeError, match="larger blocks"):
-        PatchLikelihood(prior_of((6, 6)), made, 4)(torch.zeros(1, *made.snapshot_shape))
 
 
 def textured(size, sensor, dtype=torch.float32, reach=4):
@@ -168,11 +150,3 @@ def test_how_much_is_worked_on_together_changes_nothing(sensor, monkeypatch):
     for other in found[1:]:
         for name in ("values", "depth", "confidence", "planes"):
             torch.testing.assert_close(getattr(other, name), getattr(found[0], name), atol=1e-5, rtol=1e-5)
-
-
-def test_progress_grows_to_the_end():
-    decoder, taken = textured((26, 31), Sensor())
-    told = []
-    decoder(taken, told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1

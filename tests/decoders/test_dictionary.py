@@ -6,7 +6,6 @@ import torch
 
 from tmca.decoders import DictionaryEstimator
 from tmca.decoders.dictionary import MergedPatches, merged
-from tmca.errors import SettingError, ShapeError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockGrid, BlockModel, PatchDictionary
 from tmca.sensor import Noise
@@ -144,22 +143,3 @@ def test_one_wild_patch_moves_the_mean_but_not_the_median():
     covers = torch.tensor([[0.5], [0.5], [0.5], [9.0], [torch.inf]])
     assert merged(covers, "median").item() == 0.5
     assert merged(covers, "mean").item() == 2.625
-
-
-def test_what_cannot_be_decoded_is_refused():
-    dictionary, taps, y = random_dictionary(), light_field_taps(9, 9), torch.ones(1, 1, 9, 9, dtype=torch.float64)
-    dispersed = Taps(taps.code, tuple(range(9)), (0,) * 8 + (1,), 9, 10)
-    for error, where, values, one, noise, how in (
-        (ShapeError, "snapshot", y[..., 1:], taps, 0.0, {}),
-        (SettingError, "noise", y, taps, -0.1, {}),
-        (ShapeError, "block", y, Taps(taps.code[:4], (0, 1, 2, 3), (0,) * 4, 4, 9), 0.0, {}),
-        (SettingError, "camera", torch.ones(1, 1, 9, 10, dtype=torch.float64), dispersed, 0.0, {}),
-        (SettingError, "method", y, taps, 0.0, {"method": "ksvd"}),
-        (SettingError, "merge", y, taps, 0.0, {"merge": "mode"}),
-        (SettingError, "stride", y, taps, 0.0, {"stride": (0, 1)}),
-        (SettingError, "sparsity", y, taps, 0.0, {"sparsity": -1}),
-        (SettingError, "slack", y, taps, 0.0, {"slack": -1.0}),
-    ):
-        with pytest.raises(error) as refusal:
-            sparse(dictionary, **how)(values, one, noise)
-        assert refusal.value.where in (where, "prior"), where

@@ -6,7 +6,6 @@ import torch
 from scipy.spatial.distance import cdist
 
 from tmca.decoders.kriging import Covariance, Samples, fitted_covariance, krige
-from tmca.errors import SettingError
 
 SCENE = Covariance(length=2.5, lifetime=7.0, changing=0.4, noise=0.02)
 
@@ -126,17 +125,3 @@ def test_the_covariance_that_is_found_foretells_as_well_as_the_true_one():
     assert error["found"] < 1.05 * error["true"]
     fixed = fitted_covariance(samples, 16, shown=30, changing=1.0, lifetime=2.0)
     assert (fixed.changing, fixed.lifetime) == (1.0, 2.0)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("length", 0.0), ("lifetime", -1.0), ("noise", float("nan")), ("changing", 1.5)]
-)
-def test_impossible_covariances_are_refused(name, value):
-    numbers = {"length": 1.0, "lifetime": 1.0, "changing": 0.5, "noise": 0.1} | {name: value}
-    with pytest.raises(SettingError, match=name):
-        Covariance(**numbers)
-
-
-def test_too_few_samples_are_refused():
-    with pytest.raises(SettingError, match="three or more"):
-        Samples(torch.zeros(2, 3), torch.zeros(2))

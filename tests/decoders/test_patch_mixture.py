@@ -5,8 +5,6 @@ import pytest
 import torch
 
 from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, snapshot
-from tmca.errors import ShapeError
-from tmca.operators.taps import Taps
 from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import NOISE_FLOOR
 from tmca.sensor import Noise
@@ -76,20 +74,3 @@ def test_on_scenes_of_the_mixture_it_beats_the_best_linear_estimate_and_knows_it
     assert (mixed.estimate - scenes).square().mean() < 0.97 * (linear - scenes).square().mean()
     z = (mixed.estimate - scenes) / mixed.deviation
     assert float(z.square().mean()) == pytest.approx(1, abs=0.1)
-
-
-@pytest.mark.parametrize("size", [(7, 23), (2, 3)])
-def test_tiled_codes_any_size_and_batches(prior, size):
-    taps = camera("two taps per band", *size, period=(2, 2), dtype=torch.float32)
-    scenes = torch.stack([smooth_scene(*size, seed=s).float() for s in (5, 6)])
-    y = noisy(snapshot(taps, scenes), 0.01, 0.0)
-    both = patches(prior)(y, taps, 0.01, uncertainty=True)
-    alone = patches(prior)(y[:1], taps, 0.01)
-    assert both.deviation.shape == scenes.shape
-    assert alone.deviation is None
-    torch.testing.assert_close(both.estimate[:1], alone.estimate, atol=2e-3, rtol=0)
-
-
-def test_a_prior_of_other_bands_is_refused(prior):
-    with pytest.raises(ShapeError, match="3 channels"):
-        patches(prior)(torch.zeros(1, 1, 2, 9), Taps(torch.ones(4, 2, 9), (0, 1, 2, 3), (0, 0, 0, 0), 4, 9))

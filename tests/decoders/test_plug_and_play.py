@@ -15,7 +15,6 @@ from tmca.decoders import (
     tv_denoiser,
 )
 from tmca.decoders.pnp import sigma_schedule
-from tmca.errors import SettingError, ShapeError
 
 SHAPE = (3, 6, 7)
 SIZE = 3 * 6 * 7
@@ -107,42 +106,3 @@ def test_a_module_is_told_sigma_as_it_wishes() -> None:
     nn.init.constant_(twice_the_map.weight[:, 3], 2.0)
     assert torch.allclose(module_denoiser(twice_the_map, "map")(cube, 0.1), torch.full_like(cube, 0.2))
     assert torch.equal(module_denoiser(nn.Identity(), "none")(cube, 0.1), cube)
-
-
-def test_a_denoiser_plugged_in_improves_on_the_pseudo_inverse() -> None:
-    camera = coded_camera((4, 24, 25), torch.float32)
-    scene = blocky_scene((1, 4, 24, 25), torch.float32)
-    snapshot, seen = noisy(camera.A(scene), 0.01), []
-    result = pnp_admm(
-        camera, snapshot, chambolle_denoiser(), max_iterations=30, tolerance=0.0,
-        progress=lambda *state: seen.append(state),
-    )  # fmt: skip
-    error = (result.estimate - scene).square().mean()
-    assert error < 0.3 * (camera.A_dagger(snapshot) - scene).square().mean()
-    assert [state[0] for state in seen] == list(result.checked) == list(range(1, 31))
-
-
-@pytest.mark.parametrize(
-    ("settings", "named"),
-    [
-        ({"noise_sigma": 0.0}, "noise_sigma: found 0"),
-        ({"sigma": -1.0}, "sigma: found -1.0"),
-        ({"sigma": (0.1, 0.2)}, "sigma: found"),
-        ({"max_iterations": 0}, "max_iterations: found 0"),
-        ({"tolerance": float("nan")}, "tolerance: found nan"),
-    ],
-)
-def test_impossible_settings_are_named(settings: dict[str, object], named: str) -> None:
-    camera = coded_camera(SHAPE)
-    with pytest.raises(SettingError, match=named):
-        pnp_admm(camera, torch.zeros(1, *camera.snapshot_shape), tv_denoiser(), **settings)
-
-
-def test_impossible_denoisers_are_named() -> None:
-    camera = coded_camera(SHAPE)
-    with pytest.raises(ShapeError, match="denoise: found shape"):
-        pnp_admm(camera, torch.zeros(1, *camera.snapshot_shape), lambda cube, sigma: cube[..., 1:])
-    with pytest.raises(SettingError, match="strength: found 0"):
-        chambolle_denoiser(0)
-    with pytest.raises(SettingError, match="sigma_as: found 'label'"):
-        module_denoiser(nn.Identity(), "label")

@@ -8,7 +8,6 @@ from scipy.ndimage import gaussian_filter
 
 from tmca.cameras import SpectralCamera
 from tmca.decoders.space_time import BlockThreshold, local_means, space_time_dct
-from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators import SlotwiseDisperser
 
 
@@ -101,28 +100,3 @@ def test_an_edge_that_falls_is_followed_better_than_by_local_means():
     assert float(error) < 0.15 * float(still)
     assert shares[-1] == 1
     assert len(shares) == 40
-
-
-def test_snapshots_of_a_batch_do_not_see_each_other():
-    own = operator(4, (17, 30))
-    own.shutter[:, :, 14:] = 0
-    snapshots = own.A(torch.cat([falling_edge(4, (17, 30)), 0.7 * falling_edge(4, (17, 30)).flip(1)]))
-    together = space_time_dct(own, snapshots, last=0.01, first=0.4, iterations=5)
-    alone = torch.cat([space_time_dct(own, one[None], last=0.01, first=0.4, iterations=5) for one in snapshots])
-    torch.testing.assert_close(together, alone)
-
-
-def test_what_it_refuses():
-    own = operator(2, (3, 3))
-    snapshot = torch.ones(1, 1, 3, 3, dtype=torch.float64)
-    for last in (0.0, float("nan"), -1.0):
-        with pytest.raises(SettingError, match="threshold: found from"):
-            space_time_dct(own, snapshot, last=last)
-    with pytest.raises(SettingError, match=r"threshold: found from 0\.1 to 0\.2"):
-        space_time_dct(own, snapshot, last=0.2, first=0.1)
-    with pytest.raises(SettingError, match="iterations: found 1"):
-        space_time_dct(own, snapshot, last=0.01, iterations=1)
-    with pytest.raises(ShapeError):
-        space_time_dct(own, snapshot[..., 1:], last=0.01)
-    with pytest.raises(DataError, match="NaN"):
-        space_time_dct(own, snapshot * torch.nan, last=0.01)

@@ -60,6 +60,7 @@ def test_other_settings_make_another_cell(tmp_path):
     assert sorted(f["square"] for f in files) == [0, 49]
 
 
+@pytest.mark.slow
 def test_cells_go_through_submitit_as_well(tmp_path):
     pytest.importorskip("submitit")
     found = run_cells(CELLS, square, tmp_path, cluster={"cluster": "debug"})
@@ -96,6 +97,7 @@ def alive(process):
     return "\nState:\tZ" not in Path(f"/proc/{process}/status").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").exists(), reason="looks into /proc")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_no_process_outlives_a_grid_that_is_stopped(tmp_path, number):

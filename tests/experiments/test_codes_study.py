@@ -24,6 +24,7 @@ from tmca.experiments.spectral.imaging import reconstruct_snapshot
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
+pytestmark = pytest.mark.slow
 SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
 

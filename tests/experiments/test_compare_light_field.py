@@ -59,6 +59,7 @@ def found(folder, small):
     return compare_light_field(*args, steps=4, **SPARSE)
 
 
+@pytest.mark.slow
 def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found):
     whole = {(row["decoder"], row["noise"], row["code"]) for row in found["rows"]}
     assert len(whole) == len(found["rows"])
@@ -72,6 +73,7 @@ def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found):
     assert all(len(row["seed_psnr"]) == 2 for row in found["rows"])
 
 
+@pytest.mark.slow
 def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
     name = "TMCA one-hot K = 4"
     row = next(r for r in found["rows"] if (r["code"], r["noise"], r["decoder"]) == (name, "σ = 0.05", "lmmse"))
@@ -92,6 +94,7 @@ def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
     )
 
 
+@pytest.mark.slow
 def test_codes_learn_end_to_end_from_the_designed_ones(found, folder):
     learned = {}
     for file in (folder / "work").glob("*.json"):
@@ -107,6 +110,7 @@ def test_codes_learn_end_to_end_from_the_designed_ones(found, folder):
     assert fixed.codes["aperture"].shape == tuned.codes["aperture"].shape
 
 
+@pytest.mark.slow
 def test_the_json_has_what_results_have_and_every_view(found):
     assert {"command", "commit", "split", "budget", "rows"} <= set(found)
     assert found["budget"]["effort"] == EFFORT
@@ -128,6 +132,7 @@ def test_scenes_of_one_name_stay_apart():
     assert slug("coffee:1") == "coffee-1"
 
 
+@pytest.mark.slow
 def test_designs_are_searched_for_their_noise(found):
     searched = {(row["code"], row["noise"]): row for row in found["searches"]}
     assert len(searched) == 4
@@ -139,6 +144,7 @@ def test_designs_are_searched_for_their_noise(found):
         assert free["psnr"] >= static["psnr"] - 1e-6
 
 
+@pytest.mark.slow
 def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small):
     out = folder / "out"
     assert json.loads((out / "light-field.json").read_text())["rows"] == json.loads(json.dumps(found["rows"]))

@@ -51,6 +51,7 @@ def compare(tmp_path, scenes, **changes):
                                              **{**how, **changes})  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     begun = []
@@ -166,6 +167,7 @@ def test_the_right_order_is_one_and_the_opposite_minus_one():
     assert order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0)]}) == []
 
 
+@pytest.mark.slow
 def test_networks_learn_from_no_scene_that_is_measured(tmp_path):
     rendered = sorted(split_rendered()["train"])
     common = {

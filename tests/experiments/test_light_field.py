@@ -86,6 +86,7 @@ def test_the_estimate_explains_more_than_the_least_norm_one(prior):
     assert found["admm-tv"] > found["dagger"]
 
 
+@pytest.mark.slow
 def test_a_dictionary_is_learned_and_decodes(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     main(["prior", "learn-views", "rocket", "--views", "3", "--dictionary", "--atoms", "64", "--out", "d.nc"])
@@ -101,6 +102,7 @@ def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
     assert not GaussianPrior.load(tmp_path / "p.nc").mirrored
 
 
+@pytest.mark.slow
 def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(_MIXTURE_OF_VIEWS, "samples", 2000)
@@ -115,6 +117,7 @@ def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
     assert "Gaussian-mixture prior" in refused(capsys, *wrong)
 
 
+@pytest.mark.slow
 def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     camera = "camera={views: 3, size: [24, 24], slots: 2, period: 6, learn: both}"

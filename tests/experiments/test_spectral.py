@@ -145,6 +145,7 @@ def splits(tmp_path):
     return tmp_path / "train.txt", tmp_path / "test.txt"
 
 
+@pytest.mark.slow
 def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_path):
     where = {"out": tmp_path / "results", "work": tmp_path / "work"}
     told = []
@@ -171,6 +172,7 @@ def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_p
         compare_spectral(*splits, **where, bands=BANDS, decoders=["lmsse"], overwrite=True)
 
 
+@pytest.mark.slow
 def test_the_comparison_trains_networks_without_validation_scenes(splits, tmp_path):
     where = {"out": tmp_path / "results", "work": tmp_path / "work"}
     options = {"bands": BANDS, "decoders": ["unet-thesis"], "patches": 64, "steps": 1}
@@ -193,6 +195,7 @@ def test_the_comparison_trains_networks_without_validation_scenes(splits, tmp_pa
         assert f"| {psnr[code] - psnr[base]:+.2f} |" in line
 
 
+@pytest.mark.slow
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
     monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("tmca.priors.prior._VIEWS_SIZE", (40, 48))

@@ -123,6 +123,7 @@ def small_cube():
     return select_bands(rendered_scene("tissue", size=(40, 48))["radiance"], 4)
 
 
+@pytest.mark.slow
 def test_a_network_is_trained_once_for_all_scenes(tmp_path):
     train = ["astronaut", "chelsea", "rocket"]
     changes = {"decoder": "unet-thesis", "steps": 1, "bands": 2, "size": (64, 64), "train": train}

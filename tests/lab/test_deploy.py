@@ -57,6 +57,7 @@ def test_both_forms_of_the_operator_are_the_camera_s(kind, offsets, spare, size)
     torch.testing.assert_close(fixed.A_dagger(snapshot), own.A_dagger(snapshot))
 
 
+@pytest.mark.slow
 def test_the_torch_file_is_the_network(exported):
     file, folder, found = exported
     assert [one.format for one in found] == ["torch"]
@@ -64,11 +65,13 @@ def test_the_torch_file_is_the_network(exported):
     assert check_decoder(folder, file)[0].error < 1e-5
 
 
+@pytest.mark.slow
 def test_a_grey_mask_stays_grey_in_the_weights(exported):
     aperture = Weights.load(exported[0]).codes["aperture"]
     torch.testing.assert_close(aperture, torch.rand(1, *SIZE, generator=torch.Generator().manual_seed(1)))
 
 
+@pytest.mark.slow
 def test_it_decodes_as_the_package_does(exported, tmp_path):
     from tmca.decoders import decode
 
@@ -86,6 +89,7 @@ def test_it_decodes_as_the_package_does(exported, tmp_path):
     assert about["snapshot"] == list(taken.values.shape)
 
 
+@pytest.mark.slow
 def test_it_runs_without_the_package(exported, tmp_path):
     code = (
         f"import torch, sys; program = torch.export.load(r'{exported[1] / 'decoder.pt2'}').module()\n"
@@ -95,6 +99,7 @@ def test_it_runs_without_the_package(exported, tmp_path):
     assert done.stdout.strip() == f"(1, {BANDS}, {SIZE[0]}, {SIZE[1]}) False"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["adjoint", "tikhonov"])
 def test_onnx_is_the_network_too(tmp_path, caplog, start):
     for package in ("onnx", "onnxscript", "onnxruntime"):
@@ -106,6 +111,7 @@ def test_onnx_is_the_network_too(tmp_path, caplog, start):
     assert check_decoder(tmp_path / "out", file)[0].error < 1e-4
 
 
+@pytest.mark.slow
 def test_a_start_by_conjugate_gradients_is_exported_too(tmp_path):
     file = written_weights(tmp_path, start="tikhonov")
     found = export_decoder(file, tmp_path / "out", ("torch",))
@@ -113,6 +119,7 @@ def test_a_start_by_conjugate_gradients_is_exported_too(tmp_path):
     assert check_decoder(tmp_path / "out", file)[0].error < 1e-4
 
 
+@pytest.mark.slow
 def test_what_cannot_stand_alone_is_refused(exported, tmp_path):
     with pytest.raises(SettingError, match="from lmmse, expected one that starts from adjoint, dagger or tikhonov"):
         export_decoder(written_weights(tmp_path, start="lmmse"), tmp_path / "a", ("torch",))
@@ -130,6 +137,7 @@ def test_what_cannot_stand_alone_is_refused(exported, tmp_path):
     assert not (tmp_path / "a").exists()
 
 
+@pytest.mark.slow
 def test_a_file_of_another_network_is_found_out(exported, tmp_path):
     torch.manual_seed(5)
     weights = Weights.load(exported[0])
@@ -139,6 +147,7 @@ def test_a_file_of_another_network_is_found_out(exported, tmp_path):
         check_decoder(exported[1], weights.save(tmp_path / "weights.safetensors"))
 
 
+@pytest.mark.slow
 def test_a_snapshot_of_another_size_is_refused(exported, tmp_path):
     camera = Weights.load(exported[0]).camera_for()
     from tmca.cameras import SpectralCamera
@@ -174,6 +183,7 @@ OTHERS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", OTHERS)
 def test_a_snapshot_of_another_camera_of_the_same_size_is_refused(exported, tmp_path, change):
     snapshot_of(exported[1], OTHERS[change]).save(tmp_path / "s.nc")
@@ -181,6 +191,7 @@ def test_a_snapshot_of_another_camera_of_the_same_size_is_refused(exported, tmp_
         decode_exported(exported[1], tmp_path / "s.nc", "torch")
 
 
+@pytest.mark.slow
 def test_a_snapshot_without_some_pixels_is_refused(exported, tmp_path):
     gone = torch.zeros(SIZE[0], SIZE[1] + 3, dtype=torch.bool)
     gone[3, 7] = True
@@ -191,6 +202,7 @@ def test_a_snapshot_without_some_pixels_is_refused(exported, tmp_path):
         decode_exported(exported[1], tmp_path / "s.nc", "torch")
 
 
+@pytest.mark.slow
 def test_rounding_makes_no_other_camera(exported, tmp_path):
     def rounded(camera):
         aperture = camera.codes()[0]
@@ -211,6 +223,7 @@ def test_a_closed_pixel_of_a_large_camera_marks_its_codes():
     assert np.abs(marks - others).max() > 1e-5 * marks[0]
 
 
+@pytest.mark.slow
 def test_a_run_of_other_bands_is_refused(exported, tmp_path):
     with pytest.raises(DataError, match=r"a snapshot of shape \(1, 1, 24, 23\), expected \(1, 1, 24, 24\)"):
         check_decoder(exported[1], written_weights(tmp_path, bands=3))
@@ -226,6 +239,7 @@ def about_of(folder, **changes):
     return json.dumps({key: value for key, value in about.items() if value is not None})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gone", ["read_noise", "scene", "codes", "files", "wavelengths_m", "snapshot"])
 def test_a_description_without_one_of_its_parts_is_refused(exported, tmp_path, gone):
     (tmp_path / "decoder.json").write_text(about_of(exported[1], **{gone: None}))
@@ -235,6 +249,7 @@ def test_a_description_without_one_of_its_parts_is_refused(exported, tmp_path, g
         check_decoder(tmp_path, exported[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "format"), [("decoder.json", "torch"), ("decoder.pt2", "torch")])
 def test_a_broken_export_is_refused(exported, tmp_path, name, format):
     (tmp_path / "decoder.json").write_text(about_of(exported[1]))
@@ -243,6 +258,7 @@ def test_a_broken_export_is_refused(exported, tmp_path, name, format):
         load_exported(decoder_file(tmp_path, format))
 
 
+@pytest.mark.slow
 def test_a_broken_export_is_told_of_in_one_line(tmp_path):
     (tmp_path / "decoder.pt2").write_text("broken")
     code = f"from tmca.lab.deploy import load_exported; load_exported(r'{tmp_path / 'decoder.pt2'}')"

@@ -79,18 +79,6 @@ def test_brute_force_with_the_equivalent_psf_is_the_fast_path():
     torch.testing.assert_close(fast[0], slow[:, psf[0] : -psf[0], psf[1] : -psf[1]], atol=1e-10, rtol=1e-10)
 
 
-def test_equal_masks_and_an_open_shutter_are_a_static_camera():
-    spread, scene, weights, frame = parts()
-    one = spread[:1].expand(SLOTS, -1, -1, -1, -1)
-    colour = torch.rand(CHANNELS, BANDS, 13, 16, dtype=torch.float64)
-    several, static = (
-        coded_exposure(layered(scene, weights, transfer_functions(p, frame), frame), colour,
-                       torch.ones(len(p), 13, 16, dtype=torch.float64))
-        for p in (one, spread[:1])
-    )  # fmt: skip
-    torch.testing.assert_close(several, static)
-
-
 def test_a_scene_may_change_from_slot_to_slot():
     spread, scene, weights, frame = parts()
     transfer = transfer_functions(spread, frame)

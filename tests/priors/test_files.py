@@ -76,16 +76,6 @@ def test_a_file_opens_in_plain_xarray(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "other"), [("mixture", GaussianPrior), ("dictionary", GaussianPrior), ("gaussian", PatchDictionary)]
-)
-def test_a_file_of_another_kind_is_refused(name, other, tmp_path):
-    path = MADE[name]().save(tmp_path / "prior.nc")
-    with pytest.raises(DataError) as caught:
-        other.load(path)
-    assert caught.value.where == str(path)
-
-
-@pytest.mark.parametrize(
     ("name", "damage"),
     [
         ("gaussian", lambda data: data.drop_vars("autocovariance")),

@@ -58,6 +58,7 @@ def test_a_pool_changes_speed_but_no_first_estimate(tmp_path, monkeypatch):
     assert not (tmp_path / "kept" / "starts").exists()
 
 
+@pytest.mark.slow
 def test_a_network_starts_from_the_mixture_where_codes_are_fixed(tmp_path):
     mixture = {**tiny.DESCRIBED["decoder"], "start": "mixture"}
     found = Weights.load(tiny.train(tmp_path / "run", **FIXED, decoder=mixture).weights)

@@ -53,6 +53,7 @@ def test_a_run_that_breaks_off_after_any_step_ends_the_same(undisturbed, tmp_pat
     assert same(*weights)
 
 
+@pytest.mark.slow
 def test_sigkill_at_random_moments_changes_nothing(tmp_path):
     """Killed while it sets up, then at random moments after random steps, each time in another piece of the run."""
     moments, steps, reached = random.Random(0), 60, [0]
@@ -161,6 +162,7 @@ def test_a_folder_is_held_by_one_run_and_given_back_clean(tmp_path):
     assert not (tmp_path / "other").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_run_that_is_asked_to_stop_keeps_its_last_step(undisturbed, tmp_path, number):
     def ask(done, steps, said):
@@ -183,6 +185,7 @@ def launches(nodes):
     return [[*base, "--node-rank", rank] for rank in ("0", "1")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nodes", [1, 2])
 def test_two_processes_learn_what_one_does_with_the_doubled_batch(tmp_path, nodes):
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}

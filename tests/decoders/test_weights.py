@@ -1,14 +1,16 @@
-"""A trained network as a decoder: tiles without seams, and files that give the same decoder back."""
+"""Trained networks as files: the same decoder comes back, and cameras that they were not trained for are named."""
 
 import pytest
 import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import rendered_scene, select_bands
 from tmca.decoders import Weights, build_network, decode
 from tmca.decoders.nets.tiles import CollapsedNetwork
-from tmca.decoders.nets.weights import same_bands
+from tmca.decoders.nets.weights import FOLDER, SHIPPED, same_bands
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
-from tmca.sensor import Noise
+from tmca.metrics import psnr
+from tmca.sensor import Noise, Sensor
 
 NOISE = Noise(0.01, 0.02)
 SMALL = {
@@ -35,48 +37,6 @@ def snapshot_of(operator):
     generator = torch.Generator().manual_seed(5)
     scene = torch.rand(1, *operator.scene_shape, generator=generator)
     return operator.A(scene * torch.linspace(1, 0.05, operator.scene_shape[1])[:, None])
-
-
-@pytest.mark.parametrize("kind", SMALL)
-@pytest.mark.parametrize("dispersion", [1.0, 0.5])
-@pytest.mark.parametrize(("height", "tile"), [(160, 64), (151, 50), (203, 37), (64, 64), (65, 64)])
-def test_tiles_leave_no_seam(kind, dispersion, height, tile):
-    operator = camera((height, 13), dispersion=dispersion).operator()
-    snapshot, network = snapshot_of(operator), trained(kind)
-    whole = CollapsedNetwork(network, operator, NOISE, tile=None)(snapshot)
-    tiled = CollapsedNetwork(network, operator, NOISE, tile=tile)(snapshot)
-    assert tiled.shape == whole.shape
-    torch.testing.assert_close(tiled, whole, rtol=0, atol=1e-5)
-
-
-def test_progress_rises_to_one():
-    operator, told = camera((70, 13)).operator(), []
-    CollapsedNetwork(trained("unrolled"), operator, NOISE, tile=16)(snapshot_of(operator), told.append)
-    assert told == sorted(told)
-    assert len(told) == 5
-    assert told[-1] == pytest.approx(1)
-
-
-def test_tiles_of_no_rows_are_refused():
-    with pytest.raises(SettingError, match="tile"):
-        CollapsedNetwork(trained("unet"), camera((8, 8)).operator(), NOISE, tile=0)
-
-
-@pytest.mark.parametrize("kind", SMALL)
-def test_nothing_beyond_the_reach_of_a_network_changes_its_estimate(kind):
-    network = trained(kind).double()
-    height, row = 2 * network.reach + 9, network.reach + 4
-    operator = camera((height, 6)).operator().double()
-    snapshot = snapshot_of(operator.float()).double()
-    operator = operator.double()
-    start = operator.A_dagger(snapshot)
-    near, far = start.clone(), start.clone()
-    near[:, :, row + 1] += 0.2
-    far[:, :, row + network.reach + 1 :] += 0.2
-    far[:, :, : row - network.reach] += 0.2
-    known, moved, still = (network(snapshot, operator, NOISE, x)[:, :, row] for x in (start, near, far))
-    assert (moved - known).abs().max() > 1e-6
-    torch.testing.assert_close(still, known, rtol=0, atol=1e-14)
 
 
 def weights(size=(8, 8)):
@@ -168,3 +128,63 @@ def test_a_network_that_is_not_told_the_codes_warns_of_others():
         decode(seen_by(SpectralCamera(3, (12, 16), slots=4, seed=9, period=4)), "network", weights=blind)
     told = weights_of(camera((12, 16), period=4), "unet")
     decode(seen_by(SpectralCamera(3, (12, 16), slots=4, seed=9, period=4)), "network", weights=told)
+
+
+# The weights that come with the package
+
+SENSORS = {
+    "σ = 0.001": Sensor(read_noise=1e-3),
+    "σ = 0.01": Sensor(read_noise=1e-2),
+    "10 000 e⁻": Sensor(full_well=10_000, read_noise_electrons=3),
+}
+
+
+@pytest.fixture(scope="module")
+def coffee():
+    cube = select_bands(rendered_scene("coffee", size=(96, 128))["radiance"], 12)
+    return torch.from_numpy(cube.values.astype("float32"))[None]
+
+
+def test_both_are_small_and_hold_binary_tiles():
+    assert sum((FOLDER / f"{name}.safetensors").stat().st_size for name in SHIPPED) <= 5e6
+    for slots in (1, 8):
+        weights = Weights.find("default", slots)
+        assert weights.slots == slots
+        assert weights.prior == "rendered"
+        for plane in weights.codes.values():
+            assert set(plane.unique().tolist()) <= {0.0, 1.0}
+
+
+@pytest.mark.parametrize("slots", [1, 8])
+@pytest.mark.parametrize("noise", SENSORS)
+def test_the_network_beats_the_lmmse_it_starts_from(coffee, slots, noise):
+    weights = Weights.find("default", slots)
+    camera = weights.camera_for((96, 128), sensor=SENSORS[noise])
+    snapshot = Snapshot(camera(coffee, generator=0).detach(), camera)
+    prior = weights.load_prior()
+    plain, trained = decode(snapshot, "lmmse", prior=prior), decode(snapshot, "network", weights=weights)
+    assert float(psnr(trained.estimate, coffee)) > float(psnr(plain.estimate, coffee)) + 0.1
+
+
+def test_learned_codes_beat_random_ones_of_the_same_kind(coffee):
+    for slots in (1, 8):
+        weights = Weights.find("default", slots)
+        found = []
+        for changes in ({}, {"random": True}):
+            camera = weights.camera_for((96, 128), sensor=SENSORS["σ = 0.01"])
+            if changes:
+                settings = {"aperture": "random", "shutter": "random" if slots > 1 else "open", "period": 32}
+                camera = type(camera)(
+                    bands=weights.wavelengths, slots=slots, size=(96, 128), sensor=camera.sensor, **settings
+                )
+            snapshot = Snapshot(camera(coffee, generator=0).detach(), camera)
+            found.append(float(psnr(decode(snapshot, "lmmse", prior=weights.load_prior()).estimate, coffee)))
+        assert found[0] > found[1]
+
+
+def test_a_run_s_folder_is_as_good_as_its_file(tmp_path):
+    weights = Weights.find("default", 1)
+    weights.save(tmp_path / "weights.safetensors")
+    torch.testing.assert_close(Weights.load(tmp_path).codes, weights.codes)
+    with pytest.raises(DataError, match="no such file"):
+        Weights.find(tmp_path / "none")
