@@ -14,7 +14,7 @@ from tmca.errors import SettingError, ShapeError
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.operators import TapOperator, Taps
 from tmca.sensor import Noise
-from tmca.training.light_field import LIGHT_FIELD_PRESETS
+from tmca.training import TRAININGS
 
 NOISE = Noise(0.02, 0.005)
 TINY = {"width": 4, "blocks": 2}
@@ -260,7 +260,10 @@ def test_large_tiles_are_cut_to_what_memory_allows():
     "settings",
     [
         *(pytest.param(own, id=name) for name, own in NETWORKS.items()),
-        *(pytest.param(own["decoder"], id=f"training preset {name}") for name, own in LIGHT_FIELD_PRESETS.items()),
+        *(
+            pytest.param(own["decoder"], id=f"training preset {name}")
+            for name, own in TRAININGS["light-field"].presets.items()
+        ),
     ],
 )
 def test_a_tile_of_every_preset_takes_a_bounded_number_of_bytes(settings):
