@@ -20,7 +20,7 @@ from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.operators import TapOperator
 from tmca.priors import find_prior
-from tmca.training.light_field import LIGHT_FIELD_PRESETS
+from tmca.training import TRAININGS
 
 BOUND = 4.0
 """GB."""
@@ -29,7 +29,7 @@ BOUND = 4.0
 def settings_of(name: str) -> dict[str, object]:
     """Arguments of ``build_network``."""
     if name == "thesis":
-        return dict(LIGHT_FIELD_PRESETS["thesis"]["decoder"])
+        return dict(TRAININGS["light-field"].presets["thesis"]["decoder"])
     return dict(NETWORKS[name])
 
 

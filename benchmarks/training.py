@@ -17,10 +17,10 @@ from tmca.decoders import build_network
 from tmca.decoders.nets.build import build_depth_network
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
-from tmca.training import spectral_depth_settings
+from tmca.training import training_settings
+from tmca.training.depth_system import DepthSystem
 from tmca.training.patches import Patch
-from tmca.training.spectral_depth.camera import training_camera
-from tmca.training.spectral_depth.system import DepthSystem
+from tmca.training.starting_masks import starting_camera
 
 BANDS, BATCH, PATCH = 12, 8, 64
 
@@ -44,8 +44,8 @@ def step(network: torch.nn.Module, half: bool, channels_last: bool) -> float:
 
 def depth_step() -> float:
     """Milliseconds of a step of the quick spectral-depth preset."""
-    settings = spectral_depth_settings("quick")
-    camera, batch = training_camera(settings), settings.data.batch
+    settings = training_settings("spectral-depth", "quick")
+    camera, batch = starting_camera(settings), settings.data.batch
     network = build_depth_network(settings.decoder, camera)
     prior = GaussianPrior.learn([torch.rand(camera.bands, 8, 8)], (2, 2))  # unused: all first stages are there
     sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]

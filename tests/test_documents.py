@@ -8,8 +8,7 @@ import pytest
 
 from tmca.cameras import LightFieldCamera, SpectralDepthCamera
 from tmca.experiments.light_field.tables import markdown
-from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
-from tmca.training.spectral_depth.settings import SPECTRAL_DEPTH_TRAININGS
+from tmca.training import TRAININGS
 
 ROOT = Path(__file__).parents[1]
 ERRATA = (ROOT / "docs" / "errata.md").read_text()
@@ -33,13 +32,13 @@ def test_every_erratum_of_the_light_field_has_a_row(where):
 def test_every_preset_of_the_light_field_is_described():
     cameras, trainings = LIGHT_FIELD.split("`--preset` of `tmca train light-field`")
     assert all(f"| `{name}` |" in cameras for name in LightFieldCamera.presets)
-    assert all(f"| `{name}` |" in trainings for name in TRAININGS)
+    assert all(f"| `{name}` |" in trainings for name in TRAININGS["light-field"].presets)
 
 
 def test_every_preset_of_the_spectral_depth_camera_is_described():
     cameras, trainings = SPECTRAL_DEPTH.split("`--preset` of `tmca train spectral-depth`")
     assert all(f"`{name}`" in cameras for name in SpectralDepthCamera.presets)
-    assert all(f"| `{name}` |" in trainings for name in SPECTRAL_DEPTH_TRAININGS)
+    assert all(f"| `{name}` |" in trainings for name in TRAININGS["spectral-depth"].presets)
 
 
 def test_the_light_field_page_is_made_from_its_results_and_shows_its_pictures():

@@ -59,17 +59,13 @@ def report(capsys):
     return said
 
 
-def windows_are_parts_of_the_whole(folder, parts):
-    """Windows of a capture give what the whole capture gives, ``parts`` of estimates compared one by one."""
+def windows_are_parts_of_the_whole(folder):
+    """Windows of a capture give what the whole capture gives."""
     ready = prepared("run", "captures", validation=["rocket"])
     system = system_of(ready, folder / "system")
     system.eval()
-    drawn = getattr(system, "drawn", system.windows)
-    with torch.no_grad():
-        whole = parts(system.whole(1))
-        for window in drawn.covering(1, 9):
-            for one, other in zip(parts(system.estimate(window)), whole, strict=True):
-                torch.testing.assert_close(one, other[window.place], atol=1e-4, rtol=1e-4)
+    for one, other in zip(*(system.simulated.tensors(system.whole(1, side)) for side in (9, None)), strict=True):
+        torch.testing.assert_close(one, other, atol=1e-4, rtol=1e-4)
 
 
 def test_a_spectral_decoder(capsys, folder):
@@ -103,7 +99,7 @@ def test_a_light_field_decoder(capsys, folder):
     capsys.readouterr()
     tune("--validation", "rocket")
     report(capsys)
-    windows_are_parts_of_the_whole(folder, lambda found: [found.clamp_min(0)])
+    windows_are_parts_of_the_whole(folder)
     assert (folder / "tuned" / "before_after.png").exists()
     main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
 
@@ -124,7 +120,7 @@ def test_a_spectral_depth_decoder(capsys, folder):
     tune("--validation", "rocket")
     said = report(capsys)
     assert said["best"]["depth_mae"] > 0
-    windows_are_parts_of_the_whole(folder, lambda found: [found.cube, found.logits])
+    windows_are_parts_of_the_whole(folder)
     assert (folder / "tuned" / "before_after.png").exists()
     main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
 

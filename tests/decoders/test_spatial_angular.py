@@ -9,7 +9,7 @@ from tmca.decoders import build_network
 from tmca.decoders.nets.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
 from tmca.experiments.light_field.rows import NETWORKS
 from tmca.sensor import Noise
-from tmca.training.light_field import LIGHT_FIELD_PRESETS
+from tmca.training import TRAININGS
 
 
 @pytest.mark.parametrize("views", [(3, 3), (5, 5), (1, 3), (7, 1), (5, 3)])
@@ -77,7 +77,10 @@ def test_the_step_is_the_best_linear_one_for_an_error_of_known_size():
     "settings",
     [
         *(pytest.param(own, id=name) for name, own in NETWORKS.items()),
-        *(pytest.param(own["decoder"], id=f"training preset {name}") for name, own in LIGHT_FIELD_PRESETS.items()),
+        *(
+            pytest.param(own["decoder"], id=f"training preset {name}")
+            for name, own in TRAININGS["light-field"].presets.items()
+        ),
     ],
 )
 def test_a_tile_of_every_preset_takes_a_bounded_number_of_bytes(settings):

@@ -9,7 +9,7 @@ from tmca.decoders import PatchLikelihood
 from tmca.design.spectral_depth import window_covariance
 from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
-from tmca.training.spectral_depth.windows import DepthWindows
+from tmca.training.depth_windows import DepthWindows
 
 SENSOR = Sensor(read_noise=0.05)
 

@@ -13,9 +13,12 @@ from tmca.errors import DataError, OutputError, SettingError
 from tmca.operators import single_disperser
 from tmca.optics import Dispersion
 from tmca.sensor import Noise
-from tmca.training import settings_from
+from tmca.training import TRAININGS, training_settings
 from tmca.training.loop import TrainingError
-from tmca.training.spectral import starting_camera
+
+
+def starting_camera(**changes):
+    return TRAININGS["spectral"].camera(tiny.settings(**changes), lambda: tiny.load("first"))
 
 
 def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):
@@ -24,7 +27,7 @@ def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):
     psnr = [float(row[rows[0].index("psnr")]) for row in rows[1:]]
     assert max(psnr[-2:]) > psnr[0] + 0.3
     trained = Weights.load(found.weights)
-    before = starting_camera(tiny.settings(), [450e-9, 550e-9, 650e-9]).codes
+    before = starting_camera().codes
     for name in ("aperture", "shutter"):
         now, then = getattr(trained, name), getattr(before, name).tile()
         assert set(now.unique().tolist()) <= {0.0, 1.0}
@@ -76,7 +79,7 @@ def test_the_lmmse_passes_gradients_to_the_codes(tmp_path):
 
 @pytest.mark.parametrize("target", [0.1, 0.3, 0.5])
 def test_a_hard_target_for_the_light_is_held(target):
-    camera = starting_camera(tiny.settings(**{"camera.period": 16}), [450e-9, 550e-9, 650e-9])
+    camera = starting_camera(**{"camera.period": 16})
     hold_throughput(camera, target)
     assert camera.throughput() == pytest.approx(target, abs=0.01)
 
@@ -228,14 +231,14 @@ def test_impossible_settings_are_one_clear_line(tmp_path, changes, words):
 
 def test_unknown_presets_and_yaml_that_is_none(tmp_path):
     with pytest.raises(SettingError, match="thesis, quick"):
-        settings_from("tesis")
+        training_settings("spectral", "tesis")
     (tmp_path / "a.yaml").write_text("camera: [")
     with pytest.raises(DataError, match="YAML"):
-        settings_from(None, tmp_path / "a.yaml")
+        training_settings("spectral", None, tmp_path / "a.yaml")
 
 
 def test_the_thesis_preset_is_the_thesis_setting():
-    thesis = settings_from("thesis", None, {"data.train": ["x"]})
+    thesis = training_settings("spectral", "thesis", None, {"data.train": ["x"]})
     assert (thesis.camera.size, thesis.camera.slots, thesis.data.bands) == ((256, 256), 8, 12)
     assert (thesis.optimiser.epochs, thesis.optimiser.loss) == (500, "l2")
     assert thesis.decoder["start"] == "adjoint"

@@ -7,7 +7,7 @@ import torch
 from tests.training import tiny
 from tmca.decoders import Weights
 from tmca.errors import SettingError
-from tmca.training.starts import KeptStarts, Pool
+from tmca.training.pool import CachedStarts, Pool
 
 FIXED = {"camera.learn": "none", "codes.frozen": 0.0}
 
@@ -39,20 +39,20 @@ def test_a_group_is_computed_once(tmp_path):
         asked.append(step)
         return torch.arange(24.0).reshape(6, 1, 2, 2) + step
 
-    starts = KeptStarts(tmp_path / "starts", compute)
-    again = KeptStarts(tmp_path / "starts", compute)
+    starts = CachedStarts(tmp_path / "starts", compute)
+    again = CachedStarts(tmp_path / "starts", compute)
     for one in (starts, again):
         torch.testing.assert_close(one(5, [4, 0])[:, 0, 0, 0], torch.tensor([21.0, 5.0]))
     assert asked == [5]
     assert np.load(tmp_path / "starts" / "0000005.npy").shape == (6, 1, 2, 2)
-    starts.forget()
+    starts.delete()
     assert not (tmp_path / "starts").exists()
 
 
 def test_a_pool_changes_speed_but_no_first_estimate(tmp_path, monkeypatch):
     """Without the files every batch of the pool is estimated anew: the run ends the same, to half precision."""
     kept = tiny.train(tmp_path / "kept", **FIXED)
-    monkeypatch.setattr(KeptStarts, "__call__", lambda self, step, places: None)
+    monkeypatch.setattr(CachedStarts, "__call__", lambda self, step, places: None)
     fresh = tiny.train(tmp_path / "fresh", **FIXED)
     assert kept.best["psnr"] == pytest.approx(fresh.best["psnr"], abs=0.02)
     assert not (tmp_path / "kept" / "starts").exists()

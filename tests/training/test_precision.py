@@ -5,8 +5,8 @@ import torch
 
 from tests.training import tiny
 from tmca.decoders import Weights
-from tmca.training.imaging import ImagingSystem
-from tmca.training.precision import choose_precision
+from tmca.training.coded_system import CodedSystem
+from tmca.training.engine import choose_precision
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_weights_say_which_precision_it_was(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("precision", ["32-true", "bf16-mixed"])
 def test_scenes_and_their_truth_are_never_rounded(tmp_path, monkeypatch, precision):
-    met, recorded = [], ImagingSystem.forward
+    met, recorded = [], CodedSystem.forward
 
     def forward(system, patches, *drawn):
         met.extend(values for patch in patches for values in (patch.scene, patch.truth))
@@ -57,7 +57,7 @@ def test_scenes_and_their_truth_are_never_rounded(tmp_path, monkeypatch, precisi
         assert layer.dtype == (torch.bfloat16 if precision == "bf16-mixed" else torch.float32)
         return recorded(system, patches, *drawn)
 
-    monkeypatch.setattr(ImagingSystem, "forward", forward)
+    monkeypatch.setattr(CodedSystem, "forward", forward)
     tiny.train(tmp_path / "run", **{"precision": precision, "optimiser.steps": 2})
     assert len(met) == 16
     assert all(values.dtype == torch.float32 for values in met)

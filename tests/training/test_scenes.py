@@ -35,7 +35,7 @@ def test_a_prior_of_scenes_drawn_for_validation_is_refused():
 
 @pytest.mark.parametrize("changes", [{"shares": (0, 0, 0)}, {"shares": (-1, 1, 1)}], ids=["nothing", "negative"])
 def test_impossible_shares_are_refused(changes):
-    from tmca.training import settings_from
+    from tmca.training import training_settings
 
     with pytest.raises(SettingError, match="shares"):
-        settings_from(None, None, {"data": changes})
+        training_settings("spectral", None, None, {"data": changes})

@@ -17,12 +17,13 @@ from tmca.decoders.nets.two_headed import DepthEstimate
 from tmca.errors import SettingError
 from tmca.optics import PhaseMaskBench, RotationalProfile, StrayLight, Stroke, ZernikeHeights
 from tmca.sensor import Sensor
-from tmca.training import spectral_depth_settings, train_spectral_depth
+from tmca.training import train as train_camera
+from tmca.training import training_settings
+from tmca.training.depth_system import SURPRISE, DepthSystem
 from tmca.training.loop import Stopped
-from tmca.training.patches import CubeStore, Patch
-from tmca.training.spectral_depth.camera import training_camera
-from tmca.training.spectral_depth.patches import DepthPatchSource
-from tmca.training.spectral_depth.run import channels_of
+from tmca.training.patches import CubeStore, Patch, PatchSource
+from tmca.training.spectral_depth import depth_channels
+from tmca.training.starting_masks import starting_camera
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # windows of 11 pixels
 TINY = {
@@ -41,7 +42,7 @@ CHOSEN_BY_CODES = ("camera.planes", "camera.period", "camera.channels", "camera.
 
 
 def settings(**changes):
-    return spectral_depth_settings(None, None, TINY | changes)
+    return training_settings("spectral-depth", None, None, TINY | changes)
 
 
 def load(name):
@@ -57,7 +58,7 @@ def load(name):
 
 def train(folder, progress=None, **changes):
     how = {"accelerator": "cpu", "progress": progress}
-    return train_spectral_depth(settings(**changes), Path(folder), load, **how)
+    return train_camera(settings(**changes), Path(folder), load, **how)
 
 
 def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
@@ -92,7 +93,7 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
         "optimiser.mask_rate": 0.005,
     }
     found = train(tmp_path, **changes, **{"codes.frozen": 0.0, "codes.slope": [1.0, 2.0]})
-    before, after = training_camera(settings(**changes)), Weights.load(found.weights).camera
+    before, after = starting_camera(settings(**changes)), Weights.load(found.weights).camera
     moved = {
         "mask": not torch.allclose(before.point_spread.heights(), after.point_spread.heights()),
         "shutter": not torch.equal(before.tile()[1], after.tile()[1]),
@@ -139,9 +140,9 @@ def test_a_run_that_is_stopped_ends_as_one_that_is_not(tmp_path, start):
 
 
 def source(tmp_path, **changes):
-    camera = training_camera(settings())
-    store = CubeStore(["first"], lambda name: channels_of(load(name), camera), tmp_path)
-    return DepthPatchSource(store, 24, 0, **changes)
+    camera = starting_camera(settings())
+    store = CubeStore(["first"], lambda name: depth_channels(load(name), camera), tmp_path)
+    return PatchSource(store, 24, 0, **changes)
 
 
 @pytest.mark.parametrize("redrawn", [0.0, 1.0])
@@ -160,8 +161,8 @@ def test_depth_stays_in_the_range_and_light_does_not_change_it(tmp_path, redrawn
 
 
 def test_channels_are_the_cube_and_the_share_of_the_range():
-    camera, scene = training_camera(settings()), load("first")
-    channels = channels_of(scene, camera)
+    camera, scene = starting_camera(settings()), load("first")
+    channels = depth_channels(scene, camera)
     inverse = 1 / scene["depth"].values[10]
     assert np.isnan(channels[-1, :5]).all()
     np.testing.assert_allclose(channels[-1, 10], (inverse - 0.5) / 2.0, atol=1e-6)
@@ -169,32 +170,32 @@ def test_channels_are_the_cube_and_the_share_of_the_range():
 
 
 def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
-    from tmca.decoders.nets.build import build_depth_network
-    from tmca.training.spectral_depth.system import SURPRISE, DepthSystem
 
-    camera = training_camera(settings())
+    from tmca.decoders.nets.build import build_depth_network
+
+    camera = starting_camera(settings())
     network = build_depth_network(TINY["decoder"], camera)
     system = DepthSystem(camera, network, [camera.sensor], None, [], depth_weight=1.0)
     scenes = torch.rand(1, 9, 24, 24)
     scenes[:, -1, :12] = torch.nan
     logits = 40 * torch.eye(3)[2][None, :, None, None].expand(1, 3, 24, 24)
-    loss = system._loss(DepthEstimate(scenes[:, :-1], logits), scenes)
+    loss = system.cost(DepthEstimate(scenes[:, :-1], logits), scenes)
     known = scenes[:, -1, 12:]  # of the range, the sure plane at 1
     surprise = 40 * (1 - (2 * known - 1).clamp_min(0))
     assert float(loss) == pytest.approx(float((1 - known + SURPRISE * surprise).mean()), rel=1e-5)
 
 
 def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
-    from tmca.decoders.nets.build import build_depth_network
-    from tmca.training.spectral_depth.system import DepthSystem
 
-    seen, camera = [], training_camera(settings(**{"data.margin": None}))
+    from tmca.decoders.nets.build import build_depth_network
+
+    seen, camera = [], starting_camera(settings(**{"data.margin": None}))
     assert camera.size == (24 + 2 * 6, 24 + 2 * 6)  # half of 11 pixels, in whole tiles of 2
     network = build_depth_network(TINY["decoder"], camera)
     forward = network.forward
     network.forward = lambda snapshot, *how: seen.append(snapshot) or forward(snapshot, *how)
     system = DepthSystem(camera, network, [Sensor()], None, [], margin=6, depth_weight=1.0)
-    scene = torch.from_numpy(channels_of(load("first"), camera)[:, 4:40, 8:44])
+    scene = torch.from_numpy(depth_channels(load("first"), camera)[:, 4:40, 8:44])
     wide = SpectralDepthCamera.from_preset(
         "quick",
         size=(60, 64),
@@ -206,7 +207,7 @@ def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
         filters="clear",
         shutter="one-hot",
     )
-    whole = torch.from_numpy(channels_of(load("first"), camera))[None]
+    whole = torch.from_numpy(depth_channels(load("first"), camera))[None]
     metres = 1 / (1 / wide.planes.far + whole[:, -1:] * (1 / wide.planes.near - 1 / wide.planes.far))
     with torch.no_grad():
         loss = float(system([Patch(scene, scene, "")], 0, [0]))
@@ -217,7 +218,7 @@ def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
     torch.testing.assert_close(seen[0], expected, rtol=1e-4, atol=1e-5)
     assert not torch.allclose(seen[1], expected)
     estimate = DepthEstimate(torch.zeros(1, 8, 24, 24), torch.zeros(1, 3, 24, 24))
-    assert float(system._loss(estimate, scene[None])) == pytest.approx(float(system._loss(estimate, changed[None])))
+    assert float(system.cost(estimate, scene[None])) == pytest.approx(float(system.cost(estimate, changed[None])))
     assert np.isfinite([loss, dark]).all()
 
 
@@ -230,19 +231,19 @@ def test_codes_bring_the_camera_they_were_made_for(tmp_path):
     file = write_phase_codes(made, tmp_path / "codes.nc", "gaussian", "monochrome")
     own = {"codes.start": str(file), "camera.bench": {}, "data.margin": None}
     free = {name: value for name, value in (TINY | own).items() if name not in CHOSEN_BY_CODES}
-    camera = training_camera(spectral_depth_settings(None, None, free))
+    camera = starting_camera(training_settings("spectral-depth", None, None, free))
     assert (camera.planes, camera.bench) == (made.planes, made.bench)
     assert camera.point_spread.heights.stroke == Stroke(-2e-7, 3e-7, 9)
     assert (camera.point_spread.energy, len(camera.filters.filters)) == ("aperture", len(made.filters.filters))
     torch.testing.assert_close(camera.codes()[0], made.codes()[0])
     torch.testing.assert_close(camera.tile()[1], made.tile()[1])
     with pytest.raises(SettingError, match=r"camera\.planes: found 3, expected 4, as in .*codes\.nc"):
-        training_camera(spectral_depth_settings(None, None, free | {"camera.planes": 3}))
+        starting_camera(training_settings("spectral-depth", None, None, free | {"camera.planes": 3}))
     for name, value in {"rms": 3e-7, "shutter": "open", "filters": "clear", "channels": "rgb", "mask": "flat"}.items():
         with pytest.raises(SettingError, match=rf"camera\.{name}: found {value}"):
-            training_camera(spectral_depth_settings(None, None, free | {f"camera.{name}": value}))
+            starting_camera(training_settings("spectral-depth", None, None, free | {f"camera.{name}": value}))
     with pytest.raises(SettingError, match=r"camera\.bench.*brings its own"):
-        spectral_depth_settings(None, None, free | {"camera.bench": {"pitch": 5e-6}})
+        training_settings("spectral-depth", None, None, free | {"camera.bench": {"pitch": 5e-6}})
 
 
 @pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")
@@ -257,20 +258,22 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
     asked = ("camera.bench", *CHOSEN_BY_CODES[:3])
     own = {name: value for name, value in (TINY | first).items() if name not in asked}
     going = own | {"codes.start": str(before), "camera.learn": ["mask"], "codes.frozen": 0.0}
-    found = training_camera(spectral_depth_settings(None, None, going)).point_spread.heights
+    found = starting_camera(training_settings("spectral-depth", None, None, going)).point_spread.heights
     assert isinstance(found, kept)
     assert found.stroke == Stroke(-3e-7, 3e-7)
     torch.testing.assert_close(found().detach(), maps().expand(2, -1, -1))
-    run = train_spectral_depth(spectral_depth_settings(None, None, going), tmp_path / "learned", load)
+    run = train_camera(training_settings("spectral-depth", None, None, going), tmp_path / "learned", load)
     learned = Weights.load(run.weights).camera.point_spread.heights
     assert isinstance(learned, kept)
     assert float((learned() - found()).abs().max()) > 1e-9
     going |= {"camera.mask": "free-form"}
-    free = training_camera(spectral_depth_settings(None, None, going)).point_spread.heights
+    free = starting_camera(training_settings("spectral-depth", None, None, going)).point_spread.heights
     torch.testing.assert_close(free().detach(), found().detach())
     assert free.heights.requires_grad
     with pytest.raises(SettingError, match=r"camera\.filters: found rgbw"):
-        training_camera(spectral_depth_settings(None, None, going | {"camera.filters": "rgbw", "camera.slots": 1}))
+        starting_camera(
+            training_settings("spectral-depth", None, None, going | {"camera.filters": "rgbw", "camera.slots": 1})
+        )
 
 
 @pytest.mark.parametrize(

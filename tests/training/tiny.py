@@ -10,7 +10,8 @@ import torch
 import yaml
 
 from tmca.data import label
-from tmca.training import settings_from, train_spectral
+from tmca.training import train as train_camera
+from tmca.training import training_settings
 
 DESCRIBED = {
     "camera": {"size": [24, 32], "slots": 2, "period": 8, "learn": "both"},
@@ -30,7 +31,7 @@ def settings(**changes):
         f"{group}.{name}": v for group, part in DESCRIBED.items() if isinstance(part, dict) for name, v in part.items()
     }
     merged |= {name: value for name, value in DESCRIBED.items() if not isinstance(value, dict)}
-    return settings_from(None, None, merged | changes)
+    return training_settings("spectral", None, None, merged | changes)
 
 
 def load(name):
@@ -45,7 +46,7 @@ def load(name):
 
 def train(folder, progress=None, load=load, **changes):
     local, every = (int(os.environ.get(name, "1")) for name in ("LOCAL_WORLD_SIZE", "WORLD_SIZE"))
-    return train_spectral(
+    return train_camera(
         settings(**changes), Path(folder), load, accelerator="cpu", processes=local, nodes=every // local,
         progress=progress,
     )  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_module
-import os
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
@@ -106,8 +105,6 @@ def spectral(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.face import training_of
-
     own: dict[str, Any] = {}
     read: Any = None
     if snapshot is not None:
@@ -115,8 +112,7 @@ def spectral(
 
         own, read = training_of_capture(snapshot)
     changes = own | _changes(set_, train, validation, steps)
-    settings, engine, load = training_of("spectral", preset, config, changes)
-    _run(engine, settings, out, read or load, accelerator, json)
+    _run("spectral", (preset, config, changes), out, accelerator, json, read)
 
 
 @app.command
@@ -148,12 +144,9 @@ def light_field(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.face import training_of
-
     files = {f"data.{name}": value for name, value in reading.files().items()}
     changes = _changes(set_, train, validation, steps, files)
-    settings, engine, load = training_of("light-field", preset, config, changes)
-    _run(engine, settings, out, load, accelerator, json)
+    _run("light-field", (preset, config, changes), out, accelerator, json)
 
 
 @app.command
@@ -189,13 +182,10 @@ def spectral_depth(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    from tmca.experiments.face import training_of
-
     changes = _changes(set_, train, validation, steps)
     changes |= {"data.from_rgb": True} if from_rgb else {}
     changes |= {"data.placed": placed} if placed else {}
-    settings, engine, load = training_of("spectral-depth", preset, config, changes)
-    _run(engine, settings, out, load, accelerator, json)
+    _run("spectral-depth", (preset, config, changes), out, accelerator, json)
 
 
 def _changes(
@@ -211,37 +201,32 @@ def _changes(
     return changes | {name: value for name, value in named.items() if value is not None}
 
 
-def _run(train: Any, settings: Any, out: Path, load: Any, accelerator: str, json: bool) -> None:
-    """Train, draw how it went, and say what came out."""
-    from tmca.cli.progress import progress_bar
+def _run(kind: str, described: tuple[Any, ...], out: Path, accelerator: str, json: bool, load: Any = None) -> None:
+    """Train, draw how it went, and say what came out; ``described`` is preset, file and changes of the settings."""
+    from tmca.cli.tune import rank, run_with_bar
     from tmca.experiments.training_figures import training_pictures
+    from tmca.training import scene_reader, train, training_settings
 
-    local, rank = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
-    with progress_bar(f"train {out.name}") as bar:
+    settings = training_settings(kind, *described)
 
-        def read(name: str) -> Any:
-            scene = load(name)
-            if not rank:
-                bar(None, f"{Path(name).name} read")
-            return scene
+    def run(read: Any, how: dict[str, Any]) -> Any:
+        return train(settings, out, read, **how)
 
-        def told(done: int, steps: int, said: str) -> None:
-            bar(done / steps, "training", f"step {done}/{steps}, {said}")
-
-        found = train(
-            settings, out, read, accelerator=accelerator, processes=local,
-            nodes=int(os.environ.get("WORLD_SIZE", "1")) // local, progress=told,
-        )  # fmt: skip
-    if rank:
+    trained = run_with_bar(f"train {out.name}", "training", load or scene_reader(settings), run, accelerator)
+    if rank():
         return
     pictures = training_pictures(out)
     if json:
-        print(json_module.dumps({"weights": str(found.weights), "best": found.best, "steps": found.steps}, indent=1))
+        print(
+            json_module.dumps({"weights": str(trained.weights), "best": trained.best, "steps": trained.steps}, indent=1)
+        )
         return
-    checked = found.best["step"] and isfinite(found.best["psnr"])
-    said = f", validation PSNR {found.best['psnr']:.2f} dB at step {found.best['step']}" if checked else ""
+    checked = trained.best["step"] and isfinite(trained.best["psnr"])
+    said = f", validation PSNR {trained.best['psnr']:.2f} dB at step {trained.best['step']}" if checked else ""
     said += "" if checked else "; no scene was set aside to choose the best step: --validation names some"
-    print(f"{found.weights}: {found.steps} steps{said}; {', '.join(picture.name for picture in pictures)} beside it")
+    print(
+        f"{trained.weights}: {trained.steps} steps{said}; {', '.join(picture.name for picture in pictures)} beside it"
+    )
 
 
 def _setting(text: str) -> tuple[str, Any]:

@@ -4,50 +4,69 @@ from __future__ import annotations
 
 import json as json_module
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 
-def run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
-    """Fine-tune, draw how it went, and say what came out."""
-    from tmca.cli.progress import progress_bar
-    from tmca.experiments.tuning.pictures import tuning_pictures
+def rank() -> int:
+    """Of this process among those of a run."""
+    return int(os.environ.get("RANK", "0"))
 
-    local, rank = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
-    with progress_bar(f"tune {out.name}") as bar:
+
+def run_with_bar(title: str, doing: str, load: Callable[[str], Any], run: Callable[..., Any], accelerator: str) -> Any:
+    """A run of any kind with a progress bar.
+
+    Args:
+        title: of the bar.
+        doing: what it says of a step.
+        load: reads a scene or capture by its name.
+        run: called with what reads and says so, and with the engine's arguments of `tmca.training.train`.
+        accelerator: auto, cpu or cuda.
+    """
+    from tmca.cli.progress import progress_bar
+
+    processes = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+    nodes = int(os.environ.get("WORLD_SIZE", "1")) // processes
+    with progress_bar(title) as bar:
 
         def read(name: str) -> Any:
-            pair = prepared.read(name)
-            if not rank:
-                bar(None, f"{name} read")
-            return pair
+            scene = load(name)
+            if not rank():
+                bar(None, f"{Path(name).name} read")
+            return scene
 
-        def told(done: int, steps: int, said: str) -> None:
-            bar(done / steps, "fine-tuning", f"step {done}/{steps}, {said}")
+        def show(done: int, steps: int, text: str) -> None:
+            bar(done / steps, doing, f"step {done}/{steps}, {text}")
 
-        found = prepared.run(
-            out, read, accelerator=accelerator, processes=local,
-            nodes=int(os.environ.get("WORLD_SIZE", "1")) // local, progress=told,
-        )  # fmt: skip
-        bar(None, "pictures")
-        pictures = [] if rank else tuning_pictures(prepared, out)
-    if not rank:
-        _say(_report(prepared, out, found, pictures), json)
+        return run(read, {"accelerator": accelerator, "processes": processes, "nodes": nodes, "progress": show})
 
 
-def _report(prepared: Any, out: Path, found: Any, pictures: list[Path]) -> dict[str, Any]:
+def run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
+    """Fine-tune, draw how it went, and say what came out."""
+    from tmca.experiments.tuning.pictures import tuning_pictures
+
+    def run(read: Any, how: dict[str, Any]) -> Any:
+        return prepared.run(out, read, **how)
+
+    tuned = run_with_bar(f"tune {out.name}", "fine-tuning", prepared.read, run, accelerator)
+    if not rank():
+        _say(_report(prepared, out, tuned, tuning_pictures(prepared, out)), json)
+
+
+def _report(prepared: Any, out: Path, tuned: Any, pictures: list[Path]) -> dict[str, Any]:
     from tmca.training.log import TrainingLog
 
     before = {name: float(value) for name, value in TrainingLog(out / "log.csv").rows()[0].items() if value}
     data, used = prepared.settings.data, prepared.calibration
     return {
-        "weights": str(found.weights),
+        "weights": str(tuned.weights),
         "calibration": None if used is None else used.where,
         "learned_from": list(data.train),
         "held_out": list(data.validation),
-        "before": {name: before[name] for name in found.best if name in before and name != "step"},
-        "best": found.best,
-        "steps": found.steps,
+        "before": {name: before[name] for name in tuned.best if name in before and name != "step"},
+        "best": tuned.best,
+        "steps": tuned.steps,
         "files": [str(picture) for picture in pictures],
     }
 

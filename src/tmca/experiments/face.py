@@ -82,54 +82,16 @@ def train(
         config: YAML of settings, which replace the preset's.
         settings: dotted names and values, such as ``{"camera.slots": 4}``, which replace both.
         progress: called after every step with (done, all, text).
-        how: ``accelerator``, ``processes`` and ``nodes`` of `tmca.training.run.train`.
+        how: ``accelerator``, ``processes`` and ``nodes`` of `tmca.training.run.carry_out`.
 
     Raises:
         SettingError, DataError, OutputError: impossible settings or scenes, or the folder of another run.
     """
     named = {"data.train": scenes, "data.validation": validation}
     changes = {**(settings or {}), **{name: list(value) for name, value in named.items() if value is not None}}
-    prepared, engine, load = _of(_TRAININGS, camera)(preset, config, changes)
-    trained: Trained = engine(prepared, Path(out), load, progress=progress, **how)
-    return trained
+    from tmca.training import train, training_settings
 
-
-def training_of(
-    camera: str, preset: str | None, config: str | Path | None, changes: Mapping[str, Any]
-) -> tuple[Any, Callable[..., Trained], Callable[[str], Any]]:
-    """Settings, engine and reader of scenes of a camera's training."""
-    return _of(_TRAININGS, camera)(preset, config, changes)
-
-
-def _spectral(preset: str | None, config: str | Path | None, changes: Mapping[str, Any]) -> Any:
-    from tmca.data.scenes import load_scene
-    from tmca.training import settings_from, train_spectral
-
-    settings = settings_from(preset, config, changes)
-    return settings, train_spectral, lambda name: load_scene(name, bands=settings.data.bands)
-
-
-def _light_field(preset: str | None, config: str | Path | None, changes: Mapping[str, Any]) -> Any:
-    from tmca.training import light_field_settings, train_light_field
-    from tmca.training.light_field import training_loader
-
-    settings = light_field_settings(preset, config, changes)
-    return settings, train_light_field, training_loader(settings)
-
-
-def _spectral_depth(preset: str | None, config: str | Path | None, changes: Mapping[str, Any]) -> Any:
-    from tmca.data.depth_scenes import load_any_depth_scene
-    from tmca.experiments.spectral_depth.imaging import reading_range
-    from tmca.training import spectral_depth_settings, train_spectral_depth
-    from tmca.training.spectral_depth.camera import training_camera
-
-    settings = spectral_depth_settings(preset, config, changes)
-    how = {name: getattr(settings.data, name) for name in ("side", "placed", "from_rgb")}
-    how |= reading_range(training_camera(settings))
-    return settings, train_spectral_depth, lambda name: load_any_depth_scene(name, **how)
-
-
-_TRAININGS = dict(zip(KINDS, (_spectral, _light_field, _spectral_depth), strict=True))
+    return train(training_settings(camera, preset, config, changes), Path(out), progress=progress, **how)
 
 
 def _of(engines: Mapping[str, Callable[..., Any]], camera: str) -> Callable[..., Any]:

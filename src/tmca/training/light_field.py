@@ -1,49 +1,34 @@
-"""The light-field camera in a training run: its settings, presets and scenes."""
+"""Training of the light-field camera."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from tmca.cameras import CodedCamera, LightFieldCamera
+from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import Reading, check_asked, load_light_field
 from tmca.errors import SettingError
-from tmca.training.imaging_run import prepare_imaging
-from tmca.training.patches import Load
-from tmca.training.run import Trained, train
+from tmca.training.mask_training import MaskTraining, starting_arguments
+from tmca.training.patches import CubeStore, Load, PatchSource
 from tmca.training.scenes import named_scenes
-from tmca.training.settings import DataSettings, Pixels, Strict, TrainSettings, settings_of
-from tmca.training.starting_codes import starting_settings
+from tmca.training.settings import DataSettings, MaskCameraSettings, MaskTrainSettings, Pixels
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-class LightFieldCameraSettings(Strict):
-    """The light-field camera of a run; names as in ``LightFieldCamera``.
+class LightFieldCameraSettings(MaskCameraSettings):
+    """The light-field camera of a run; names as in `LightFieldCamera`."""
 
-    ``learn`` says which codes are learned. ``period`` tiles them: a tile is seen in every step, a full frame rarely.
-    """
-
-    views: int = Field(default=5, ge=1)
     size: tuple[int, int] = (270, 480)
-    slots: int = Field(default=8, ge=1)
-    aperture: str = "random"
-    shutter: str = "random"
-    exposure: Literal["equal", "per-slot"] = "equal"
+    views: int = Field(default=5, ge=1)
     shear: float | tuple[float, float] = 1.0
     mask_scale: float = 1.0
-    transmittance: float = Field(default=0.5, gt=0, lt=1)
-    duty: float = Field(default=0.5, gt=0, lt=1)
-    period: Pixels | tuple[Pixels, Pixels] | None = None
-    seed: int = 0
-    learn: Literal["both", "aperture", "shutter", "none"] = "none"
 
 
 class LightFieldDataSettings(DataSettings):
@@ -68,21 +53,22 @@ class LightFieldDataSettings(DataSettings):
     batch: int = Field(default=4, ge=1)
 
 
-class LightFieldTrainSettings(TrainSettings):
+class LightFieldTrainSettings(MaskTrainSettings):
     """A whole run of the light-field camera."""
 
-    camera: LightFieldCameraSettings = LightFieldCameraSettings()  # type: ignore[assignment]
+    kind = "light-field"
+    camera: LightFieldCameraSettings = LightFieldCameraSettings()
     decoder: dict[str, Any] = Field(default={"kind": "spatial-angular"})
     data: LightFieldDataSettings = LightFieldDataSettings()
 
     @model_validator(mode="after")
-    def _has_views(self) -> LightFieldTrainSettings:
+    def _has_views(self) -> Self:
         if "views" in self.decoder:
             raise ValueError("decoder.views: camera.views says it")
         return self
 
 
-LIGHT_FIELD_PRESETS: dict[str, dict[str, Any]] = {
+PRESETS: dict[str, dict[str, Any]] = {
     # thesis 3.2: 5×5 views of 480×270, K = 8, patches of 11×11, 500 epochs, L2, 110/20/25 scenes, the sub-network of
     # Guo 2020. Assumed, as the thesis does not say: batches of 64, Adam at 1e-3 with cosine decay, code rate 0.03,
     # 64 patches of a scene in an epoch, slope 4 → 40, no noise, codes started at random with half of the pixels open
@@ -105,67 +91,44 @@ LIGHT_FIELD_PRESETS: dict[str, dict[str, Any]] = {
 }
 
 
-class LightFieldApplication:
-    """An ``Application`` whose scenes are light fields (view_v, view_u, y, x), or in colour."""
+class LightFieldTraining(MaskTraining):
+    """Scenes are light fields (view_v, view_u, y, x), or in colour."""
 
-    name = "light-field"
+    kind, settings, presets = "light-field", LightFieldTrainSettings, PRESETS
 
-    def camera(self, settings: LightFieldTrainSettings, first: xr.DataArray) -> LightFieldCamera:
-        """The camera with the codes that the run starts from."""
-        return LightFieldCamera(**starting_settings(settings, lambda: settings.camera.size))
+    def reader(self, settings: LightFieldTrainSettings) -> Load:
+        """See `CameraTraining`."""
+        data, reading = settings.data, training_reading(settings)
+        names = named_scenes([*data.train, *data.validation, *data.prior])
+        if names:
+            check_asked(names, **vars(reading))
 
-    def array(self, scene: xr.DataArray) -> NDArray[np.float32]:
-        """(V·U, H, W); colours side by side."""
+        def load(name: str) -> xr.DataArray:
+            try:
+                return load_light_field(name, views=settings.camera.views, colour=data.colour, **reading.of(name))
+            except SettingError as error:
+                if error.where != "views":
+                    raise
+                remedy = error.remedy and f"{error.remedy.replace('views=', 'camera.views=')} (--set)"
+                raise SettingError("camera.views", error.found, error.expected, remedy) from error
+
+        return load
+
+    def camera(self, settings: LightFieldTrainSettings, first: Callable[[], Any]) -> LightFieldCamera:
+        """See `CameraTraining`."""
+        return LightFieldCamera(**starting_arguments(settings, lambda: settings.camera.size))
+
+    def channels(self, scene: xr.DataArray, camera: Any) -> NDArray[np.float32]:
+        """See `CameraTraining`: the views; colours side by side."""
         values = np.asarray(scene.values, dtype=np.float32)
         values = np.concatenate(list(values), axis=-1) if values.ndim == 5 else values
         return values.reshape(-1, *values.shape[2:])
 
-    def views(self, camera: CodedCamera) -> tuple[int, int]:
-        """Which turn with the pixels."""
-        return cast(LightFieldCamera, camera).views
-
-
-def light_field_settings(
-    preset: str | None = None, file: str | Path | None = None, changes: Mapping[str, Any] | None = None
-) -> LightFieldTrainSettings:
-    """Settings of a preset of ``LIGHT_FIELD_PRESETS``, replaced by a file's, replaced by single changes.
-
-    Raises:
-        SettingError: unknown preset or name, impossible value.
-        DataError: the file cannot be read.
-    """
-    return settings_of(LightFieldTrainSettings, LIGHT_FIELD_PRESETS, preset, file, changes)
-
-
-def train_light_field(settings: LightFieldTrainSettings, folder: Path, load: Load, **how: Any) -> Trained:
-    """Train a light-field camera's codes and decoder; ``train`` says what ``load`` and the other arguments are."""
-    return train(partial(prepare_imaging, LightFieldApplication()), settings, folder, load, **how)
+    def source(self, settings: Any, store: CubeStore, camera: Any) -> PatchSource:
+        """See `CameraTraining`; views turn with the pixels."""
+        return replace(super().source(settings, store, camera), views=camera.views)
 
 
 def training_reading(settings: LightFieldTrainSettings) -> Reading:
     """What the settings of a run ask of its files."""
     return Reading(settings.data.scale, settings.data.pattern, settings.data.lens)
-
-
-def training_loader(settings: LightFieldTrainSettings) -> Callable[[str], xr.DataArray]:
-    """Reads the light fields of a run.
-
-    Raises:
-        SettingError: a setting that applies to none of them.
-        DataError: a split that cannot be read.
-    """
-    data, reading = settings.data, training_reading(settings)
-    names = named_scenes([*data.train, *data.validation, *data.prior])
-    if names:
-        check_asked(names, **vars(reading))
-
-    def load(name: str) -> xr.DataArray:
-        try:
-            return load_light_field(name, views=settings.camera.views, colour=data.colour, **reading.of(name))
-        except SettingError as error:
-            if error.where != "views":
-                raise
-            remedy = error.remedy and f"{error.remedy.replace('views=', 'camera.views=')} (--set)"
-            raise SettingError("camera.views", error.found, error.expected, remedy) from error
-
-    return load

@@ -21,9 +21,9 @@ from tmca.errors import TmcaError
 from tmca.training.checkpoints import latest_checkpoint, load_latest, save_checkpoint
 from tmca.training.log import TrainingLog
 from tmca.training.patches import Patch
+from tmca.training.pool import CachedStarts, Pool
 from tmca.training.schedules import code_rate, decoder_rate, slope
 from tmca.training.settings import TrainSettings
-from tmca.training.starts import KeptStarts, Pool
 from tmca.training.system import System
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class Run:
         steps: in all.
         folder: checkpoints and log.
         fabric: engine (Lightning Fabric): precision, device, processes.
-        keep: called with the best validation figures whenever they are the best so far, and at the end of a run that
+        save: called with the best validation figures whenever they are the best so far, and at the end of a run that
             never validated.
         progress: called after every step.
         pool: patches to draw from while the codes stay as they are, and their first estimates.
@@ -64,9 +64,9 @@ class Run:
     steps: int
     folder: Path
     fabric: Fabric
-    keep: Callable[[dict[str, Any]], None] | None = None
+    save: Callable[[dict[str, Any]], None] | None = None
     progress: Progress | None = None
-    pool: tuple[Pool, KeptStarts] | None = None
+    pool: tuple[Pool, CachedStarts] | None = None
     best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "score": -math.inf, "step": 0})
     losses: list[float] = field(default_factory=list)
     said: str = ""
@@ -76,13 +76,11 @@ class Run:
     def __post_init__(self) -> None:
         groups = self.system.groups()
         self.optimizers = {name: _optimizer(name, params) for name, params in groups.items() if params}
-        assert isinstance(self.system, nn.Module)
-        self.module = self.system
         self.log = TrainingLog(self.folder / "log.csv")
 
     def resume(self) -> int:
         """Steps done at the newest checkpoint, whose state is taken over."""
-        state = load_latest(self.folder / "checkpoints", self.module, self.optimizers)
+        state = load_latest(self.folder / "checkpoints", self.system, self.optimizers)
         self.begun = time.process_time()
         if state is None:
             return 0
@@ -102,10 +100,10 @@ class Run:
         self.log.keep_until(first)
         self._set_rates(first)
         if self.pool and not self.system.frozen:
-            self.pool[1].forget()  # estimates of codes that this run has still to learn
+            self.pool[1].delete()  # estimates of codes that this run has still to learn
         if first == 0 and self.settings.codes.decoder is not None:
             self._validate(0)  # a decoder that learned before may be better than all that comes
-        wrapped, *_ = self.fabric.setup(self.module, *self.optimizers.values())
+        wrapped, *_ = self.fabric.setup(self.system, *self.optimizers.values())
         with _asked_to_stop() as asked:
             for step in range(first, self.steps):
                 loss = self._step(wrapped, step)
@@ -160,7 +158,7 @@ class Run:
         self.system.anneal(slope(step, self.steps, codes.slope, codes.frozen))
 
     def _check_finite(self, loss: Tensor, step: int, patches: list[Patch]) -> None:
-        learned = [(n, p) for n, p in self.module.named_parameters() if p.grad is not None]
+        learned = [(n, p) for n, p in self.system.named_parameters() if p.grad is not None]
         broken = [n for n, p in learned if not (p.grad is None or p.grad.isfinite().all())]
         if bool(loss.isfinite()) and not broken:
             return
@@ -176,18 +174,17 @@ class Run:
         )
 
     def _validate(self, done: int) -> None:
-        found = self.system.validate()
-        loss = math.fsum(self.losses) / max(len(self.losses), 1)
-        figures = {"loss": loss, **self.system.figures(), **found}
-        self.said = "".join(f", validation {value:.2f} dB" for name, value in found.items() if name == "psnr")
-        value = found.get("score", found.get("psnr", -math.inf))
-        if value > self.best["score"] or (done == self.steps and not found):
-            self.best = {"psnr": value, **found, "score": value, "step": done}
-            if self.keep and self.fabric.is_global_zero:
-                self.keep(self.best)
+        figures = {"loss": math.fsum(self.losses) / max(len(self.losses), 1), **self.system.figures()}
+        merit = self.system.validate()
+        self.said = f", validation {merit['psnr']:.2f} dB" if merit else ""
+        score = merit.get("score", merit.get("psnr", -math.inf))
+        if score > self.best["score"] or (done == self.steps and not merit):
+            self.best = {"psnr": score, **merit, "score": score, "step": done}
+            if self.save and self.fabric.is_global_zero:
+                self.save(self.best)
         self.losses.clear()
         if self.fabric.is_global_zero:
-            self.log.add(done, figures)
+            self.log.add(done, figures | merit)
 
     def _checkpoint(self, done: int) -> None:
         now = time.process_time()
@@ -196,7 +193,7 @@ class Run:
             save_checkpoint(
                 self.folder / "checkpoints",
                 done,
-                self.module,
+                self.system,
                 self.optimizers,
                 {"best": self.best, "losses": self.losses, "time": time.time(), "cpu_seconds": self.cpu_seconds},
             )

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -16,12 +17,16 @@ from torch import Tensor
 
 from tmca.cameras import moving_scene
 from tmca.data import atomic_path, make_folder
+from tmca.data.spectral_depth import drawn_nearness
 from tmca.errors import DataError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-Load = Callable[[str], "xr.DataArray"]
+_KINDS: tuple[Literal["plane", "slanted", "pieces", "smooth"], ...] = ("plane", "slanted", "pieces", "smooth")
+_LEAST_RANGE = 0.3
+"""Share of the depth range that a redrawn patch covers at least."""
+Load = Callable[[str], "xr.DataArray | xr.Dataset"]
 """From the name of a scene to the scene at the camera's bands or views."""
 Channels = Callable[[str], NDArray[np.float32]]
 """From the name of a scene to its channels (L, H, W)."""
@@ -85,8 +90,13 @@ def _identity(name: str) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
 
 
+@dataclass(frozen=True)
 class PatchSource:
-    """Square patches: a random scene, place, turn, mirror image and brightness, and motion within the exposure.
+    """Square patches: a random scene, place, turn, mirror image and brightness, motion within the exposure, or depth.
+
+    With ``redrawn`` the last channel is inverse depth as a share of the camera's range, 0 = far, 1 = near, NaN where it
+    is unknown. A patch keeps its scene's depth, moved and squeezed within the range at random, or is put at drawn
+    depths: real textures at every distance.
 
     Args:
         store: of the scenes.
@@ -97,23 +107,18 @@ class PatchSource:
         motion: largest displacement between the ends of the exposure, pixels.
         slots: K, for moving scenes.
         views: (V, U) where the channels are views, row by row, which turn and are mirrored with the pixels.
+        redrawn: share of the patches at drawn depths; None for scenes without depth.
     """
 
-    def __init__(
-        self,
-        store: CubeStore,
-        patch: int,
-        seed: int,
-        *,
-        brightness: float = 0.0,
-        tint: float = 0.0,
-        motion: float = 0.0,
-        slots: int = 1,
-        views: tuple[int, int] | None = None,
-    ) -> None:
-        self.views = views
-        self.store, self.patch, self.seed = store, patch, seed
-        self.brightness, self.tint, self.motion, self.slots = brightness, tint, motion, slots
+    store: CubeStore
+    patch: int
+    seed: int
+    brightness: float = 0.0
+    tint: float = 0.0
+    motion: float = 0.0
+    slots: int = 1
+    views: tuple[int, int] | None = None
+    redrawn: float | None = None
 
     def __call__(self, step: int, index: int) -> Patch:
         """The patch with this index in the batch of this step.
@@ -123,31 +128,29 @@ class PatchSource:
         """
         rng = np.random.default_rng((self.seed, step, index))
         which = int(rng.integers(len(self.store)))
-        cube, margin = self.store.cube(which), int(np.ceil(self.motion / 2)) + 1 if self.motion else 0
+        scene, margin = self.store.cube(which), int(np.ceil(self.motion / 2)) + 1 if self.motion else 0
         side = self.patch + 2 * margin
-        if min(cube.shape[1:]) < side:
-            name, size = self.store.scenes[which], f"{cube.shape[1]}×{cube.shape[2]} pixels"
+        if min(scene.shape[1:]) < side:
+            name, size = self.store.scenes[which], f"{scene.shape[1]}×{scene.shape[2]} pixels"
             raise DataError(name, size, f"at least {side}×{side}", "use smaller patches or leave the scene out")
-        top, left = (int(rng.integers(length - side + 1)) for length in cube.shape[1:])
-        part = cube[:, top : top + side, left : left + side]
-        values = torch.from_numpy(_varied(part, rng, self.brightness, self.tint, self.views))
+        top, left = (int(rng.integers(length - side + 1)) for length in scene.shape[1:])
+        part = scene[:, top : top + side, left : left + side]
+        part = turned(part, int(rng.integers(4)), bool(rng.integers(2)), self.views)
+        values = torch.from_numpy(self._varied(part, rng))
         origin = f"{self.store.scenes[which]} at row {top}, column {left}"
         if not self.motion:
             return Patch(values, values, origin)
         velocity = rng.uniform(-1, 1, 2) * self.motion
-        scene = moving_scene(values, (float(velocity[0]), float(velocity[1])), self.slots)
+        moving = moving_scene(values, (float(velocity[0]), float(velocity[1])), self.slots)
         inner = slice(margin, margin + self.patch)
-        return Patch(scene[..., inner, inner].contiguous(), values[:, inner, inner].contiguous(), origin)
+        return Patch(moving[..., inner, inner].contiguous(), values[:, inner, inner].contiguous(), origin)
 
-
-def _varied(
-    patch: NDArray[np.float32],
-    rng: np.random.Generator,
-    stops: float,
-    tint: float,
-    views: tuple[int, int] | None = None,
-) -> NDArray[np.float32]:
-    return in_other_light(turned(patch, int(rng.integers(4)), bool(rng.integers(2)), views), rng, stops, tint)
+    def _varied(self, part: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+        """A patch in other light, and at other depths."""
+        if self.redrawn is None:
+            return in_other_light(part, rng, self.brightness, self.tint)
+        cube = in_other_light(part[:-1], rng, self.brightness, self.tint)
+        return np.concatenate((cube, moved_depth(part[-1], rng, self.redrawn)[None]), dtype=np.float32)
 
 
 def in_other_light(
@@ -159,6 +162,17 @@ def in_other_light(
     gain = 2.0 ** rng.uniform(-stops, min(stops, 1.0))
     top = float(patch.max())
     return np.ascontiguousarray(patch * np.float32(min(gain, 1 / top) if top > 0 else 1.0))
+
+
+def moved_depth(known: NDArray[np.float32], rng: np.random.Generator, redrawn: float) -> NDArray[np.float64]:
+    """Shares of the range (h, w), moved and squeezed within it, or drawn anew as often as ``redrawn`` says."""
+    extent = rng.uniform(_LEAST_RANGE, 1)
+    begin = rng.uniform(0, 1 - extent)
+    if rng.random() >= redrawn and np.isfinite(known).any():
+        return begin + extent * known.astype(np.float64)
+    kind = _KINDS[rng.integers(len(_KINDS))]
+    drawn = drawn_nearness((known.shape[0], known.shape[1]), rng, kind)
+    return drawn if kind == "plane" else begin + extent * drawn
 
 
 def turned(

@@ -5,23 +5,33 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
-from tmca.errors import SettingError
+from tmca.decoders import Weights
+from tmca.errors import DataError
+from tmca.priors import find_prior, learn_prior
+from tmca.sensor import Sensor
+from tmca.training.camera_training import TRAININGS, NeededPrior, scene_reader
+from tmca.training.engine import choose_precision, start_engine
 from tmca.training.folder import held, open_run
 from tmca.training.loop import Progress, Run
-from tmca.training.patches import Load, Patch
-from tmca.training.precision import Precision, choose_precision, mixed_precision
-from tmca.training.scenes import SceneLists, scene_lists
+from tmca.training.patches import CubeStore, Load, Patch
+from tmca.training.pool import CachedStarts, Pool
+from tmca.training.scenes import RENDERED, SceneLists, scene_lists
 from tmca.training.settings import TrainSettings
-from tmca.training.starts import KeptStarts, Pool
-from tmca.training.system import System
+from tmca.training.system import System, TrainingSystem, starts_from_prior
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
+
+WEIGHTS, PRIOR = "weights.safetensors", "prior.nc"
+"""Files of a run's folder."""
 
 
 @dataclass
@@ -31,14 +41,14 @@ class Prepared:
     Args:
         system: camera and decoder.
         patch: (step, index) → patch.
-        keep: writes the weights, told the best validation figures.
-        pool: patches whose first estimates are worth keeping.
+        save: writes the weights, given the best validation figures.
+        pool: patches whose first estimates are worth caching.
     """
 
     system: System
     patch: Callable[[int, int], Patch]
-    keep: Callable[[dict[str, Any]], None]
-    pool: tuple[Pool, KeptStarts] | None = None
+    save: Callable[[dict[str, Any]], None]
+    pool: tuple[Pool, CachedStarts] | None = None
 
 
 Prepare = Callable[[Any, Path, Load, SceneLists, "Fabric"], Prepared]
@@ -62,7 +72,26 @@ class Trained:
     cpu_seconds: float = 0.0
 
 
-def train(
+def train(settings: TrainSettings, folder: Path, load: Load | None = None, **how: Any) -> Trained:
+    """Train a camera's codes and decoder, or go on with a run that was stopped.
+
+    Args:
+        settings: of the run, of any camera; see `training_settings`.
+        folder: of the run: ``run.json``, ``log.csv``, ``prior.nc``, ``checkpoints/``, ``weights.safetensors``.
+        load: from a scene's name to the scene at the camera's bands or views; `scene_reader` without.
+        how: ``accelerator``, ``processes``, ``nodes`` and ``progress`` of `carry_out`.
+
+    Raises:
+        OutputError: the folder holds another run.
+        SettingError, DataError: impossible settings or scenes.
+        TrainingError: a loss that is not finite.
+    """
+    trained = carry_out(prepare, settings, folder, load or scene_reader(settings), **how)
+    TRAININGS[settings.kind].check(settings, Weights.load(trained.weights))
+    return trained
+
+
+def carry_out(
     prepare: Prepare,
     settings: TrainSettings,
     folder: Path,
@@ -73,26 +102,21 @@ def train(
     nodes: int = 1,
     progress: Progress | None = None,
 ) -> Trained:
-    """Train a camera's codes and decoder, or go on with a run that was stopped.
+    """A run of any system; arguments and errors as of `train`.
 
     Args:
         prepare: sets up camera, decoder and patches.
         settings: of the run.
-        folder: of the run: ``run.json``, ``log.csv``, ``prior.nc``, ``checkpoints/``, ``weights.safetensors``.
-        load: from a scene's name to the scene at the camera's bands or views.
+        folder: of the run.
+        load: of scenes.
         accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``.
         processes: on each machine; more than one in all must be started by ``torchrun``.
         nodes: machines, which share the run's folder.
         progress: called after every step, in the first process.
-
-    Raises:
-        OutputError: the folder holds another run.
-        SettingError, DataError: impossible settings or scenes.
-        TrainingError: a loss that is not finite.
     """
     lists = scene_lists(settings.data, settings.seed)
     precision = choose_precision(settings.precision, accelerator)
-    fabric = _engine(settings, precision, accelerator, processes, nodes)
+    fabric = start_engine(settings, precision, accelerator, processes, nodes)
     used = settings.model_copy(update={"precision": precision})
     with held(folder) if fabric.is_global_zero else nullcontext():
         if fabric.is_global_zero:
@@ -100,12 +124,12 @@ def train(
         fabric.barrier()
         torch.manual_seed(settings.seed)
         ready, steps = prepare(used, folder, load, lists, fabric), steps_of(settings, len(lists.train))
-        told = progress if fabric.is_global_zero else None
-        run = Run(ready.system, ready.patch, used, steps, folder, fabric, ready.keep, told, ready.pool)
+        shown = progress if fabric.is_global_zero else None
+        run = Run(ready.system, ready.patch, used, steps, folder, fabric, ready.save, shown, ready.pool)
         best = run.train()
         if ready.pool:
-            ready.pool[1].forget()
-        return Trained(folder / "weights.safetensors", best, steps, run.cpu_seconds)
+            ready.pool[1].delete()
+        return Trained(folder / WEIGHTS, best, steps, run.cpu_seconds)
 
 
 def steps_of(settings: TrainSettings, scenes: int) -> int:
@@ -115,32 +139,69 @@ def steps_of(settings: TrainSettings, scenes: int) -> int:
     return settings.optimiser.steps or settings.optimiser.epochs * epoch
 
 
-def card_of(settings: TrainSettings, lists: SceneLists, best: dict[str, Any], system: System) -> dict[str, Any]:
-    """How weights were trained and how good they are, JSON values."""
-    train, validation = ([Path(name).name for name in names] for names in (lists.train, lists.validation))
-    trained = {"training": settings.model_dump(), "scenes": train, "validation": validation}
-    return {**trained, "best": best, **system.figures()}
+def prepare(settings: TrainSettings, folder: Path, load: Load, lists: SceneLists, fabric: Fabric) -> Prepared:
+    """Camera, network, prior, scenes and patches of a run.
+
+    Raises:
+        SettingError, DataError: an impossible camera, network, or scene.
+    """
+    training = TRAININGS[settings.kind]
+    camera = training.camera(settings, lambda: load(lists.train[0]))
+    network = training.network(settings, camera)
+    if settings.codes.decoder is not None:
+        _take_decoder(settings.codes.decoder, network)
+    needed = training.needed_prior(settings, camera, network)
+    prior = None if needed is None else _prior(needed, camera, folder, load, lists, fabric)
+
+    def channels(name: str) -> NDArray[np.float32]:
+        return training.channels(load(name), camera)
+
+    validation = [part for name in lists.validation for part in training.validation(name, channels(name), camera)]
+    sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]
+    system = training.built(settings, camera, network, sensors, prior, validation)
+    patches = training.source(settings, CubeStore(lists.train, channels, folder / "cubes"), camera)
+    pool = _pool(settings, system, patches, len(lists.train), folder / "starts")
+    return Prepared(system, patches, partial(_save, settings, system, lists, folder / WEIGHTS), pool)
 
 
-def _engine(settings: TrainSettings, precision: Precision, accelerator: str, processes: int, nodes: int) -> Fabric:
-    import logging
-    import warnings
+def _take_decoder(start: str, network: torch.nn.Module) -> None:
+    """Start from the decoder of an earlier run."""
+    try:
+        network.load_state_dict(Weights.load(start).network.state_dict())
+    except RuntimeError:
+        wanted = "the same kind and settings as in this run"
+        raise DataError(start, "a decoder of other sizes", wanted) from None
 
-    from lightning_fabric import Fabric
 
-    logging.getLogger("lightning_fabric").setLevel(logging.WARNING)
+def _prior(needed: NeededPrior, camera: Any, folder: Path, load: Load, lists: SceneLists, fabric: Fabric) -> Any:
+    """The run's prior, learned once, or that of the rendered scenes."""
+    file = None if lists.prior == RENDERED else folder / PRIOR
+    if file is not None and fabric.is_global_zero and not file.exists():
+        scenes = [load(name) for name in lists.prior or lists.train]
+        learn_prior(scenes, camera, needed.kind, block=needed.block).save(file)
+    fabric.barrier()
+    return find_prior(camera, file, needed.kind, block=needed.rendered_block)
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            fabric = Fabric(
-                accelerator=accelerator, devices=processes, num_nodes=nodes,
-                strategy="ddp" if processes * nodes > 1 else "auto",
-                plugins=[mixed_precision(accelerator)] if precision == "bf16-mixed" else [],
-            )  # fmt: skip
-        except (ValueError, RuntimeError) as error:  # Fabric has no error of its own for a device that is not there
-            raise SettingError("--accelerator", repr(accelerator), "one of this machine", str(error)) from None
-        fabric.launch()
-    if settings.data.batch % fabric.world_size:
-        raise SettingError("data.batch", str(settings.data.batch), f"a multiple of the {fabric.world_size} processes")
-    return fabric
+
+def _pool(
+    settings: TrainSettings, system: TrainingSystem, patches: Callable[[int, int], Patch], scenes: int, folder: Path
+) -> tuple[Pool, CachedStarts] | None:
+    """Patches whose first estimates are worth caching."""
+    data = settings.data
+    if not data.pool or not starts_from_prior(system.network):
+        return None
+    pool = Pool.of(data.pool, data.batch, len(settings.noise), settings.seed, steps_of(settings, scenes))
+
+    def compute(step: int) -> torch.Tensor:
+        places = range(pool.size)
+        return cast(torch.Tensor, system.start([patches(step, index) for index in places], step, places))
+
+    return pool, CachedStarts(folder, compute)
+
+
+def _save(settings: TrainSettings, system: TrainingSystem, lists: SceneLists, file: Path, best: dict[str, Any]) -> None:
+    """Write the present state as a decoder with its codes, and how it was trained."""
+    prior = "" if not starts_from_prior(system.network) else "rendered" if lists.prior == RENDERED else PRIOR
+    scenes, validation = ([Path(name).name for name in names] for names in (lists.train, lists.validation))
+    card = {"training": settings.model_dump(), "scenes": scenes, "validation": validation, "best": best}
+    Weights.of(system.network, system.camera, prior, card | system.figures()).save(file, overwrite=True)

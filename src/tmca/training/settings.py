@@ -1,10 +1,10 @@
-"""What a training run is told: one description, from YAML, presets and options."""
+"""Settings of a training run: one description, from YAML, presets and options; what all cameras share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -13,6 +13,7 @@ from tmca.errors import DataError, SettingError
 Share = Annotated[float, Field(ge=0)]
 Pixels = Annotated[int, Field(ge=1)]
 Steepness = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class Strict(BaseModel):
@@ -22,28 +23,27 @@ class Strict(BaseModel):
 
 
 class CameraSettings(Strict):
-    """The spectral camera of a run; names as in ``SpectralCamera``.
-
-    ``learn`` says which codes are learned. ``period`` tiles them: a tile is seen in every step, a full frame rarely.
-    ``response`` is the sensor's, one value per band; ones without it.
-    """
+    """The camera of a run; names as in its class. ``learn`` says which codes are learned."""
 
     size: tuple[int, int] = (256, 256)
     slots: int = Field(default=8, ge=1)
+    exposure: Literal["equal", "per-slot"] = "equal"
+    seed: int = 0
+    learn: Any = "none"
+
+
+class MaskCameraSettings(CameraSettings):
+    """A camera whose masks have pixels that are open or shut.
+
+    ``period`` tiles the codes: a tile is seen in every step, a full frame rarely.
+    """
+
     aperture: str = "random"
     shutter: str = "random"
-    exposure: Literal["equal", "per-slot"] = "equal"
-    dispersion: float | tuple[float, ...] = 1.0
-    disperser: Literal["single", "dual"] = "single"
-    response: tuple[float, ...] | None = None
     transmittance: float = Field(default=0.5, gt=0, lt=1)
     duty: float = Field(default=0.5, gt=0, lt=1)
     period: Pixels | tuple[Pixels, Pixels] | None = None
-    seed: int = 0
     learn: Literal["both", "aperture", "shutter", "none"] = "none"
-
-
-Kind = TypeVar("Kind", bound="TrainSettings")
 
 
 class NoiseSettings(Strict):
@@ -149,16 +149,18 @@ class OptimiserSettings(Strict):
 
 
 class TrainSettings(Strict):
-    """A whole run.
+    """A whole run of any camera.
 
-    ``faults`` gives the least and largest value of faults of the bench (``tmca.cameras.hardware``), which are drawn in
+    ``faults`` gives the least and largest value of faults of the bench (``tmca.cameras.Hardware``), which are drawn in
     every step; a single number stands for both.
     """
 
+    kind: ClassVar[str]
+    """Of the camera."""
     camera: CameraSettings = CameraSettings()
     noise: tuple[NoiseSettings, ...] = (NoiseSettings(),)
     decoder: dict[str, Any] = {"kind": "unrolled"}
-    codes: CodeSettings = CodeSettings()
+    codes: LearningSettings = LearningSettings()
     data: DataSettings = DataSettings()
     optimiser: OptimiserSettings = OptimiserSettings()
     precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
@@ -181,14 +183,9 @@ class TrainSettings(Strict):
         return value
 
     @model_validator(mode="after")
-    def _fits(self) -> TrainSettings:
-        if self.data.motion and getattr(self.camera, "disperser", "single") == "dual":
-            raise ValueError("motion needs a single disperser")
+    def _fits(self) -> Self:
         if not sum(self.data.shares) > 0:
             raise ValueError(f"shares of {self.data.shares}: at least one above 0")
-        held = isinstance(self.codes, CodeSettings) and self.codes.throughput is not None
-        if held and self.camera.learn == "none":
-            raise ValueError("codes.throughput needs learned codes: set camera.learn")
         if self.codes.start == "one-hot" and self.camera.slots == 1:
             raise ValueError("codes.start one-hot needs more than one slot")
         if self.data.patch > min(self.camera.size):
@@ -196,99 +193,71 @@ class TrainSettings(Strict):
         return self
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    # thesis 4.2: 12 bands, 256×256, K = 8, U-Net from Φᵀy, 500 epochs, L2, 160/20/20 scenes. Assumed, as the thesis
-    # does not say: batches of 4, Adam at 1e-3 with cosine decay, code rate 0.03, whole frames flipped and turned,
-    # slope 4 → 40, no noise, codes started at random with half of the pixels open, no target for the light.
-    "thesis": {
-        "camera": {"size": [256, 256], "slots": 8, "learn": "both"},
-        "decoder": {"kind": "unet", "start": "adjoint", "codes": False, "noise_aware": False},
-        "data": {
-            "patch": 256,
-            "batch": 4,
-            "patches_per_scene": 1,
-            "brightness": 0.0,
-            "tint": 0.0,
-            "shares": [0.8, 0.1, 0.1],
-        },
-        "optimiser": {"epochs": 500, "loss": "l2"},
-        "codes": {"frozen": 0.0},
-        "precision": "32-true",
-    },
-    # minutes on two cores: patches of 64, an unrolled network from the patch LMMSE, a tile of codes seen in every step
-    "quick": {
-        "camera": {"size": [256, 256], "slots": 8, "period": 32, "learn": "both"},
-        "decoder": {"kind": "unrolled", "start": "lmmse"},
-        "noise": [{"read_noise": 0.01}],
-        "data": {"patch": 64, "batch": 16},
-        "optimiser": {"steps": 300, "loss": "log"},
-    },
-}
+class MaskTrainSettings(TrainSettings):
+    """A whole run of a camera whose masks have pixels that are open or shut."""
+
+    camera: MaskCameraSettings = MaskCameraSettings()
+    codes: CodeSettings = CodeSettings()
+
+    @model_validator(mode="after")
+    def _learns(self) -> Self:
+        if self.codes.throughput is not None and self.camera.learn == "none":
+            raise ValueError("codes.throughput needs learned codes: set camera.learn")
+        return self
 
 
-def settings_from(
-    preset: str | None = None, file: str | Path | None = None, changes: Mapping[str, Any] | None = None
-) -> TrainSettings:
-    """Settings of the spectral camera's run: a preset, replaced by a YAML file, replaced by single changes.
+def merged_settings(
+    model: type[Model],
+    presets: Mapping[str, dict[str, Any]],
+    preset: str | None = None,
+    file: str | Path | None = None,
+    changes: Mapping[str, Any] | None = None,
+) -> Model:
+    """A preset, replaced by a YAML file, replaced by single changes.
 
     Args:
-        preset: name in ``PRESETS``; None starts from the defaults.
-        file: YAML with the names of `TrainSettings`; it may name a ``preset`` itself.
+        model: of the settings.
+        presets: by name.
+        preset: one of them; None starts from that of the file, or the defaults.
+        file: YAML with the names of the model; it may name a ``preset``.
         changes: dotted names and values, such as ``{"optimiser.steps": 300}``.
 
     Raises:
         SettingError: unknown preset or name, impossible value.
         DataError: the file cannot be read.
     """
-    return settings_of(TrainSettings, PRESETS, preset, file, changes)
-
-
-def settings_of(
-    kind: type[Kind],
-    presets: Mapping[str, dict[str, Any]],
-    preset: str | None,
-    file: str | Path | None,
-    changes: Mapping[str, Any] | None,
-) -> Kind:
-    """Settings of any camera's run; ``kind`` and ``presets`` are its own, the others as in ``settings_from``."""
     described = {} if file is None else _yaml(Path(file))
-    name = described.pop("preset", preset) if preset is None else preset
+    name = described.pop("preset", None) if preset is None else preset
     described.pop("preset", None)
     if name is not None and name not in presets:
         raise SettingError("preset", repr(name), f"one of {', '.join(presets)}")
     merged = _merge({} if name is None else presets[name], described)
     for path, value in (changes or {}).items():
         merged = _merge(merged, _nested(path.split("."), value))
-    return parsed(kind, merged, where=str(file or name or "settings"))
+    return checked_settings(model, merged, str(file or name or "settings"))
 
 
-def parsed(kind: type[Kind], described: Mapping[str, Any], where: str) -> Kind:
-    """Checked settings.
-
-    Raises:
-        SettingError: the first thing that is wrong, with its dotted name.
-    """
+def checked_settings(model: type[Model], described: Mapping[str, Any], where: str) -> Model:
+    """Raises SettingError for the first thing that is wrong, with its dotted name."""
     try:
-        return kind.model_validate(dict(described))
+        return model.model_validate(dict(described))
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"]) or where
         if first["type"] == "extra_forbidden":
-            names = _names(name, kind)
+            names = _names(name, model)
             raise SettingError(name, "an unknown name", "one of the documented settings", names) from None
         expected = first["msg"].removeprefix("Value error, ").replace(" after validation", "")
         found = repr(first.get("input")) if first["loc"] else "settings that do not go together"
         raise SettingError(name, found, expected) from None
 
 
-def _names(dotted: str, kind: type[TrainSettings]) -> str:
+def _names(dotted: str, model: Any) -> str:
     """The names that exist beside an unknown one."""
-    model: Any = kind
     for part in dotted.split(".")[:-1]:
-        field = model.model_fields.get(part)
-        if field is None or not hasattr(field.annotation, "model_fields"):
+        model = getattr(model.model_fields.get(part), "annotation", None)
+        if not hasattr(model, "model_fields"):
             return ""
-        model = field.annotation
     return f"there are {', '.join(model.model_fields)}"
 
 
@@ -296,14 +265,14 @@ def _yaml(file: Path) -> dict[str, Any]:
     import yaml
 
     try:
-        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+        described = yaml.safe_load(file.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DataError(file, "no such file", "a YAML description of a run") from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise DataError(file, f"no readable YAML ({' '.join(str(error).split())})", "a YAML description") from None
-    if not isinstance(found, dict):
-        raise DataError(file, f"a {type(found).__name__}", "names and values, such as `camera: {slots: 8}`")
-    return found
+    if not isinstance(described, dict):
+        raise DataError(file, f"a {type(described).__name__}", "names and values, such as `camera: {slots: 8}`")
+    return described
 
 
 def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -311,14 +280,12 @@ def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     merged = dict(base)
     for name, value in changes.items():
         old = merged.get(name)
-        fresh = name == "decoder" and isinstance(value, Mapping) and value.get("kind", _kind(old)) != _kind(old)
-        both = isinstance(old, Mapping) and isinstance(value, Mapping) and not fresh
-        merged[name] = _merge(old, value) if both else value  # type: ignore[arg-type]
+        if not isinstance(old, Mapping) or not isinstance(value, Mapping):
+            merged[name] = value
+            continue
+        fresh = name == "decoder" and value.get("kind", old.get("kind")) != old.get("kind")
+        merged[name] = value if fresh else _merge(old, value)
     return merged
-
-
-def _kind(decoder: Any) -> str | None:
-    return decoder.get("kind") if isinstance(decoder, Mapping) else None
 
 
 def _nested(path: list[str], value: Any) -> dict[str, Any]:

@@ -105,10 +105,10 @@ def _trained(task: Task, cell: Settings, camera: CodedCamera) -> Path:
     """Weights of an unrolled network trained for these codes and this noise alone, with the codes if they are tuned."""
     from tmca.data import make_folder
     from tmca.experiments.spectral.rows import FROZEN, RATE, scenes_of
-    from tmca.training import settings_from, train_spectral
+    from tmca.training import train, training_settings
 
     folder, codes = make_folder(Path(cell["folder"])), camera.codes
-    file, bands = folder / "codes.nc", cell["bands"]
+    file = folder / "codes.nc"
     write_codes(file, codes.aperture.tile(), codes.shutter.tile(), task.period, overwrite=True)
     static = {"shutter": "open"} if camera.slots == 1 else {}
     own = {"size": _frame(task.period), "period": list(task.period), "slots": camera.slots}
@@ -117,13 +117,12 @@ def _trained(task: Task, cell: Settings, camera: CodedCamera) -> Path:
         "noise": [cell["sensor"]],
         "codes": {"start": str(file), "frozen": FROZEN["unrolled"], "slope": [2.0, 40.0]},
         "decoder": {"kind": "unrolled", "start": "lmmse"},
-        "data": {"bands": bands, **scenes_of(cell["train"]), "validation": cell["validation"], "pool": 512},
+        "data": {"bands": cell["bands"], **scenes_of(cell["train"]), "validation": cell["validation"], "pool": 512},
         "optimiser": {"steps": cell["steps"], "loss": "log", "code_rate": RATE["unrolled"]},
         "seed": cell["seed"],
         "validate_every": max(1, cell["steps"] // 4),
     }
-    settings = settings_from(None, None, training)
-    return train_spectral(settings, folder / "run", lambda name: load_scene(name, bands=bands)).weights
+    return train(training_settings("spectral", None, None, training), folder / "run").weights
 
 
 def _frame(period: Sequence[int]) -> list[int]:

@@ -50,11 +50,12 @@ def search(cell: Settings) -> Measured:
 
 def train(cell: Settings) -> Measured:
     """Train a row's network in a folder of its own, or go on with it."""
-    from tmca.training import light_field_settings, train_light_field
+    from tmca.training import train as train_camera
+    from tmca.training import training_settings
 
-    settings = light_field_settings(None, None, cell["training"])
+    settings: Any = training_settings("light-field", None, None, cell["training"])
     reading = training_reading(settings)
-    found = train_light_field(settings, Path(cell["folder"]), lambda name: read_middle(name, cell["views"][0], reading))
+    found = train_camera(settings, Path(cell["folder"]), lambda name: read_middle(name, cell["views"][0], reading))
     return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
 
 

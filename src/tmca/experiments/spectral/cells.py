@@ -27,13 +27,12 @@ def measure(cell: Settings, folder: str) -> Measured:
 
 def train(cell: Settings) -> Measured:
     """Train a row's network (and codes) in a folder of its own, or go on with it."""
-    from tmca.training import settings_from, train_spectral
+    from tmca.training import train as train_camera
+    from tmca.training import training_settings
 
     start, bands = time.process_time(), cell["bands"]
-    settings = settings_from(None, None, cell["training"])
-    found = train_spectral(
-        settings, Path(cell["folder"]), lambda name: load_scene(name, bands=bands), accelerator="auto"
-    )
+    settings = training_settings("spectral", None, None, cell["training"])
+    found = train_camera(settings, Path(cell["folder"]), lambda name: load_scene(name, bands=bands))
     seconds = max(time.process_time() - start, found.cpu_seconds)
     return {"weights": str(found.weights), "best": found.best, "seconds": seconds}
 
@@ -121,7 +120,8 @@ def sweep_training(cell: Settings) -> Measured:
 
 
 def _network_of(cell: Settings) -> Path:
-    from tmca.training import settings_from, train_spectral
+    from tmca.training import train as train_camera
+    from tmca.training import training_settings
 
     network = NETWORKS[cell["decoder"]]
     training = {
@@ -130,11 +130,7 @@ def _network_of(cell: Settings) -> Path:
                  "validation": cell["validation"]},
         "optimiser": {"steps": cell["steps"], "loss": "l2" if cell["decoder"] == "unet-thesis" else "log"},
     }  # fmt: skip
-    bands = cell["bands"]
-    found = train_spectral(
-        settings_from(None, None, training), Path(cell["folder"]), lambda name: load_scene(name, bands=bands)
-    )
-    return found.weights
+    return train_camera(training_settings("spectral", None, None, training), Path(cell["folder"])).weights
 
 
 def _prior_of(cell: Settings, camera: SpectralCamera) -> Path:

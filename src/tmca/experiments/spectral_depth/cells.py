@@ -115,17 +115,13 @@ def _on_examples(cell: Settings, camera: SpectralDepthCamera, prior: GaussianPri
 
 def train(cell: Settings, folder: Path) -> Measured:
     """Train a row's network in a folder of its own, or go on with it."""
-    from tmca.training import spectral_depth_settings, train_spectral_depth
-    from tmca.training.spectral_depth.camera import training_camera
+    from tmca.training import train as train_camera
+    from tmca.training import training_settings
+    from tmca.training.starting_masks import starting_camera
 
-    settings = spectral_depth_settings(None, None, cell["training"])
-    camera = training_camera(settings)
-    how = _reading(cell)
-
-    def load(name: str) -> Any:
-        return load_any_depth_scene(name, **how, **reading_range(camera))
-
-    found = train_spectral_depth(settings, Path(cell["folder"]), load)
+    settings: Any = training_settings("spectral-depth", None, None, cell["training"])
+    how = _reading(cell) | reading_range(starting_camera(settings))
+    found = train_camera(settings, Path(cell["folder"]), lambda name: load_any_depth_scene(name, **how))
     return {"weights": str(found.weights), "best": found.best, "seconds": found.cpu_seconds}
 
 

@@ -151,7 +151,7 @@ def _measured(grid: Grid, table: plan.Table) -> list[Measured]:
 
 def _check_side(own: Sizes, decoders: Sequence[str]) -> None:
     """Raises SettingError where scenes may be too small for what is measured, or for what networks learn from."""
-    from tmca.training.spectral_depth.settings import usual_margin
+    from tmca.training.starting_masks import usual_margin
 
     margin = usual_margin(
         SpectralDepthCamera.preset(own.preset)["bench"].window, SpectralDepthCamera.presets[own.preset]["period"]

@@ -18,7 +18,7 @@ from tmca.experiments.tuning.folder import PairFiles
 from tmca.lab.calibration.apply import RAW, calibrated_snapshot
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.notes import SATURATED
-from tmca.training.tuning.captured import Pair
+from tmca.training.captures import Pair
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -160,14 +160,14 @@ def _true_views(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
 def _true_depth(path: Path, taken: Snapshot[Any]) -> NDArray[np.float32]:
     """(1, L + 1, H, W), the last channel inverse depth."""
     from tmca.data.depth_scenes import load_spectral_depth
-    from tmca.training.spectral_depth.run import channels_of
+    from tmca.training.spectral_depth import depth_channels
 
     camera = taken.camera
     near, far = camera.planes.near, camera.planes.far
     scene = load_spectral_depth(str(path), camera.wavelengths, near=near, far=far, fitted=False)
     check_size(path, scene, camera.size)
     check_scale(path, scene["radiance"])
-    found = channels_of(scene, camera)
+    found = depth_channels(scene, camera)
     if not np.isfinite(found[-1]).any():
         metres = scene["depth"].values
         said = f"depths of {np.nanmin(metres):.3g} to {np.nanmax(metres):.3g} m"

@@ -18,7 +18,7 @@ from tmca.plots.cube import reconstruction_figure
 from tmca.plots.depth import before_after as depth_before_after
 from tmca.plots.light_field import light_field_figure
 from tmca.plots.style import save_figure
-from tmca.training.tuning.captured import Pair
+from tmca.training.captures import Pair
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -23,7 +23,7 @@ from tmca.lab.calibration.file import Calibration, find_calibration, load_calibr
 from tmca.lab.calibration.measured_cameras import measured_sensor
 from tmca.lab.calibration.rendered_bench import nominal_spectral, write_bench
 from tmca.plots.cube import reconstruction_figure
-from tmca.training import settings_from, train_spectral
+from tmca.training import train, training_settings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -125,12 +125,12 @@ class TuningProof:
             "data.pool": 384, "data.patch": min(48, *self.size), "optimiser.steps": self.steps[0], "seed": self.seed,
             "noise": [{"read_noise": noise["read_noise"], "full_well": noise["full_well"]}], "decoder.stages": 2,
         }  # fmt: skip
-        settings = settings_from("quick", None, changes)
+        settings = training_settings("spectral", "quick", None, changes)
 
         def load(name: str) -> xr.DataArray:
             return at_bands(load_scene(name, bands=None), camera.wavelengths)
 
-        return Weights.load(train_spectral(settings, self.work / "simulated", load).weights)
+        return Weights.load(train(settings, self.work / "simulated", load).weights)
 
     def _ready(self, weights: Weights, calibration: Calibration, names: list[str], held: list[str]) -> Prepared:
         """Fine-tuning on some captures."""

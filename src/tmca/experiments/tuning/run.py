@@ -13,10 +13,9 @@ from tmca.errors import DataError, SettingError
 from tmca.experiments.tuning.folder import PairFiles, find_pairs, held_out
 from tmca.experiments.tuning.pairs import read_pair
 from tmca.lab.calibration.file import Calibration, load_calibration
+from tmca.training.captures import Pair
 from tmca.training.run import Trained
-from tmca.training.tuning.captured import Pair
-from tmca.training.tuning.run import Tuning, tune
-from tmca.training.tuning.settings import TuningSettings, tuning_settings
+from tmca.training.tuning import Tuning, TuningSettings, tune, tuning_settings
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Prepared:
         return read_pair(self.pairs[name], self.tuning.weights, self.calibration)[0]
 
     def run(self, folder: Path, read: Any = None, **how: Any) -> Trained:
-        """Fine-tune, or go on; arguments as of `tmca.training.tuning.run.tune`, ``read`` in the place of this one's."""
+        """Fine-tune, or go on; arguments as of `tmca.training.tuning.tune`, ``read`` in the place of this one's."""
         return tune(self.tuning, self.settings, folder, read or self.read, **how)
 
 

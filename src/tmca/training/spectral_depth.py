@@ -1,24 +1,39 @@
-"""What a training run of the spectral-depth camera is told."""
+"""Training of the spectral-depth camera."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal, Self
 
+import numpy as np
+import torch
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
+from torch import Tensor
 
-from tmca.training.settings import (
-    DataSettings,
-    LearningSettings,
-    OptimiserSettings,
-    Strict,
-    TrainSettings,
-    settings_of,
-)
+from tmca.cameras import SpectralDepthCamera
+from tmca.decoders import Weights
+from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.two_headed import TwoHeadedUNet
+from tmca.errors import DataError
+from tmca.optics import check_mask
+from tmca.priors import block_of
+from tmca.priors.spectral_depth import needed_block
+from tmca.training.camera_training import CameraTraining, NeededPrior
+from tmca.training.depth_system import DepthSystem
+from tmca.training.depth_windows import SIDE
+from tmca.training.patches import CubeStore, Load, PatchSource
+from tmca.training.settings import CameraSettings, DataSettings, OptimiserSettings, TrainSettings
+from tmca.training.starting_masks import starting_camera
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_CROPS = 2
+"""Crops of every validation scene along either axis."""
 
 
-class SpectralDepthCameraSettings(Strict):
+class SpectralDepthCameraSettings(CameraSettings):
     """The spectral-depth camera of a run; names as in `SpectralDepthCamera`, what is None as in the preset, and
     so is the number of slots that is not given.
 
@@ -42,9 +57,7 @@ class SpectralDepthCameraSettings(Strict):
     filters: str | None = None
     channels: str | None = None
     period: int | None = Field(default=None, ge=1)
-    exposure: Literal["equal", "per-slot"] = "equal"
     image_formation: Literal["linear", "occlusion"] = "linear"
-    seed: int = 0
     learn: Literal["none"] | tuple[Literal["mask", "shutter", "filters"], ...] = "none"
 
 
@@ -96,14 +109,14 @@ class SpectralDepthOptimiserSettings(OptimiserSettings):
 class SpectralDepthTrainSettings(TrainSettings):
     """A whole run of the spectral-depth camera."""
 
-    camera: SpectralDepthCameraSettings = SpectralDepthCameraSettings()  # type: ignore[assignment]
+    kind = "spectral-depth"
+    camera: SpectralDepthCameraSettings = SpectralDepthCameraSettings()
     decoder: dict[str, Any] = Field(default={"kind": "two-headed"})
     data: SpectralDepthDataSettings = SpectralDepthDataSettings()
-    codes: LearningSettings = LearningSettings()  # type: ignore[assignment]
     optimiser: SpectralDepthOptimiserSettings = SpectralDepthOptimiserSettings()
 
     @model_validator(mode="after")
-    def _has_levels(self) -> SpectralDepthTrainSettings:
+    def _has_levels(self) -> Self:
         if self.camera.levels is not None and self.camera.stroke is None:
             raise ValueError("camera.levels: beside camera.stroke alone")
         if (self.camera.bench or self.camera.stroke) and self.codes.start not in ("random", "one-hot"):
@@ -111,7 +124,7 @@ class SpectralDepthTrainSettings(TrainSettings):
         return self
 
     @model_validator(mode="after")
-    def _has_patches(self) -> SpectralDepthTrainSettings:
+    def _has_patches(self) -> Self:
         if self.camera.size != (self.data.patch, self.data.patch):
             raise ValueError(f"camera.size {self.camera.size}: the patches', ({self.data.patch}, {self.data.patch})")
         if self.data.bands != type(self.data).model_fields["bands"].default:
@@ -119,7 +132,7 @@ class SpectralDepthTrainSettings(TrainSettings):
         return self
 
 
-SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
+PRESETS: dict[str, dict[str, Any]] = {
     # thesis 5.2: 25 bands, K = 4, D = 8, R = 4, patches of 256², Adam at 1e-3, everything learned end to end. Assumed,
     # as the thesis does not say: batches of 2, 200 epochs, L1 plus 0.1 times the depth error, the plain two-headed
     # U-Net and no other decoder to learn from, codes started at random, code rate 0.03 and mask rate 0.001, no noise;
@@ -144,23 +157,75 @@ SPECTRAL_DEPTH_TRAININGS: dict[str, dict[str, Any]] = {
 }
 
 
-def usual_margin(window: tuple[int, int], period: int) -> int:
-    """Pixels of scene around a patch where none are given: as far as light reaches, in whole tiles.
+class SpectralDepthTraining(CameraTraining):
+    """Scenes are data sets of ``radiance`` (wavelength, y, x) and ``depth`` (y, x) in metres."""
 
-    Args:
-        window: (h, w) of the point spread functions.
-        period: of the tile of shutter and filters, pixels.
-    """
-    return -(-(max(window) // 2) // period) * period
+    kind, settings, presets = "spectral-depth", SpectralDepthTrainSettings, PRESETS
+
+    def reader(self, settings: SpectralDepthTrainSettings) -> Load:
+        """See `CameraTraining`."""
+        from tmca.data.depth_scenes import load_any_depth_scene
+
+        camera, how = starting_camera(settings), settings.data.model_dump(include={"side", "placed", "from_rgb"})
+        how |= {"wavelengths": camera.wavelengths, "near": camera.planes.near, "far": camera.planes.far}
+        return lambda name: load_any_depth_scene(name, **how)
+
+    def camera(self, settings: SpectralDepthTrainSettings, first: Callable[[], Any]) -> SpectralDepthCamera:
+        """See `CameraTraining`; it sees a patch with its margin."""
+        return starting_camera(settings)
+
+    def channels(self, scene: xr.Dataset, camera: SpectralDepthCamera) -> NDArray[np.float32]:
+        """See `CameraTraining`: (L + 1, H, W)."""
+        return depth_channels(scene, camera)
+
+    def network(self, settings: SpectralDepthTrainSettings, camera: SpectralDepthCamera) -> TwoHeadedUNet:
+        """See `CameraTraining`."""
+        return build_depth_network(settings.decoder, camera)
+
+    def needed_prior(
+        self, settings: SpectralDepthTrainSettings, camera: SpectralDepthCamera, network: TwoHeadedUNet
+    ) -> NeededPrior | None:
+        """See `CameraTraining`: for the windows of the network and of codes that learn from the likelihood."""
+        learns = bool(camera.learnable)
+        if network.start != "likelihood" and not (learns and settings.optimiser.likelihood_weight):
+            return None
+        window = max(network.window, SIDE, camera.tile_size) if learns else network.window
+        return NeededPrior("gaussian", needed_block(window, camera.bench.window), block_of(camera, window=window))
+
+    def validation(self, name: str, channels: NDArray[np.float32], camera: SpectralDepthCamera) -> list[Tensor]:
+        """See `CameraTraining`: crops of the camera's size, spread over the scene."""
+        (height, width), side = channels.shape[1:], camera.size[0]
+        if min(height, width) < side:
+            wanted = f"at least {side}×{side}, a patch and its margin, to validate on"
+            raise DataError(name, f"{height}×{width} pixels", wanted, "use smaller patches or name another scene")
+        shares = [(place + 0.5) / _CROPS for place in range(_CROPS)]
+        places = [(round((height - side) * y), round((width - side) * x)) for y in shares for x in shares]
+        return [torch.from_numpy(channels[:, y : y + side, x : x + side].copy()) for y, x in places]
+
+    def source(self, settings: Any, store: CubeStore, camera: SpectralDepthCamera) -> PatchSource:
+        """See `CameraTraining`; patches have a margin, and depth."""
+        data = settings.data
+        return PatchSource(store, camera.size[0], settings.seed, data.brightness, data.tint, redrawn=data.redrawn)
+
+    def system(self, settings: Any, *given: Any, **how: Any) -> DepthSystem:
+        """See `CameraTraining`; captures have no margin."""
+        weights = settings.optimiser.model_dump(include={"depth_weight", "likelihood_weight", "likelihood_every"})
+        simulated = isinstance(settings, SpectralDepthTrainSettings)
+        margin = (given[0].size[0] - settings.data.patch) // 2 if simulated else 0
+        return DepthSystem(*given, margin=margin, **weights, **how)
+
+    def check(self, settings: SpectralDepthTrainSettings, weights: Weights) -> None:
+        """See `CameraTraining`.
+
+        Warns:
+            StrayLight, Undersampled: learned masks send light beside their windows, or are steeper than their pixels.
+        """
+        if "mask" in settings.camera.learn:
+            check_mask(weights.camera.point_spread)
 
 
-def spectral_depth_settings(
-    preset: str | None = None, file: str | Path | None = None, changes: Mapping[str, Any] | None = None
-) -> SpectralDepthTrainSettings:
-    """Settings of a preset of ``SPECTRAL_DEPTH_TRAININGS``, replaced by a file's, replaced by single changes.
-
-    Raises:
-        SettingError: unknown preset or name, impossible value.
-        DataError: the file cannot be read.
-    """
-    return settings_of(SpectralDepthTrainSettings, SPECTRAL_DEPTH_TRAININGS, preset, file, changes)
+def depth_channels(scene: xr.Dataset, camera: SpectralDepthCamera) -> NDArray[np.float32]:
+    """(L + 1, H, W): cube, and inverse depth as a share of the range, NaN where it is unknown or outside."""
+    depth, planes = torch.from_numpy(np.array(scene["depth"].values, dtype=np.float64)), camera.planes
+    place = torch.where(planes.within(depth), planes.share_of(depth), torch.full_like(depth, torch.nan))
+    return np.concatenate((scene["radiance"].values, place.numpy()[None])).astype(np.float32)

@@ -46,7 +46,7 @@ class Pool:
         return self.first + group, [int(places[index]) for index in indexes]
 
 
-class KeptStarts:
+class CachedStarts:
     """First estimates of whole groups, in half precision, one ``.npy`` each; they may be deleted at any time.
 
     Args:
@@ -66,6 +66,6 @@ class KeptStarts:
                 np.save(handle, values)
         return torch.from_numpy(np.load(file, mmap_mode="r")[list(places)].astype(np.float32))
 
-    def forget(self) -> None:
+    def delete(self) -> None:
         """Delete the files."""
         shutil.rmtree(self.folder, ignore_errors=True)

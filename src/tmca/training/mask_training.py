@@ -1,0 +1,103 @@
+"""Training of cameras with masks of pixels that are open or shut, whose slots collapse into one code."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from tmca.codes import pattern, read_codes
+from tmca.decoders import Network, Weights, build_network
+from tmca.errors import DataError, SettingError
+from tmca.training.camera_training import CameraTraining, NeededPrior
+from tmca.training.coded_system import CodedSystem
+from tmca.training.settings import MaskTrainSettings
+from tmca.training.system import starts_from_prior
+
+_JITTER = 0.9
+"""Of the first logits' distances from the threshold: slots that start alike part ways."""
+
+
+class MaskTraining(CameraTraining):
+    """What the spectral and the light-field camera have in common."""
+
+    def network(self, settings: MaskTrainSettings, camera: Any) -> Network:
+        """See `CameraTraining`."""
+        decoder = dict(settings.decoder)
+        if "bands" in decoder:
+            raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: the data say it", "leave it out")
+        return build_network(decoder.pop("kind", "unrolled"), bands=camera.channels, **decoder)
+
+    def needed_prior(self, settings: MaskTrainSettings, camera: Any, network: Any) -> NeededPrior | None:
+        """See `CameraTraining`."""
+        if not starts_from_prior(network):
+            return None
+        return NeededPrior("mixture" if network.start == "mixture" else "gaussian")
+
+    def validation(self, name: str, channels: NDArray[np.float32], camera: Any) -> list[Tensor]:
+        """See `CameraTraining`: the middle."""
+        height, width = (min(own, length) for own, length in zip(channels.shape[1:], camera.size, strict=True))
+        top, left = (channels.shape[1] - height) // 2, (channels.shape[2] - width) // 2
+        return [torch.from_numpy(np.array(channels[:, top : top + height, left : left + width], dtype=np.float32))]
+
+    def system(self, settings: MaskTrainSettings, *given: Any, **how: Any) -> CodedSystem:
+        """See `CameraTraining`."""
+        return CodedSystem(*given, codes=settings.codes, **how)
+
+
+def starting_arguments(settings: MaskTrainSettings, shutter_size: Callable[[], tuple[int, int]]) -> dict[str, Any]:
+    """Arguments of the camera with the codes that a run starts from.
+
+    Args:
+        settings: of the run.
+        shutter_size: (H, W) of the shutter's plane, asked for only where a full frame of it has to be made.
+
+    Raises:
+        SettingError: codes that are neither a name nor a file.
+        DataError: codes of another period, disperser or number of slots.
+    """
+    learn = settings.camera.learn
+    arguments = settings.camera.model_dump(exclude={"learn"}) | _starting_codes(settings, shutter_size)
+    jitter = _JITTER if learn != "none" else 0.0
+    return arguments | {"jitter": jitter, "learnable": {"both": True, "none": False}.get(learn, learn)}
+
+
+def _starting_codes(settings: MaskTrainSettings, shutter_size: Callable[[], tuple[int, int]]) -> dict[str, Any]:
+    """Patterns that take the place of the camera's families."""
+    start, camera = settings.codes.start, settings.camera
+    if start == "random":
+        return {}
+    if start == "one-hot":
+        size = _pair(camera.period) or shutter_size()
+        return {"shutter": pattern("one-hot", camera.slots, size, camera.duty, 2 * camera.seed + 1)}
+    if not Path(start).exists():
+        raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
+    planes, period, disperser = _stored_codes(start)
+    if _pair(period) != _pair(camera.period) or disperser not in (None, getattr(camera, "disperser", None)):
+        raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
+    slots = len(planes["aperture"])
+    if slots not in (1, camera.slots):
+        raise DataError(start, f"{slots} slots", f"1 or {camera.slots}", "set camera.slots")
+    return {name: plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()}
+
+
+def _pair(period: Any) -> tuple[int, int] | None:
+    """(rows, columns) of a period."""
+    if period is None:
+        return None
+    return (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
+
+
+def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
+    """Planes, period and disperser (None where the file does not say) of weights, or of a file of `tmca design`."""
+    if Path(start).suffix == ".nc":
+        stored = read_codes(start).settings()
+        return {name: stored[name] for name in ("aperture", "shutter")}, stored["period"], None
+    weights = Weights.load(start)
+    planes = {name: weights.codes[name] for name in ("aperture", "shutter")}
+    return planes, weights.period, weights.variables.attrs.get("disperser")

@@ -1,1 +1,0 @@
-"""Training of the spectral-depth camera."""

@@ -1,1 +1,0 @@
-"""Trained decoders that go on learning from captures."""
