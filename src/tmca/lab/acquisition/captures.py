@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data import checksum_of
 from tmca.errors import DataError, OutputError
-from tmca.lab.display.manifest import NAME, checksum, exposed_whole, read_manifest, shown_digest
+from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
 from tmca.lab.frames import Frames, warn_of_copies
 from tmca.lab.notes import CAPTURES
 from tmca.lab.quality import Doubtful
@@ -76,7 +77,7 @@ def captured_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
     if not (folder / CAPTURES).exists():
         if folder.exists() and (folder.is_file() or any(not _UNDONE.fullmatch(file.name) for file in folder.iterdir())):
             raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
-        of = {EXPORT: checksum(Path(export) / NAME), SHOWN: shown_digest(read_manifest(export))}
+        of = {EXPORT: checksum_of(Path(export) / NAME), SHOWN: shown_digest(read_manifest(export))}
         return {"export": str(export), **of, "taken_with": {}, "frames": {}}
     kept = read_captures(folder, whole=False)
     if not is_of(kept, export):
@@ -87,7 +88,7 @@ def captured_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
 def is_of(kept: dict[str, Any], export: str | Path) -> bool:
     """Whether a capture is of this export, or of one that shows the same; lists of before know the manifest alone."""
     manifest = read_manifest(export)
-    return kept[EXPORT] == checksum(Path(export) / NAME) or kept.get(SHOWN) == shown_digest(manifest)
+    return kept[EXPORT] == checksum_of(Path(export) / NAME) or kept.get(SHOWN) == shown_digest(manifest)
 
 
 def resumed(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -128,7 +129,7 @@ def keep(
         write_json(kept, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:
         tifffile.imwrite(temporary, values.astype(np.uint16), photometric="minisblack")
-    taken = {"sha256": checksum(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    taken = {"sha256": checksum_of(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
     kept["frames"][frame.name] = {"slot": frame.slot, "of": frame.of, **taken, **about}
     write_json(kept, folder / CAPTURES, overwrite=True)
 
@@ -156,7 +157,7 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
         if not frame.is_file():
             remedy = "run again what captured it, which takes it again"
             raise DataError(frame, "no such file", f"the frame {name}", remedy)
-        if checksum(frame) != known:
+        if checksum_of(frame) != known:
             raise DataError(frame, "another content", "what was captured", _AGAIN)
     return {**stated, "frames": there}
 

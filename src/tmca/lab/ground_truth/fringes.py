@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,6 +13,7 @@ from tmca.data import atomic_path, write_json
 from tmca.errors import DataError, SettingError
 from tmca.lab.frames import Frames, read_frames, warn_of_copies
 from tmca.lab.ground_truth.phase import Phases, rung_offsets
+from tmca.lab.notes import read_json
 
 MANIFEST = "fringes.json"
 _FORMAT = "tmca fringes 1"
@@ -117,23 +117,6 @@ def load_plan(path: str | Path) -> FringePlan:
         if isinstance(error, SettingError):
             raise
         raise DataError(file, f"no usable {error}", "size, fringes, steps, across") from error
-
-
-def read_json(file: Path, expected: str, remedy: str = "check the path") -> dict[str, Any]:
-    """The object in a JSON file.
-
-    Raises:
-        DataError: missing, unreadable, or no object.
-    """
-    try:
-        about = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DataError(file, "no such file", expected, remedy) from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise DataError(file, f"no readable JSON ({error})", expected, remedy) from error
-    if not isinstance(about, dict):
-        raise DataError(file, f"JSON of type {type(about).__name__}", expected, remedy)
-    return about
 
 
 _SATURATED, _LIT = 0.5, 0.01

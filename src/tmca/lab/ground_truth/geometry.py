@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import write_json
 from tmca.errors import DataError, SettingError
-from tmca.lab.ground_truth.fringes import Across, read_json
+from tmca.lab.ground_truth.fringes import Across
+from tmca.lab.notes import read_json
 
 Array = NDArray[np.float64]
 _ROUNDS = 20
