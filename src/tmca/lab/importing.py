@@ -13,12 +13,14 @@ from torch import Tensor
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import checksum_of, read_array
 from tmca.errors import DataError, SettingError, TmcaError
+from tmca.lab.frames import check_size
 from tmca.lab.notes import SATURATED
 from tmca.lab.prototype import CodedPair, PixelShutter, SingleDisperser
 from tmca.lab.quality import Limit, Limits, warn_of
 from tmca.lab.registering import overlapping, registered
 from tmca.sensor import Sensor
 
+Array = NDArray[np.float64]
 _DARKEST = 0.2
 
 
@@ -133,9 +135,6 @@ def marked(
     return without_pixels(taken, torch.from_numpy(gone)) if withhold else taken
 
 
-Array = NDArray[np.float64]
-
-
 def import_capture(
     capture: str | Path,
     prototype: SingleDisperser | PixelShutter,
@@ -196,7 +195,8 @@ def _dispersed(
         )  # fmt: skip
     except TmcaError as error:
         raise DataError(mask, f"a mask that makes no camera ({error})", "one of this prototype") from error
-    _check_size(capture, values, camera)
+    remedy = "give the mask of this capture: its width and its bands' displacement are the capture's"
+    check_size(capture, "a capture", values.shape, camera.snapshot_shape[1:], remedy)
     warn_of(capture, residuals_of(values, spread, prototype), LIMITS)
     about = _notes(prototype, capture, spread, unit) | {
         "mask": str(mask), "mask_sha256": checksum_of(mask), "registration": prototype.registration.model_dump_json(),
@@ -255,14 +255,6 @@ def read_plane(file: Path, key: str | None) -> Array:
     if values.ndim != 2 or not np.isfinite(values).all():
         raise DataError(file, f"{key or 'an array'} of shape {values.shape}", "a finite picture (rows, columns)")
     return values
-
-
-def _check_size(capture: Path, values: Array, camera: SpectralCamera) -> None:
-    expected = camera.snapshot_shape[1:]
-    if values.shape != expected:
-        found = f"{values.shape[0]}×{values.shape[1]} pixels"
-        wanted = f"{expected[0]}×{expected[1]}: the mask's size and its bands' displacement along x"
-        raise DataError(capture, found, wanted, "give the mask of this capture")
 
 
 def _notes(prototype: SingleDisperser | PixelShutter, capture: Path, spread: float, unit: float) -> dict[str, Any]:

@@ -71,7 +71,7 @@ def test_what_does_not_fit_is_refused(bench, tmp_path):
     with pytest.raises(SettingError, match="--name"):
         import_capture(capture, prototype, mask, name="opt")
     narrow = write_mat(tmp_path / "narrow.mat", mask=mask_of(40, 41))
-    with pytest.raises(DataError, match=r"found 40×49 pixels, expected 40×47"):
+    with pytest.raises(DataError, match=r"40×49 pixels, expected 40×47"):
         import_capture(capture, prototype, narrow)
     bright = write_mat(tmp_path / "bright.mat", mask=3 * mask_of(40, 43))
     with pytest.raises(DataError, match="transmittances between 0 and 1"):

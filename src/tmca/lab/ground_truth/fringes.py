@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tmca.data import atomic_path, write_json
 from tmca.errors import DataError, SettingError
-from tmca.lab.frames import Frames, read_frames, warn_of_copies
+from tmca.lab.frames import Frames, read_frames, warn_of_copies, write_frames
 from tmca.lab.ground_truth.phase import Phases, rung_offsets
 from tmca.lab.notes import read_json
 
@@ -86,14 +86,10 @@ def write_fringes(plan: FringePlan, folder: str | Path, *, overwrite: bool = Fal
     Raises:
         OutputError: see `tmca.data.atomic_path`.
     """
-    from PIL import Image
-
+    lines = np.round(plan.profiles().reshape(-1, plan.extent) * _LEVELS).astype(np.uint8)
+    across = lines[:, None] if plan.across == "x" else lines[:, :, None]
     with atomic_path(folder, overwrite=overwrite) as temporary:
-        temporary.mkdir()
-        for name, profile in zip(plan.names, plan.profiles().reshape(-1, plan.extent), strict=True):
-            line = np.round(profile * _LEVELS).astype(np.uint8)
-            picture = np.broadcast_to(line if plan.across == "x" else line[:, None], plan.size)
-            Image.fromarray(np.ascontiguousarray(picture)).save(temporary / f"{name}.png")
+        write_frames(temporary, dict(zip(plan.names, np.broadcast_to(across, (len(lines), *plan.size)), strict=True)))
         frames = [f"{name}.png" for name in plan.names]
         write_json({"format": _FORMAT, **asdict(plan), "frames": frames}, temporary / MANIFEST)
     return Path(folder)
