@@ -89,17 +89,6 @@ def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
     assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")
 
 
-def test_a_manifest_that_was_edited_is_one_line(capsys, tmp_path):
-    main([*EXPORT, "--out", "ex"])
-    text = (tmp_path / "ex" / "manifest.json").read_text()
-    edited = text.replace('"exposure_s": 0.1', '"exposure_s": 0.3')
-    assert edited != text
-    (tmp_path / "ex" / "manifest.json").write_text(edited)
-    for arguments in (["export", "check", "ex"], ["capture", "ex", "--scene", "coffee"]):
-        assert "manifest.json: found a manifest that was changed" in refused(capsys, *arguments)
-    assert not (tmp_path / "captures").exists()
-
-
 def test_frames_of_two_scenes_are_never_mixed(capsys, tmp_path):
     main([*EXPORT, "--out", "ex"])
     main(["capture", "ex", "--scene", "coffee", "--out", "f"])

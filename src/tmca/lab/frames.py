@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,35 @@ def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
         raise DataError(path, "no such file or folder", "a folder of frames or a stack", "check the path")
     _same(path, names, arrays)
     return _frames(path, names, np.stack(arrays), saturation)
+
+
+def write_frames(folder: Path, frames: Mapping[str, NDArray[Any]]) -> None:
+    """Write ``NAME.png`` of 8 or 16 bits into a new folder."""
+    from PIL import Image
+
+    folder.mkdir()
+    for name, frame in frames.items():
+        Image.fromarray(np.ascontiguousarray(frame)).save(folder / f"{name}.png")
+
+
+def check_size(where: object, what: str, found: Sequence[int], wanted: Sequence[int], remedy: str = "") -> None:
+    """Raises DataError unless two sizes (rows, columns, …) are one."""
+    if tuple(found) != tuple(wanted):
+        one, other = ("×".join(map(str, size)) for size in (found, wanted))
+        raise DataError(where, f"{what} of {one} pixels", f"{other} pixels", remedy)
+
+
+def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[float, ...]]:
+    """The numbers in every frame's name.
+
+    Raises:
+        DataError: a name without them.
+    """
+    matches = [pattern.search(name) for name in frames.names]
+    if None in matches:
+        name = frames.names[matches.index(None)]
+        raise DataError(frames.source, f"a frame named {name}", f"names such as {example}", "rename the frames")
+    return [tuple(float(part) for part in match.groups()) for match in matches if match]
 
 
 def warn_of_copies(*series: Frames) -> None:

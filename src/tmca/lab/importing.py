@@ -13,11 +13,14 @@ from torch import Tensor
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import checksum_of, read_array
 from tmca.errors import DataError, SettingError, TmcaError
+from tmca.lab.frames import check_size
 from tmca.lab.notes import SATURATED
 from tmca.lab.prototype import CodedPair, PixelShutter, SingleDisperser
+from tmca.lab.quality import Limit, Limits, warn_of
 from tmca.lab.registering import overlapping, registered
 from tmca.sensor import Sensor
 
+Array = NDArray[np.float64]
 _DARKEST = 0.2
 
 
@@ -36,16 +39,12 @@ def dark_noise(capture: NDArray[np.floating]) -> float:
     return float(1.4826 * np.median(steps) / np.sqrt(2))
 
 
-_BRIGHT, _CLEAR, _FAINT = 0.99, 3.0, 0.25
-"""A capture is dark if its brightest hundredth is less than the second number of standard deviations of its noise above
-the black level (noise alone comes to 2.3, something small and bright in front of black to more), and its mean less than
-the third (0 without light). Codes in front of a scene that is bright all over are taken for noise, but not for dark."""
-_BELOW = 5.0
-"""Standard deviations of the noise by which half the pixels may lie below the black level."""
-_WHITER = 4.0
-"""Times the white level (or the saturation, where it is higher) that all but a hundredth of the pixels stay below.
-White is the mean behind the codes: an open pixel gets about twice as much, of a bright scene twice that. Numbers of
-another converter are 16 to 65535 times as large."""
+LIMITS: Limits = {
+    # white is the mean behind the codes: an open pixel gets about twice as much, of a bright scene twice that
+    "bright_over_white": Limit(4.0, "give black, white and saturation in the capture's numbers"),
+    "median_below_black_over_noise": Limit(5.0, "mend black"),
+    "noise_over_light": Limit(1.0, "hardly any light: give more, or mend black"),
+}
 
 
 def noise_of(values: NDArray[np.float64], given: float | None, where: Path) -> float:
@@ -65,27 +64,22 @@ def noise_of(values: NDArray[np.float64], given: float | None, where: Path) -> f
     return found
 
 
-def check_capture(
-    values: NDArray[np.float64], noise: float, prototype: SingleDisperser | PixelShutter, where: Path
-) -> None:
-    """Refuse a capture (H, W') without light, or in other numbers than its prototype's.
+def residuals_of(
+    values: NDArray[np.float64], noise: float, prototype: SingleDisperser | PixelShutter
+) -> dict[str, float]:
+    """What a capture (H, W') in its prototype's numbers, with light, leaves small.
 
-    Raises:
-        DataError: naming which.
+    ``bright_over_white``: the brightest hundredth over the white level, or over saturation where that is higher.
+    ``noise_over_light``: three standard deviations of the noise over the brightest hundredth, or a quarter over the
+    mean, whichever is less: codes in front of a scene that is bright all over look like noise, but have a mean.
     """
-    bright = float(np.quantile(values, _BRIGHT))
-    top = max(prototype.white, prototype.saturation or 0.0) - prototype.black
-    if bright - prototype.black > _WHITER * top:
-        found = f"values around {bright:g} where it is bright"
-        expected = f"{_WHITER:g} times the white level of {prototype.white:g} at most"
-        raise DataError(where, found, expected, "give black, white and saturation in the capture's numbers")
-    median = float(np.median(values))
-    if median < prototype.black - _BELOW * noise:
-        found = f"a median of {median:g}, {(prototype.black - median) / noise:.0f} σ below the black level"
-        raise DataError(where, found, f"the black level of {prototype.black:g} or more", "mend black")
-    if bright - prototype.black < _CLEAR * noise and values.mean() - prototype.black < _FAINT * noise:
-        found = f"hardly any light above the black level of {prototype.black:g} ({bright:g} where it is bright)"
-        raise DataError(where, found, f"more than its noise of {noise:.2g}", "give more light, or mend black")
+    light = values - prototype.black
+    bright, least = float(np.quantile(light, 0.99)), 1e-12
+    return {
+        "bright_over_white": bright / (max(prototype.white, prototype.saturation or 0.0) - prototype.black),
+        "median_below_black_over_noise": max(-float(np.median(light)), 0.0) / max(noise, least),
+        "noise_over_light": noise * min(3 / max(bright, least), 0.25 / max(float(light.mean()), least)),
+    }
 
 
 PIXELS, WITHHELD = "saturated_pixels", "saturated_withheld"
@@ -141,9 +135,6 @@ def marked(
     return without_pixels(taken, torch.from_numpy(gone)) if withhold else taken
 
 
-Array = NDArray[np.float64]
-
-
 def import_capture(
     capture: str | Path,
     prototype: SingleDisperser | PixelShutter,
@@ -153,7 +144,7 @@ def import_capture(
     noise: float | None = None,
     withhold_saturated: bool = False,
 ) -> Snapshot[SpectralCamera]:
-    """A real capture with the camera that took it.
+    """A real capture with the camera that took it; warns of one that is dark or in other numbers than its prototype's.
 
     Args:
         capture: file of the capture.
@@ -167,8 +158,7 @@ def import_capture(
         A snapshot whose values are in the package's units: 1 is one band of a white scene through open codes.
 
     Raises:
-        DataError: a file that does not hold what the prototype says, or of another size; a capture that is dark,
-            saturated or in other numbers.
+        DataError: a file that does not hold what the prototype says, or of another size; a saturated capture.
         SettingError: a mask or a name that is missing, or given where none is used; an impossible noise; pixels to be
             withheld where no saturation is known.
     """
@@ -205,8 +195,9 @@ def _dispersed(
         )  # fmt: skip
     except TmcaError as error:
         raise DataError(mask, f"a mask that makes no camera ({error})", "one of this prototype") from error
-    _check_size(capture, values, camera)
-    check_capture(values, spread, prototype, capture)
+    remedy = "give the mask of this capture: its width and its bands' displacement are the capture's"
+    check_size(capture, "a capture", values.shape, camera.snapshot_shape[1:], remedy)
+    warn_of(capture, residuals_of(values, spread, prototype), LIMITS)
     about = _notes(prototype, capture, spread, unit) | {
         "mask": str(mask), "mask_sha256": checksum_of(mask), "registration": prototype.registration.model_dump_json(),
         "response": str(prototype.response), "scene": prototype.scenes.get(capture.stem, capture.stem),
@@ -224,7 +215,7 @@ def _shuttered(
     values, patterns = _overlap(capture, pair)
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
     spread = noise_of(values, noise, capture)
-    check_capture(values, spread, prototype, capture)
+    warn_of(capture, residuals_of(values, spread, prototype), LIMITS)
     unit = 1 / (prototype.white - prototype.black)
     camera = SpectralCamera(
         bands=[prototype.wavelength_nm * 1e-9], size=values.shape, slots=len(shutter), exposure="per-slot",
@@ -264,14 +255,6 @@ def read_plane(file: Path, key: str | None) -> Array:
     if values.ndim != 2 or not np.isfinite(values).all():
         raise DataError(file, f"{key or 'an array'} of shape {values.shape}", "a finite picture (rows, columns)")
     return values
-
-
-def _check_size(capture: Path, values: Array, camera: SpectralCamera) -> None:
-    expected = camera.snapshot_shape[1:]
-    if values.shape != expected:
-        found = f"{values.shape[0]}×{values.shape[1]} pixels"
-        wanted = f"{expected[0]}×{expected[1]}: the mask's size and its bands' displacement along x"
-        raise DataError(capture, found, wanted, "give the mask of this capture")
 
 
 def _notes(prototype: SingleDisperser | PixelShutter, capture: Path, spread: float, unit: float) -> dict[str, Any]:

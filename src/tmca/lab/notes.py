@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from tmca.errors import DataError
 
@@ -79,22 +80,29 @@ def date_of_frames(sources: Iterable[str | Path]) -> datetime | None:
     Raises:
         DataError: a list of captures that is none, or a date that is none.
     """
-    return min((date for source in sources for date in _taken(Path(source))), default=None)
+    dates = []
+    for source in map(Path, sources):
+        file = (source if source.is_dir() else source.parent) / CAPTURES
+        frames = read_json(file, "what `tmca capture` wrote").get("frames") if file.is_file() else {}
+        if not isinstance(frames, dict) or not all(isinstance(about, dict) for about in frames.values()):
+            raise DataError(file, "no list of captures", "what `tmca capture` wrote", "take an unchanged copy")
+        own = frames if source.is_dir() else {source.stem: frames.get(source.stem, {})}
+        dates += [parsed_date(about["taken"], file).astimezone(UTC) for about in own.values() if "taken" in about]
+    return min(dates, default=None)
 
 
-def _taken(source: Path) -> list[datetime]:
-    folder = source if source.is_dir() else source.parent
-    file = folder / CAPTURES
-    if not file.is_file():
-        return []
+def read_json(file: Path, expected: str, remedy: str = "check the path") -> dict[str, Any]:
+    """The object in a JSON file.
+
+    Raises:
+        DataError: missing, unreadable, or no object.
+    """
     try:
-        frames = json.loads(file.read_text(encoding="utf-8"))["frames"]
-        dates = {name: about["taken"] for name, about in frames.items() if "taken" in about}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        remedy = "take an unchanged copy, or take it out of the folder"
-        raise DataError(file, "no list of captures", "what `tmca capture` wrote", remedy) from None
-    return [
-        parsed_date(date, file).astimezone(UTC)
-        for name, date in dates.items()
-        if folder == source or name == source.stem
-    ]
+        about = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DataError(file, "no such file", expected, remedy) from error
+    except (OSError, ValueError) as error:
+        raise DataError(file, f"no readable JSON ({error})", expected, remedy) from error
+    if not isinstance(about, dict):
+        raise DataError(file, f"JSON of type {type(about).__name__}", expected, remedy)
+    return about

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from tmca.errors import DataError, SettingError
-from tmca.lab.registering import Registration
+from tmca.lab.registering import MaskImage
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Nanometres = Annotated[float, Field(gt=100, lt=100_000, allow_inf_nan=False)]
@@ -70,7 +70,7 @@ class SingleDisperser(_Prototype):
     response: Literal["flat", "bandwidth"] | tuple[Positive, ...] = "flat"
     digital_numbers: Positive | None = None
     full_well: Positive | None = None
-    registration: Registration = Registration()
+    registration: MaskImage = MaskImage()
 
     @model_validator(mode="after")
     def _bands(self) -> SingleDisperser:

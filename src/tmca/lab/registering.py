@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from tmca.errors import DataError, SettingError
+from tmca.lab.frames import check_size
 
 Array = NDArray[np.float64]
 Factor = Annotated[float, Field(gt=0.9, lt=1.1)]
@@ -19,7 +20,7 @@ _BROAD, _SMOOTH = 5.0, 4.0
 """Pixels: Gaussian width of the local mean, and of what counts as slow in mask and capture."""
 
 
-class Registration(BaseModel):
+class MaskImage(BaseModel):
     """How the file of a mask becomes its image in a capture: scaled about the middle, moved, blurred.
 
     Args:
@@ -34,7 +35,7 @@ class Registration(BaseModel):
     blur: float = Field(default=0.0, ge=0)
 
 
-def registered(mask: NDArray[np.floating], registration: Registration) -> Array:
+def registered(mask: NDArray[np.floating], registration: MaskImage) -> Array:
     """(H, W) mask as the capture sees it, in [0, 1]; nearest values beyond its edge."""
     from scipy.ndimage import affine_transform, gaussian_filter
 
@@ -117,7 +118,7 @@ def block_shifts(
         (blocks, 4): row and column of the block's middle, displacement (pixels), share that is explained.
     """
     steps = np.arange(-reach, reach + 0.1, 0.2)
-    masks = [fine_part(registered(mask, Registration(shift=(step, 0.0), blur=blur))) for step in steps]
+    masks = [fine_part(registered(mask, MaskImage(shift=(step, 0.0), blur=blur))) for step in steps]
     flat, found = fine_part(flattened(capture, black)), []
     for top, left in _blocks(np.asarray(capture, dtype=np.float64) - black, side, 0.1):
         block = flat[top : top + side, left : left + side]
@@ -135,7 +136,7 @@ def register_mask(
     black: float = 0.0,
     side: int = 72,
     least: float = 0.35,
-) -> tuple[Registration, float]:
+) -> tuple[MaskImage, float]:
     """Vertical scale and shift of the mask's image in captures, and the blocks' deviation from them (pixels).
 
     Args:
@@ -154,10 +155,8 @@ def register_mask(
         raise SettingError("captures", "none", "one or more")
     wide = (mask.shape[0], mask.shape[1] + max(max(offsets), 0) - min(min(offsets), 0))
     for capture in captures:
-        if capture.shape != wide:
-            found, wanted = ("×".join(map(str, size)) for size in (capture.shape, wide))
-            remedy = "give the mask of these captures"
-            raise DataError("captures", f"{found} pixels", f"{wanted}: the mask's and its bands' displacement", remedy)
+        remedy = "give the mask of these captures: its width and its bands' displacement are theirs"
+        check_size("captures", "one", capture.shape, wide, remedy)
     blocks = np.concatenate([block_shifts(one, mask, offsets, black=black, side=side) for one in captures])
     used = blocks[blocks[:, 3] >= least]
     if len(used) < 8:
@@ -165,7 +164,7 @@ def register_mask(
         raise DataError("captures", found, "8 or more", "give brighter or smoother scenes, or another mask")
     middle = (mask.shape[0] - 1) / 2
     line, deviation = _line(used[:, 0] - 0.5 - middle, used[:, 2], used[:, 3])
-    return Registration(scale=(1 + line[1], 1.0), shift=(line[0], 0.0)), deviation
+    return MaskImage(scale=(1 + line[1], 1.0), shift=(line[0], 0.0)), deviation
 
 
 def _peak(places: Array, values: Array, at: int) -> float:

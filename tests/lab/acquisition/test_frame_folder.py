@@ -14,7 +14,6 @@ from tmca.errors import DataError, DeviceError, SettingError
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.acquisition.frame_folder import named_frames
 from tmca.lab.acquisition.session import capture, joined
-from tmca.lab.quality import Doubtful
 from tmca.sensor import Sensor
 
 
@@ -51,14 +50,7 @@ def once(names):
 
 @pytest.mark.parametrize(
     "names",
-    [
-        DARKS | NUMBERED,
-        NAMED,
-        OTHER_DARKS | NUMBERED,
-        DARKS | SLOT_MAJOR,
-        DARKS | FROM_ONE,
-        DARKS | TIMED,
-    ],
+    [DARKS | NUMBERED, NAMED, OTHER_DARKS | NUMBERED, DARKS | SLOT_MAJOR, DARKS | FROM_ONE, DARKS | TIMED],
     ids=["in order", "by name", "a dark one like a step", "slot by slot", "from one", "by time"],
 )
 @pytest.mark.parametrize("repeats", [1, 2])
@@ -99,42 +91,37 @@ def test_a_repeat_that_is_the_same_in_all_names_is_none(tmp_path, taken, name):
     assert {key: file.name for key, file in found.items()} == {f"slot_00{k}": name.format(k) for k in range(3)}
 
 
+def without(names, *gone):
+    return {file: name for file, name in names.items() if file not in gone}
+
+
 @pytest.mark.parametrize(
-    ("names", "repeats", "words"),
+    ("names", "repeats"),
     [
-        (DARKS | NUMBERED, 1, "6 frames of light, expected the 3 that are asked for; pass --repeat 2"),
-        (NAMED, 1, "pass --repeat 2"), (DARKS | SLOT_MAJOR, 1, "pass --repeat 2"),
-        (NAMED | {"preview.tif": "slot_000"}, 2, "the name preview, expected names such as slot_000"),
-        (DARKS | SLOT_MAJOR | {"slot00_rep0.tif": "slot_000"}, 2, "_rep0.tif and slot0+_rep0.tif of one slot"),
-        (DARKS | {f"slot{k + 4}.tif": f"slot_00{k}" for k in range(3)}, 1, "slot 6, expected 3 slots"),
-        (DARKS | {f"a{s}_b{r}.tif": n for s, r, n in SLOTS}, 2, "two counts, such as a0_b0 and a2_b1"),
-        (
-            DARKS | {f"slot{s}_{r}.tif": n for s, r, n in SLOTS}, 2,
-            "slot0_1.tif of one slot and repeat, expected one file a frame; rename them: names such as slot_000",
-        ),
-        (
-            DARKS | {f"slot_{s + 1}_rep{r + 1}.tif": n for s, r, n in SLOTS if (s, r) != (1, 1)}, 2,
-            "no frame of slot 2, repeat 2, counted from 1 as in slot_1_rep1.tif, expected",
-        ),
-        (DARKS | {f"slot_{k}.tif": f"slot_00{k}" for k in (1, 2)}, 1, "no frame of slot 0, counted from 0, beside"),
+        (DARKS | NUMBERED, 1), (NAMED, 1), (DARKS | NUMBERED, 3), (NAMED | {"preview.tif": "slot_000"}, 2),
+        (DARKS | SLOT_MAJOR | {"slot00_rep0.tif": "slot_000"}, 2), (NUMBERED, 2), (DARKS, 1), ({}, 1),
+        (DARKS | {f"slot_{k}.tif": f"slot_00{k}" for k in (1, 2)}, 1), (without(NAMED, "slot_001.tif"), 2),
+        (DARKS | {f"slot{s + 3 * r}.tif": n for s, r, n in SLOTS}, 2), (without(DARKS | NUMBERED, "img_9.tif"), 2),
+        (DARKS | {f"slot{s}_{r}.tif": n for s, r, n in SLOTS}, 2), (without(DARKS | NUMBERED, "Dark_9.tif"), 2),
     ],
     ids=[
-        "order", "names", "slots", "stray", "twice", "slots of another", "two counts", "no repeats", "missing", "first",
+        "order", "names", "repeats", "stray", "twice", "dark", "light", "none", "first", "a name", "another export",
+        "one of light", "no repeats", "one dark",
     ],
 )  # fmt: skip
-def test_frames_are_never_left_out_or_guessed(tmp_path, taken, names, repeats, words):
+def test_frames_are_never_left_out(tmp_path, taken, names, repeats):
     camera, export, own = taken
-    bench = find_device("folder", path=str(theirs(tmp_path / "theirs", own, names)))
-    with pytest.raises(DataError, match=words):
-        capture(export, bench, tmp_path / "f", camera=camera, repeats=repeats)
+    folder = theirs(tmp_path / "theirs", own, names)
+    with pytest.raises(DataError) as found:
+        capture(export, find_device("folder", path=str(folder)), tmp_path / "f", camera=camera, repeats=repeats)
+    assert found.value.where.startswith(str(folder))
     assert not (tmp_path / "f").exists()
 
 
 def test_two_files_of_one_name_are_refused(tmp_path, taken):
-    _, _, own = taken
-    folder = theirs(tmp_path / "theirs", own, NAMED)
+    folder = theirs(tmp_path / "theirs", taken[2], NAMED)
     np.save(folder / "slot_001.npy", np.ones((12, 18), np.uint16))
-    with pytest.raises(DataError, match=r"slot_001\.npy beside slot_001\.tif"):
+    with pytest.raises(DataError, match=r"slot_001"):
         find_device("folder", path=str(folder))
 
 
@@ -147,7 +134,7 @@ def test_whole_exposures_are_named_as_such(tmp_path):
     found = joined(capture(export, bench, tmp_path / "f", repeats=2), export, camera)
     torch.testing.assert_close(found.values, joined(own, export, camera).values)
     slots = DARKS | {"slot_000.tif": "exposure", "slot_001.tif": "exposure_r1"}
-    with pytest.raises(DataError, match="the name slot_000, expected exposure, exposure_r1"):
+    with pytest.raises(DataError, match="the name slot_000"):
         capture(export, find_device("folder", path=str(theirs(tmp_path / "b", own, slots))), tmp_path / "g", repeats=2)
 
 
@@ -167,48 +154,6 @@ def test_frames_whose_files_changed_are_taken_again(tmp_path, taken):
     capture(export, find_device("folder", path=str(folder)), tmp_path / "g", **how)
     one, other = joined(tmp_path / "f", export, camera), joined(tmp_path / "g", export, camera)
     torch.testing.assert_close(one.values, other.values, rtol=0, atol=0)
-
-
-def test_copies_of_one_frame_are_told(tmp_path, taken):
-    camera, export, own = taken
-    folder = theirs(tmp_path / "theirs", own, DARKS | {f"img_{k}.tif": "slot_001" for k in range(3)})
-    with pytest.warns(Doubtful, match="slot_001 is the same as slot_000 of .* in every pixel"):
-        capture(export, find_device("folder", path=str(folder)), tmp_path / "f", camera=camera)
-
-
-def test_twelve_bits_in_sixteen_are_told(tmp_path, taken):
-    camera, export, own = taken
-    folder = theirs(tmp_path / "theirs", own, once(NAMED))
-    for file in folder.glob("*.tif"):
-        tifffile.imwrite(file, tifffile.imread(file) // 16)
-    with pytest.warns(Doubtful, match=r"65535 is saturation.*--set saturation=(2047|4095)"):
-        capture(export, find_device("folder", path=str(folder)), tmp_path / "f", camera=camera)
-
-
-@pytest.mark.parametrize(
-    ("names", "words"),
-    [
-        ({}, "a folder without frames"),
-        ({k: v for k, v in (DARKS | NUMBERED).items() if k != "img_9.tif"}, "5 frames whose names do"),
-        ({k: v for k, v in (DARKS | NUMBERED).items() if k != "Dark_9.tif"}, "no frame dark_r3"),
-        ({k: v for k, v in NAMED.items() if k != "slot_001.tif"}, "slot 1, repeat 0, counted from 0 as in slot_000"),
-        (NUMBERED, "no frame dark"), (DARKS, "0 frames whose names"),
-    ],
-    ids=["none", "one of light", "one dark", "a name", "all dark", "all light"],
-)  # fmt: skip
-def test_frames_that_are_missing_are_one_line(tmp_path, taken, names, words):
-    _, export, own = taken
-    folder = theirs(tmp_path / "theirs", own, names)
-    with pytest.raises(DataError, match=words):
-        capture(export, find_device("folder", path=str(folder)), tmp_path / "f")
-    assert not (tmp_path / "f").exists()
-
-
-def test_more_repeats_than_there_are_frames_are_one_line(tmp_path, taken):
-    camera, export, own = taken
-    bench = find_device("folder", path=str(theirs(tmp_path / "theirs", own, DARKS | NUMBERED)))
-    with pytest.raises(DataError, match=r"no frame slot_000_r2.*--repeat"):
-        capture(export, bench, tmp_path / "f", repeats=3, camera=camera)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from tmca.cameras import SpectralCamera
 from tmca.data import read_dataset, write_dataset
 from tmca.errors import DataError, OutputError
 from tmca.lab.calibration.apply import bench_of, check_fits
-from tmca.lab.calibration.captures import averaged, corrected, named, read_captures
+from tmca.lab.calibration.captures import averaged, corrected, read_captures
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.displacement import MeasuredShear
 from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
@@ -23,6 +23,7 @@ from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
 from tmca.lab.calibration.timing import Timing
+from tmca.lab.frames import named
 from tmca.lab.quality import Doubtful
 
 RNG = np.random.default_rng(0)
@@ -160,7 +161,7 @@ def test_what_is_no_calibration_is_refused(tmp_path):
 
 def test_steps_of_two_sensors_do_not_mix():
     found = Calibration.empty("bench").with_part("dark", PARTS["dark"], {}, sensor=SIZE)
-    with pytest.raises(DataError, match="sensor of 6×7 pixels in timing, expected 5×7 as before"):
+    with pytest.raises(DataError, match="sensor in timing of 6×7 pixels, expected 5×7"):
         found.with_part("timing", PARTS["timing"], {}, sensor=(6, 7))
 
 
@@ -269,14 +270,12 @@ def test_a_step_whose_frames_have_no_date_or_a_later_one_is_of_now(tmp_path, mon
         assert dated([source]).codes_seen == now
 
 
-@pytest.mark.parametrize(
-    ("text", "words"), [("{", "no list"), ('{"frames": 3}', "no list"), ('{"frames": {"a": {"taken": "x"}}}', "'x'")]
-)
-def test_a_list_of_captures_that_is_none_is_refused(tmp_path, text, words):
+@pytest.mark.parametrize("text", ["{", '{"frames": 3}', '{"frames": {"a": 1}}', '{"frames": {"a": {"taken": "x"}}}'])
+def test_a_list_of_captures_that_is_none_is_refused(tmp_path, text):
     (tmp_path / "captures.json").write_text(text)
-    with pytest.raises(DataError, match=f"captures.json: found {words}") as found:
+    with pytest.raises(DataError) as found:
         dated([tmp_path])
-    assert "\n" not in str(found.value)
+    assert found.value.where == str(tmp_path / "captures.json")
 
 
 def test_codes_made_after_the_frames_are_not_those_of_the_calibration(tmp_path):

@@ -63,7 +63,7 @@ def test_dark_and_flat_refuse_what_they_are_not():
         measure_dark(frames(0.0, 1))
     with pytest.raises(DataError, match="ten times its noise"):
         measure_flat(frames(20.0, 8), dark)
-    with pytest.raises(DataError, match="as the dark"):
+    with pytest.raises(DataError, match="36×42 pixels, expected 37×42"):
         measure_flat(frames(20.0, 8)[:, 1:], dark)
     mixed = frames(0.0, 8)
     mixed[:, :, ::7] += 4000

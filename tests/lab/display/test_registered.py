@@ -81,7 +81,7 @@ def test_what_no_registration_can_place_is_refused(tmp_path):
     sensor, source, device = camera.snapshot_shape[1:], taken(tmp_path, camera), mirrors(tmp_path)
     with pytest.raises(DataError, match="no registration"):
         registered_affine(source, Calibration.empty(), device)
-    with pytest.raises(DataError, match=r"a registration of 97×114 pixels, expected small's 50×60.*--device 50x60"):
+    with pytest.raises(DataError, match="a registration of 97×114 pixels, expected 50×60"):
         registered_affine(source, calibration(sensor), mirrors(tmp_path, (50, 60)))
     with pytest.raises(DataError, match="sensor of 20×30 pixels"):
         registered_affine(source, calibration((20, 30)), device)
@@ -91,7 +91,7 @@ def test_what_no_registration_can_place_is_refused(tmp_path):
     with pytest.raises(SettingError, match="diamond"):
         registered_affine(source, calibration(sensor), device_named("dli4120", lattice="diamond"))
     coarse = calibration(sensor, pitch=1.1)
-    with pytest.raises(SettingError, match="--calibration: found a place for 20×23 code pixels"):
+    with pytest.raises(SettingError, match="--calibration"):
         export_codes(read_planes(source), [device], tmp_path / "x", affine=registered_affine(source, coarse, device))
     assert not (tmp_path / "x").exists()
 

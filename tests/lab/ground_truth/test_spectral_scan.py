@@ -105,9 +105,7 @@ def test_the_order_of_the_files_does_not_matter_where_names_say_the_wavelength(t
 def test_other_wavelengths_than_those_asked_for_are_named(tmp_path):
     seen = render_scan(cube(), bits=16)
     paths = folders(tmp_path, seen)
-    with pytest.raises(
-        DataError, match=r"no frame at 405, 415 nm and frames at 400, 410, .* expected the 2 wavelengths"
-    ):
+    with pytest.raises(DataError, match=r"no frame at 405 nm and frames at 400 nm, expected the 2 wavelengths"):
         read_scan(*paths, wavelengths=nm_to_metres([405, 415]))
     (paths[0] / "scene_450nm.png").unlink()
     with pytest.raises(DataError, match=r"scene: found no frame at 450 nm, expected the 31 wavelengths"):
@@ -214,7 +212,7 @@ def test_scans_that_cannot_be_used_are_refused(tmp_path):
     seen = render_scan(cube(), bits=16)
     scene, dark, white = folders(tmp_path, seen)
     np.save(tmp_path / "s.npy", seen.scene)
-    with pytest.raises(SettingError, match=r"frames without wavelengths in their names, .* one per frame"):
+    with pytest.raises(SettingError, match=r"wavelengths: .* one per frame"):
         read_scan(tmp_path / "s.npy", dark, white)
     with pytest.raises(DataError, match="found 31 frames, expected 30"):
         read_scan(tmp_path / "s.npy", dark, white, wavelengths=nm_to_metres(NM[1:]))
@@ -231,7 +229,7 @@ def test_scans_that_cannot_be_used_are_refused(tmp_path):
     with pytest.raises(DataError, match="% of the pixels saturated in scene_"):
         read_scan(scene, dark, white, saturation=15000)
     (scene / "extra.png").write_bytes((scene / "scene_400nm.png").read_bytes())
-    with pytest.raises(DataError, match="no wavelength in the name extra"):
+    with pytest.raises(DataError, match="a frame named extra"):
         read_scan(scene, dark, white)
 
 

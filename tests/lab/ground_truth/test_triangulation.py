@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tmca.data.depth_maps import disparity_to_depth
 from tmca.errors import DataError
-from tmca.lab.ground_truth.geometry import Calibration, Lens, camera_rays, load_calibration, triangulate
+from tmca.lab.ground_truth.geometry import Lens, ProjectorCalibration, camera_rays, load_calibration, triangulate
 from tmca.lab.ground_truth.rendered import bench
 
 BENT = np.array([-0.12, 0.03, 0.001, -0.002, 0.004])
@@ -21,7 +21,7 @@ def tilted(size, bent=False):
     turn = Rotation.from_euler("xyz", [3, 12, -4], degrees=True).as_matrix()
     lenses = [Lens(lens.size, lens.matrix, BENT * sign if bent else np.zeros(5))
               for lens, sign in ((plain.camera, 1), (plain.projector, -1))]  # fmt: skip
-    return Calibration(*lenses, turn, np.array([-0.21, 0.03, 0.05]))
+    return ProjectorCalibration(*lenses, turn, np.array([-0.21, 0.03, 0.05]))
 
 
 def projected(lens, point):
@@ -41,7 +41,7 @@ def projected(lens, point):
 def test_depth_comes_back_from_projected_points(size, bent, across):
     calibration = tilted(size, bent)
     if across == "y":
-        calibration = Calibration(
+        calibration = ProjectorCalibration(
             calibration.camera, calibration.projector, calibration.rotation, np.array([0, -0.2, 0])
         )
     depth = np.random.default_rng(0).uniform(0.4, 1.6, size)
@@ -58,7 +58,7 @@ def test_depth_comes_back_from_projected_points(size, bent, across):
 
 def test_side_by_side_it_is_depth_from_disparity():
     lens = Lens((6, 8), np.array([[100.0, 0, 3.5], [0, 100, 2.5], [0, 0, 1]]))
-    side_by_side = Calibration(lens, lens, np.eye(3), np.array([-0.2, 0, 0]))
+    side_by_side = ProjectorCalibration(lens, lens, np.eye(3), np.array([-0.2, 0, 0]))
     columns = np.tile(np.arange(8.0), (6, 1))
     disparity = np.linspace(10, 40, 48).reshape(6, 8)
     found, _ = triangulate(columns - disparity, 0.1, side_by_side)
@@ -69,7 +69,7 @@ def test_side_by_side_it_is_depth_from_disparity():
 @given(scale=st.floats(0.1, 10), seed=st.integers(0, 99))
 def test_a_wider_baseline_makes_the_world_larger(scale, seed):
     near = tilted((5, 6))
-    far = Calibration(near.camera, near.projector, near.rotation, near.translation * scale)
+    far = ProjectorCalibration(near.camera, near.projector, near.rotation, near.translation * scale)
     position = np.random.default_rng(seed).uniform(0, 600, (5, 6))
     one, other = triangulate(position, 0.1, near), triangulate(position, 0.1, far)
     assert np.allclose(other[0], scale * one[0], equal_nan=True)

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from tests.lab.real_captures.bench import captured, mask_of, smooth_scene
 from tmca.errors import DataError, SettingError
-from tmca.lab.registering import Registration, explained, fine_part, register_mask, registered
+from tmca.lab.registering import MaskImage, explained, fine_part, register_mask, registered
 
 
 @pytest.mark.parametrize("size", [(64, 51), (63, 50)])
@@ -19,7 +19,7 @@ def test_a_registered_mask_is_scaled_about_its_middle_and_moved(size):
     def picture(rows, columns):
         return 0.5 + 0.2 * np.cos(rows / 4) + 0.2 * np.sin(columns / 5)
 
-    found = registered(picture(y, x), Registration(scale=scale, shift=shift))
+    found = registered(picture(y, x), MaskImage(scale=scale, shift=shift))
     wanted = picture(
         (y - middle[0] - shift[0]) / scale[0] + middle[0], (x - middle[1] - shift[1]) / scale[1] + middle[1]
     )
@@ -28,8 +28,8 @@ def test_a_registered_mask_is_scaled_about_its_middle_and_moved(size):
 
 def test_without_a_registration_the_mask_stays_and_blur_is_gaussian():
     mask = mask_of(30, 31)
-    np.testing.assert_array_equal(registered(mask, Registration()), mask)
-    np.testing.assert_allclose(registered(mask, Registration(blur=1.2)), gaussian_filter(mask, 1.2))
+    np.testing.assert_array_equal(registered(mask, MaskImage()), mask)
+    np.testing.assert_allclose(registered(mask, MaskImage(blur=1.2)), gaussian_filter(mask, 1.2))
 
 
 def test_copies_explain_what_was_made_of_them_with_its_weights():
@@ -43,7 +43,7 @@ def test_copies_explain_what_was_made_of_them_with_its_weights():
 
 
 def test_scale_and_shift_are_found_in_a_noisy_capture():
-    truth = Registration(scale=(1.006, 1.0), shift=(0.35, 0.0))
+    truth = MaskImage(scale=(1.006, 1.0), shift=(0.35, 0.0))
     mask = mask_of(240, 200)
     scene = smooth_scene(4, 240, 200)
     capture = 0.05 + captured(scene, registered(mask, truth))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import warnings
 from collections.abc import Mapping
@@ -14,10 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data import checksum_of
 from tmca.errors import DataError, OutputError
-from tmca.lab.display.manifest import NAME, checksum, exposed_whole, read_manifest, shown_digest
+from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
 from tmca.lab.frames import Frames, warn_of_copies
-from tmca.lab.notes import CAPTURES
+from tmca.lab.notes import CAPTURES, read_json
 from tmca.lab.quality import Doubtful
 
 DARK, WHOLE = "dark", "exposure"
@@ -31,12 +31,9 @@ _DARKS = 4
 _UNDONE = re.compile(r"\..+\.[0-9a-f]{12}\.tmp\.(json|tif)")
 """Names of files that were not written to their end."""
 _SATURATED = 0.5
-_DARKEST = 3.0
-"""Mean of a frame above the dark one in its standard deviations, below which it has no light."""
-_LOW = 1 / 8
-"""Of saturation, up to which numbers may be those of fewer bits."""
+_SEEN = 3.0
+"""Standard deviations of the dark frame's mean by which a frame with light is above it."""
 _SAID = 4
-_NOTHING: Mapping[str, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -76,7 +73,7 @@ def captured_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
     if not (folder / CAPTURES).exists():
         if folder.exists() and (folder.is_file() or any(not _UNDONE.fullmatch(file.name) for file in folder.iterdir())):
             raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
-        of = {EXPORT: checksum(Path(export) / NAME), SHOWN: shown_digest(read_manifest(export))}
+        of = {EXPORT: checksum_of(Path(export) / NAME), SHOWN: shown_digest(read_manifest(export))}
         return {"export": str(export), **of, "taken_with": {}, "frames": {}}
     kept = read_captures(folder, whole=False)
     if not is_of(kept, export):
@@ -87,7 +84,7 @@ def captured_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
 def is_of(kept: dict[str, Any], export: str | Path) -> bool:
     """Whether a capture is of this export, or of one that shows the same; lists of before know the manifest alone."""
     manifest = read_manifest(export)
-    return kept[EXPORT] == checksum(Path(export) / NAME) or kept.get(SHOWN) == shown_digest(manifest)
+    return kept[EXPORT] == checksum_of(Path(export) / NAME) or kept.get(SHOWN) == shown_digest(manifest)
 
 
 def resumed(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -109,7 +106,7 @@ def keep(
     frame: Frame,
     kept: dict[str, Any],
     folder: Path,
-    about: Mapping[str, Any] = _NOTHING,
+    about: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it, what is known about it included.
 
@@ -128,8 +125,8 @@ def keep(
         write_json(kept, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:
         tifffile.imwrite(temporary, values.astype(np.uint16), photometric="minisblack")
-    taken = {"sha256": checksum(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
-    kept["frames"][frame.name] = {"slot": frame.slot, "of": frame.of, **taken, **about}
+    taken = {"sha256": checksum_of(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
+    kept["frames"][frame.name] = {"slot": frame.slot, "of": frame.of, **taken, **(about or {})}
     write_json(kept, folder / CAPTURES, overwrite=True)
 
 
@@ -141,22 +138,21 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
         whole: refuse frames whose file is missing, instead of leaving them out.
 
     Raises:
-        DataError: no capture, or a frame that is missing, changed, or in another's place.
+        DataError: no capture, or a frame that is missing or changed.
     """
     file = Path(folder) / CAPTURES
+    stated = read_json(file, "what `tmca capture` wrote", "capture it again")
     try:
-        stated = json.loads(file.read_text(encoding="utf-8"))
         there = {name: a for name, a in stated["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
-        frames = {name: (about["sha256"], about["of"]) for name, about in there.items()}
+        known = {name: (about["sha256"], about["of"])[0] for name, about in there.items()}
         stated["export"], stated[EXPORT], stated["taken_with"]["gain"], stated["taken_with"]["saturation"]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (KeyError, TypeError, AttributeError):
         raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
-    for name, (known, _) in frames.items():
+    for name, content in known.items():
         frame = Path(folder) / f"{name}.tif"
         if not frame.is_file():
-            remedy = "run again what captured it, which takes it again"
-            raise DataError(frame, "no such file", f"the frame {name}", remedy)
-        if checksum(frame) != known:
+            raise DataError(frame, "no such file", f"the frame {name}", "run again what captured it")
+        if checksum_of(frame) != content:
             raise DataError(frame, "another content", "what was captured", _AGAIN)
     return {**stated, "frames": there}
 
@@ -187,21 +183,18 @@ def check_frame(values: NDArray[np.integer], where: Path, size: tuple[int, ...],
 
 
 def warn_of_frames(folder: Path, kept: dict[str, Any]) -> None:
-    """Warn of frames that are copies, of those without light, and of numbers so low that they may have fewer bits."""
+    """Warn of frames that are copies, and of those without light."""
     names, saturation = tuple(kept["frames"]), float(kept["taken_with"]["saturation"])
     values = np.stack([read_tif(folder / f"{name}.tif") for name in names])
     warn_of_copies(Frames(folder, names, values.astype(np.float32), values >= saturation))
-    dark, doubts = values[names.index(DARK)].astype(np.float64), []
-    least = dark.mean() + _DARKEST * dark.std() / np.sqrt(dark.size)
-    if unlit := [
-        n for n, v in zip(names, values, strict=True) if kept["frames"][n]["of"] != DARK and v.mean() <= least
-    ]:
-        doubts.append(f"{', '.join(unlit[:_SAID])} no brighter than the dark frame: check lamp, shutter and lens cap")
-    if 0 < (largest := int(values.max())) <= saturation * _LOW:
-        bits = 2 ** largest.bit_length() - 1
-        remedy = f"if the sensor has fewer bits, its driver has to say so (--set saturation={bits} of folder)"
-        doubts.append(f"no number above {largest} where {saturation:g} is saturation: {remedy}, else expose longer")
-    for line in doubts:
+    dark = values[names.index(DARK)]
+    least = dark.mean() + _SEEN * dark.std() / np.sqrt(dark.size)
+    light = [(name, one) for name, one in zip(names, values, strict=True) if kept["frames"][name]["of"] != DARK]
+    if unlit := [name for name, one in light if one.mean() <= least]:
+        line = f"{', '.join(unlit[:_SAID])} no brighter than the dark frame: check lamp, shutter and lens cap"
+        warnings.warn(f"{folder}: {line}", Doubtful, stacklevel=2)
+    if (most := int(values.max())) <= saturation / 8:
+        line = f"no number above {most} where {saturation:g} is saturation: expose longer, or say it (--set saturation)"
         warnings.warn(f"{folder}: {line}", Doubtful, stacklevel=2)
 
 

@@ -16,20 +16,15 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.acquisition.captures import DARK, WHOLE, frames_of
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import exposed_whole
-from tmca.lab.frames import counted, frame_files
+from tmca.lab.frames import frame_files
 
 _SLOT = re.compile(r"slot[ _-]?(\d+)", re.IGNORECASE)
 _REPEAT = re.compile(r"(?:^|[^a-z])r(?:ep(?:eat)?)?[ _-]?(\d+)", re.IGNORECASE)
-_NAMED = re.compile(rf"{_SLOT.pattern}|(?:^|[^a-z])rep(?:eat)?[ _-]?\d|^{WHOLE}(?:_r\d+)?$", re.IGNORECASE)
-"""Names that say which frame they are."""
-_EXAMPLES = "names such as slot_000, slot_001, …, repeats slot_000_r1, …"
-_OF_WHOLE = f"{WHOLE}, {WHOLE}_r1, …"
-Number = tuple[int, int]
-"""Slot, 0 of a whole exposure, and repeat."""
+_NAMES = f"slot_000, slot_001, …, repeats slot_000_r1, …; {WHOLE}, {WHOLE}_r1, … of whole exposures"
 
 
 def named_frames(files: Sequence[Path], manifest: dict[str, Any], folder: Path) -> dict[str, Path]:
-    """Name of a frame, as ``captures.steps`` gives it, → its file.
+    """Name of a frame, as ``captures.frames_of`` gives it, → its file.
 
     Args:
         files: in the order of the numbers in their names. Those that begin with ``dark`` are dark ones, in their order.
@@ -37,89 +32,41 @@ def named_frames(files: Sequence[Path], manifest: dict[str, Any], folder: Path) 
         folder: that errors name.
 
     Raises:
-        DataError: names that do not say which frame they are, or frames that are missing.
+        DataError: names that do not say which frame they are, or no whole number of exposures.
     """
     dark = [file for file in files if file.stem.lower().startswith(DARK)]
     light = [file for file in files if file not in dark]
-    whole = exposed_whole(manifest)
-    if any(_NAMED.search(file.stem) for file in light):
-        found = _by_number(light, None if whole else manifest["slots"], folder)
-    else:
-        found = _in_order(light, manifest, folder)
-    return {**{DARK + (f"_r{n}" if n else ""): file for n, file in enumerate(dark)}, **found}
-
-
-def _by_number(light: Sequence[Path], slots: int | None, folder: Path) -> dict[str, Path]:
-    """Frames whose names say slot and repeat, both counted from 0 or both from 1; a repeat that is the same in all of
-    them is none."""
-    numbers: dict[Number, Path] = {}
-    for file in light:
-        other = numbers.setdefault(_number(file, slots), file)
-        if other is not file:
-            found, remedy = f"{other.name} and {file.name} of one slot and repeat", f"rename them: {_examples(slots)}"
-            raise DataError(folder, found, "one file a frame", remedy)
-    last, counts = max(slot for slot, _ in numbers), {repeat for _, repeat in numbers}
-    first = 1 if slots and last == slots and min(numbers)[0] == 1 else 0
-    if last - first >= (slots or 1):
-        raise DataError(folder, f"frames of slot {last}", f"{slots} slots of the export, from 0 or from 1")
-    start = min(counts) if len(counts) == 1 else min(*counts, 1)
-    wanted = {
-        (k + first, r): _name(k, r - start, slots) for r in range(start, max(counts) + 1) for k in range(slots or 1)
+    once = [frame.name for frame in frames_of(manifest) if frame.of != DARK]
+    said = any(_SLOT.search(file.stem) or file.stem.lower().startswith(WHOLE) for file in light)
+    found = _by_number(light, manifest, folder) if said else dict(enumerate(light))
+    if not found or len(found) % len(once):
+        expected = f"{len(once)}, or as many again for every repeat"
+        raise DataError(folder, f"{len(light)} frames of light", expected, "see docs/devices.md")
+    names = [name + (f"_r{n}" if n else "") for n in range(len(found) // len(once)) for name in once]
+    if gone := [name for n, name in enumerate(names) if n not in found]:
+        raise DataError(folder, f"no frame of {', '.join(gone[:3])}", f"names such as {_NAMES}", "take or rename it")
+    return {DARK + (f"_r{n}" if n else ""): file for n, file in enumerate(dark)} | {
+        name: found[n] for n, name in enumerate(names)
     }
-    if missing := [number for number in wanted if number not in numbers]:
-        found = _said_missing(missing, numbers, first, slots)
-        raise DataError(folder, found, "one of every slot and repeat", "take it")
-    return {name: numbers[number] for number, name in wanted.items()}
 
 
-def _said_missing(missing: Sequence[Number], numbers: dict[Number, Path], first: int, slots: int | None) -> str:
-    """Frames that are not there, as the names of the others count."""
-    repeated = len({repeat for _, repeat in numbers}) > 1
-    each = [
-        ", ".join([f"slot {slot}"] * (slots is not None) + [f"repeat {repeat}"] * repeated) for slot, repeat in missing
-    ]
-    example = min(numbers)
-    counted_as = f"from {first} as in" if slots is None or example[0] == first else f"from {first}, beside"
-    return f"no frame of {'; '.join(each[:3])}, counted {counted_as} {numbers[example].name}"
-
-
-def _examples(slots: int | None) -> str:
-    return _EXAMPLES if slots is not None else f"names such as {_OF_WHOLE}"
-
-
-def _number(file: Path, slots: int | None) -> Number:
-    slot, repeat = _SLOT.search(file.stem), _REPEAT.search(file.stem)
-    if (slot is None) == (slots is not None):
-        expected = _EXAMPLES if slots is not None else f"{_OF_WHOLE}: the shutter is coded in one exposure"
-        raise DataError(file, f"the name {file.stem}", expected, "rename the frames, or move what is none elsewhere")
-    return int(slot[1]) if slot else 0, int(repeat[1]) if repeat else 0
-
-
-def _name(slot: int, repeat: int, slots: int | None) -> str:
-    return (WHOLE if slots is None else f"slot_{slot:03d}") + (f"_r{repeat}" if repeat else "")
-
-
-def _in_order(light: Sequence[Path], manifest: dict[str, Any], folder: Path) -> dict[str, Path]:
-    """Frames of every slot, again for every repeat."""
-    each = sum(step.of != DARK for step in frames_of(manifest))
-    if not light or len(light) % each:
-        found = f"{len(light)} frames whose names do not begin with {DARK}"
-        raise DataError(folder, found, f"{each}, or as many again for every repeat", "see docs/devices.md")
-    repeats = len(light) // each
-    if repeats > 1 and each > 1 and _is_grid(light):
-        found = f"names with two counts, such as {light[0].stem} and {light[-1].stem}"
-        raise DataError(folder, found, "names that say which is the slot", f"rename them: {_EXAMPLES}")
-    names = [step.name for step in frames_of(manifest, repeats) if step.of != DARK]
-    return dict(zip(names, light, strict=True))
-
-
-def _is_grid(files: Sequence[Path]) -> bool:
-    """Whether names count along two axes, so that their order does not say which of them are the slots."""
-    keys = [[number for number, _ in counted(file.stem) if number >= 0] for file in files]
-    if len({len(key) for key in keys}) != 1:
-        return False
-    varying = [column for column in map(set, zip(*keys, strict=True)) if len(column) > 1]
-    return len(varying) == 2 and len(varying[0]) * len(varying[1]) == len(files)
+def _by_number(light: Sequence[Path], manifest: dict[str, Any], folder: Path) -> dict[int, Path]:
+    """Place in the order of the capture → frame. Slots and repeats in the names count from the smallest there is."""
+    whole = exposed_whole(manifest)
+    numbers: dict[tuple[int, int], Path] = {}
+    for file in light:
+        slot, repeat = _SLOT.search(file.stem), _REPEAT.search(file.stem)
+        if (slot is None) != whole:
+            raise DataError(file, f"the name {file.stem}", f"names such as {_NAMES}", "rename it, or move it elsewhere")
+        key = int(repeat[1]) if repeat else 0, int(slot[1]) if slot else 0
+        if (other := numbers.setdefault(key, file)) is not file:
+            found = f"{other.name} and {file.name} of one slot and repeat"
+            raise DataError(folder, found, "one file a frame", f"name them {_NAMES}")
+    first, start = (min(key[axis] for key in numbers) for axis in (0, 1))
+    each, last = 1 if whole else int(manifest["slots"]), max(slot for _, slot in numbers)
+    if last - start >= each:
+        raise DataError(folder, f"frames of slots {start} to {last}", f"{each} slots of the export")
+    return {(repeat - first) * each + slot - start: file for (repeat, slot), file in numbers.items()}
 
 
 class FrameFolder:
@@ -144,11 +91,13 @@ class FrameFolder:
     ) -> None:
         self.path = Path(path)
         self.there = frame_files(self.path)
-        _check_names(self.there, self.path)
+        self.files = {file.stem: file for file in self.there}
+        if twice := [file.name for file in self.there if self.files[file.stem] is not file]:
+            raise DataError(path, f"two files of the name of {twice[0]}", "one file a frame", "move one elsewhere")
         self.saturation = _largest(self.there[0]) if saturation is None else _setting("saturation", saturation)
         if snapshot_units_per_dn is not None:
             self.snapshot_units_per_dn = _setting("snapshot_units_per_dn", snapshot_units_per_dn)
-        self.name, self.files = DARK, {file.stem: file for file in self.there}
+        self.name = DARK
 
     def load(self, export: Export) -> None:
         """Find the frame of every step.
@@ -156,23 +105,19 @@ class FrameFolder:
         Raises:
             DataError: frames of no whole number of exposures, or that do not say which they are.
         """
-        self.files, once = named_frames(self.there, export.manifest, self.path), frames_of(export.manifest)
-        if missing := [step.name for step in once if step.name not in self.files]:
-            darks = sum(step.of == DARK for step in once)
-            expected = f"{len(once) - darks} frames of light and {darks} dark ones, or more of both"
+        self.files = named_frames(self.there, export.manifest, self.path)
+        once = [step.name for step in frames_of(export.manifest)]
+        if missing := [name for name in once if name not in self.files]:
+            expected = f"{len(once)} frames, dark ones among them"
             raise DataError(self.path, f"no frame {', '.join(missing[:3])}", expected, "take what is missing")
 
     def files_of_frames(self, names: Sequence[str]) -> dict[str, Path]:
         """See ``Recorded``."""
-        if missing := [name for name in names if name not in self.files]:
-            found = f"no frame {', '.join(missing[:3])}"
-            raise DataError(self.path, found, "one for every repeat", "pass --repeat less, or take it")
-        light = [name for name in self.files if not name.startswith(DARK)]
-        used = [name for name in light if name in names]
-        if len(used) < len(light):
-            many = len(light) // (len(used) // _repeats(used))
-            expected = f"the {len(used)} that are asked for"
-            raise DataError(self.path, f"{len(light)} frames of light", expected, f"pass --repeat {many}")
+        light = {name for name in self.files if not name.startswith(DARK)}
+        wanted = {name for name in names if not name.startswith(DARK)}
+        if light != wanted:
+            remedy = "pass the --repeat that takes them all, or take what is missing"
+            raise DataError(self.path, f"{len(light)} frames of light", f"the {len(wanted)} that are asked for", remedy)
         return dict(self.files)
 
     def name_frame(self, name: str) -> None:
@@ -190,20 +135,6 @@ class FrameFolder:
         """
         found = read_array(self.files[self.name])
         return found if found.ndim != 3 else np.moveaxis(found[..., :3], -1, 0)
-
-
-def _repeats(names: Sequence[str]) -> int:
-    return 1 + max(int(name.partition("_r")[2] or 0) for name in names)
-
-
-def _check_names(files: Sequence[Path], folder: Path) -> None:
-    """Raises DataError where two files have one name, so that nobody knows which is the frame."""
-    known: dict[str, Path] = {}
-    for file in files:
-        if (other := known.setdefault(file.stem, file)) is not file:
-            raise DataError(
-                folder, f"{other.name} beside {file.name}", "one file a frame", "move one of them elsewhere"
-            )
 
 
 def _largest(file: Path) -> float:

@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from tmca.cameras import Camera, Snapshot
+from tmca.data import checksum_of
 from tmca.errors import DataError, DeviceError, SettingError, check_range
 from tmca.lab.acquisition.captures import (
     DARK,
@@ -33,7 +34,8 @@ from tmca.lab.acquisition.simulated import SimulatedBench
 from tmca.lab.display.codes import Planes, planes_of, terms_of
 from tmca.lab.display.devices import DeviceDescription, step_of
 from tmca.lab.display.export import Export
-from tmca.lab.display.manifest import check_export, checksum, device_of, exposed_whole, read_export, read_manifest
+from tmca.lab.display.manifest import check_export, device_of, exposed_whole, read_export, read_manifest
+from tmca.lab.frames import check_size
 from tmca.lab.notes import AVERAGED, CODES_DATE, DRIVER, GAIN, SATURATED, WHITE
 from tmca.sensor import Sensor
 
@@ -102,7 +104,7 @@ def capture(
                 size = size or (values.shape if values.ndim == 3 else (1, *values.shape))
                 check_frame(values, folder / frame.name, size, saturation)
                 file = files.get(frame.name)
-                source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum(file)}}
+                source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
                 keep(values, frame, kept, folder, source)
             if progress:
                 progress(done + 1, len(wanted), frame.name)
@@ -192,9 +194,7 @@ def _series(folder: Path, kept: dict[str, Any], camera: Camera) -> dict[str, tor
     for name, about in kept["frames"].items():
         values = read_tif(folder / f"{name}.tif").astype(np.float64)
         values = values[None] if values.ndim == 2 else values
-        if values.shape != camera.snapshot_shape:
-            own, known = ("×".join(map(str, size)) for size in (values.shape, camera.snapshot_shape))
-            raise DataError(folder / f"{name}.tif", f"a frame of {own}", f"{known} pixels")
+        check_size(folder / f"{name}.tif", "a frame", values.shape, camera.snapshot_shape)
         found.setdefault(about["of"], []).append(torch.from_numpy(values))
     return {of: torch.stack(frames) for of, frames in found.items()}
 

@@ -28,6 +28,7 @@ from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.registration import nominal_matrix
 from tmca.lab.display.devices import DeviceDescription
 from tmca.lab.display.placement import Affine
+from tmca.lab.frames import check_size
 from tmca.lab.notes import AVERAGED, CODES_DATE, GAIN, WHITE, date_of_codes, now, parsed_date
 
 _SAME_LEAKAGE = 2e-3
@@ -98,9 +99,8 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
     if not isinstance(camera, SpectralDepthCamera):
         sizes["codes"] = tuple(camera.codes.aperture.size)  # type: ignore[union-attr, arg-type]
     for what, size in sizes.items():
-        if own.get(what) and tuple(own[what]) != size:
-            found, known = ("×".join(map(str, n)) for n in (own[what], size))
-            _refuse(calibration, f"{what} of {found} pixels", f"{known}, those of the snapshot's camera")
+        if own.get(what):
+            check_size(calibration.where, what, own[what], size, "name the calibration of this camera")
     if old := out_of_date(calibration):
         raise old
     stated, measured = said.get(CODES_DATE), calibration.codes_seen
@@ -273,10 +273,8 @@ def registered_affine(source: str | Path, calibration: Calibration, device: Devi
         raise DataError(calibration.where, "no registration", "one", "measure it: tmca calibrate registration")
     if device.lattice != "square":
         raise SettingError("--calibration", f"a device with a {device.lattice} lattice", "a square one")
-    if device.size is None or tuple(registration.codes) != tuple(device.size):
-        found, known = ("×".join(map(str, size or ("?",))) for size in (registration.codes, device.size))
-        remedy = f"register patterns of its own pixels: tmca calibrate patterns --device {known.replace('×', 'x')}"
-        raise DataError(calibration.where, f"a registration of {found} pixels", f"{device.name}'s {known}", remedy)
+    remedy = f"register patterns of the pixels of {device.name}: tmca calibrate patterns"
+    check_size(calibration.where, "a registration", registration.codes, device.size or (), remedy)
     wanted = _drawn(_camera(source), calibration)
     back = np.linalg.inv(registration.matrix[:, :2])
     affine = np.hstack([back @ wanted[:, :2], back @ (wanted[:, 2:] - registration.matrix[:, 2:])])

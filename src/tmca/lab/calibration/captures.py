@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from tmca.data import atomic_path
 from tmca.errors import DataError, SettingError
 from tmca.lab.acquisition.captures import read_captures as captures_of_bench
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.frames import Array, Frames, read_frames, warn_of_copies
+from tmca.lab.frames import Array, Frames, check_size, read_frames, warn_of_copies, write_frames
 from tmca.lab.notes import CAPTURES
 
 _SATURATED = 0.01
@@ -54,15 +53,10 @@ def write_patterns(
         SettingError: see ``calibration_patterns``.
         OutputError: see `tmca.data.atomic_path`.
     """
-    from PIL import Image
-
-    planes = calibration_patterns(size, count, seed)
-    names = [f"pattern_{index}.png" for index in range(len(planes))]
+    planes = (255 * calibration_patterns(size, count, seed)).astype(np.uint8)
     with atomic_path(folder, overwrite=overwrite) as place:
-        place.mkdir()
-        for name, plane in zip(names, planes, strict=True):
-            Image.fromarray((255 * plane).astype(np.uint8)).save(place / name)
-    return names
+        write_frames(place, {f"pattern_{index}": plane for index, plane in enumerate(planes)})
+    return [f"pattern_{index}.png" for index in range(len(planes))]
 
 
 def read_patterns(path: str | Path, device: Sequence[int] | None = None) -> Array:
@@ -75,9 +69,8 @@ def read_patterns(path: str | Path, device: Sequence[int] | None = None) -> Arra
     top = float(values.max())
     if not top > 0 or not np.isin(values, (0, top)).all():
         raise DataError(path, "grey patterns", "pictures of two levels: dark and open", "save them without smoothing")
-    if device is not None and values.shape[1:] != tuple(device):
-        found, known = ("×".join(map(str, n)) for n in (values.shape[1:], device))
-        raise DataError(path, f"patterns of {found} pixels", f"{known}, those of the device", "name what was shown")
+    if device is not None:
+        check_size(path, "patterns", values.shape[1:], device, "name what the device showed")
     return np.asarray(values, dtype=np.float64) / top
 
 
@@ -102,10 +95,8 @@ def read_captures(
     """
     kept = taken_with(path)
     frames = read_frames(path, kept.get("saturation") if saturation is None else saturation)
-    size = frames.values.shape[1:]
-    if sensor is not None and tuple(sensor) != size:
-        found, known = ("×".join(map(str, n)) for n in (size, sensor))
-        raise DataError(path, f"frames of {found} pixels", f"{known} as calibrated before", "use the same sensor")
+    if sensor is not None:
+        check_size(path, "frames", frames.values.shape[1:], sensor, "use the sensor that was calibrated before")
     share = frames.saturated.mean(axis=(1, 2))
     if not may_saturate and share.max() > _SATURATED:
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
@@ -118,21 +109,6 @@ def read_captures(
 def taken_with(path: str | Path) -> dict[str, Any]:
     """What the bench kept with the frames of a folder; nothing of other frames."""
     return dict(captures_of_bench(path)["taken_with"]) if (Path(path) / CAPTURES).is_file() else {}
-
-
-def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[float, ...]]:
-    """The numbers in every frame's name.
-
-    Raises:
-        DataError: a name without them.
-    """
-    found = []
-    for name in frames.names:
-        match = pattern.search(name)
-        if match is None:
-            raise DataError(frames.source, f"a frame named {name}", f"names such as {example}", "rename the frames")
-        found.append(tuple(float(part) for part in match.groups()))
-    return found
 
 
 def averaged(values: ArrayLike, keys: Sequence[tuple[float, ...]]) -> tuple[Array, list[tuple[float, ...]]]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.lab.calibration.fitting import whole_shift
 from tmca.lab.calibration.pattern_image import SAMPLES, moved, seen_patterns
 from tmca.lab.calibration.registration import Registration
 from tmca.lab.frames import Array
@@ -79,11 +80,10 @@ def displacement_of(
 def _coarse(values: Array, shown: Array, registration: Registration) -> Array:
     """Whole pixels, by cross-correlation of blurred images without their means."""
     from scipy.ndimage import gaussian_filter
-    from skimage.registration import phase_cross_correlation
 
     seen = seen_patterns(shown[None], registration.matrix, registration.sensor, samples=1)[0]
     own, other = (gaussian_filter(image, _BLUR) - gaussian_filter(image, 6 * _BLUR) for image in (values, seen))
-    return np.asarray(phase_cross_correlation(own, other, normalization=None)[0], dtype=np.float64)
+    return whole_shift(own, other)
 
 
 def _inside(shown: Array, registration: Registration, place: Array) -> np.ndarray:

@@ -23,6 +23,7 @@ from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
 from tmca.lab.calibration.timing import Timing
+from tmca.lab.frames import check_size
 from tmca.lab.notes import date_of_frames, parsed_date
 
 if TYPE_CHECKING:
@@ -150,10 +151,9 @@ class Calibration:
         """
         camera = dict(self.about["camera"])
         for what, size in (("sensor", sensor), ("codes", codes)):
-            if size is not None and camera.get(what) not in (None, list(size)):
-                found, known = ("×".join(map(str, n)) for n in (size, camera[what]))
+            if size is not None and camera.get(what) is not None:
                 remedy = "calibrate another camera in a calibration of its own"
-                raise DataError(self.where, f"{what} of {found} pixels in {name}", f"{known} as before", remedy)
+                check_size(self.where, f"{what} in {name}", size, camera[what], remedy)
             camera[what] = camera.get(what) if size is None else list(size)
         now = _now()
         step = {

@@ -6,14 +6,14 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import nm_to_metres
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.captures import averaged, corrected, named, read_captures, read_patterns, taken_with
+from tmca.lab.calibration.captures import averaged, corrected, read_captures, read_patterns, taken_with
 from tmca.lab.calibration.dispersion import REGISTERED_AT, Curve, measure_dispersion
 from tmca.lab.calibration.displacement import measure_shear
 from tmca.lab.calibration.file import Calibration
@@ -21,10 +21,7 @@ from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
 from tmca.lab.calibration.registration import register
 from tmca.lab.calibration.sensor import ROUNDING, measure_dark, measure_flat, measure_linearity
 from tmca.lab.calibration.timing import measure_timing
-from tmca.lab.frames import Array, Frames
-
-if TYPE_CHECKING:
-    pass
+from tmca.lab.frames import Array, Frames, named
 
 VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
 SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")

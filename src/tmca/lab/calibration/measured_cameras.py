@@ -16,7 +16,7 @@ from tmca.lab.calibration.captures import corrected, defects
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.calibration.registration import nominal_matrix
-from tmca.lab.frames import Array
+from tmca.lab.frames import Array, check_size
 from tmca.optics import FreeForm, ViewShear
 from tmca.optics.zernike import zernike_modes
 from tmca.sensor import Sensor
@@ -49,10 +49,8 @@ def from_digital_numbers(
     Raises:
         DataError: see ``white_level``, or values of another size than the dark.
     """
-    level, size = white_level(calibration), calibration.part("dark").mean.shape
-    if tuple(values.shape[-2:]) != size:
-        found, known = ("×".join(map(str, n)) for n in (values.shape[-2:], size))
-        raise DataError(calibration.where, f"a dark of {known} pixels", f"{found}, those of the snapshot")
+    level = white_level(calibration)
+    check_size(calibration.where, "a dark", calibration.part("dark").mean.shape, values.shape[-2:])
     raw = values.double().numpy() + (calibration.part("dark").mean if above_dark else 0)
     shares = corrected(raw, calibration) / level
     return torch.from_numpy(shares * full_scale).to(values)

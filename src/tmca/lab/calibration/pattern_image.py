@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.lab.calibration.fitting import whole_shift
 from tmca.lab.frames import Array
 
 SAMPLES = 3
@@ -127,11 +128,11 @@ def find_coarse(shares: Array, shown: Array, lit: np.ndarray, scale: float, sour
     Raises:
         DataError: no place at which they are alike.
     """
-    target = _features(shares, lit)
+    target, size = _features(shares, lit), (int(shares.shape[1]), int(shares.shape[2]))
     best, found = 0.0, np.zeros((2, 3))
     for factor, turn in product(_SCALES, _turns()):
         matrix = _centred(scale * factor * turn, shown.shape[1:], shares.shape[1:])
-        matrix = moved(matrix, _shift(target, shown, matrix))
+        matrix = moved(matrix, whole_shift(target[0], _masked(shown[:1], matrix, size)[0]))
         score = _alike(target, shown, matrix, lit)
         if score > best:
             best, found = score, matrix
@@ -164,16 +165,6 @@ def _features(images: Array, lit: np.ndarray | None = None) -> Array:
     where = np.ones(images.shape[1:], bool) if lit is None else lit
     centred = np.where(where, images - images[:, where].mean(axis=1)[:, None, None], 0.0)
     return np.asarray(gaussian_filter(centred, (0, _BLUR, _BLUR), mode="constant"))
-
-
-def _shift(target: Array, shown: Array, matrix: Array) -> Array:
-    """Rows and columns by which the first pattern has to move, by cross-correlation."""
-    from skimage.registration import phase_cross_correlation
-
-    size = (int(target.shape[1]), int(target.shape[2]))
-    seen = _masked(shown[:1], matrix, size)
-    found = phase_cross_correlation(target[0], seen[0], normalization=None)[0]
-    return np.asarray(found, dtype=np.float64)
 
 
 def _masked(shown: Array, matrix: Array, size: tuple[int, int]) -> Array:

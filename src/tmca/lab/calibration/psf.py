@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.lab.calibration.fitting import fit_std, robust_std
 from tmca.lab.frames import Array
 from tmca.optics import PhaseMaskBench
 from tmca.optics.phase import circular_aperture, radians_per_metre, spherical_wave
@@ -90,7 +91,7 @@ def _middle(stack: Array, where: str) -> tuple[int, int]:
     found = np.zeros(2)
     for frame in stack:
         above = frame - np.median(frame)
-        noise = 1.4826 * float(np.median(np.abs(above))) + 1e-12
+        noise = robust_std(above) + 1e-12
         if above.max() < _LEAST * noise:
             what = f"no point (the brightest pixel is {above.max() / noise:.1f} times the noise)"
             raise DataError(where, what, f"{_LEAST:g} times or more", "give more light, or expose for longer")
@@ -114,8 +115,7 @@ def _cut(frame: Array, place: tuple[int, int], window: tuple[int, int], where: s
     energy = float(part.sum())
     if not energy > 0:
         raise DataError(where, "a point without light", "light above the background", "expose for longer")
-    spread = 1.4826 * float(np.median(np.abs(around - background)))
-    return part / energy, spread / energy
+    return part / energy, robust_std(around - background) / energy
 
 
 MODES: tuple[Mode, ...] = tuple(noll(index) for index in range(4, 16))
@@ -198,8 +198,7 @@ def fit_zernike_psf(
         what = f"point spread functions of which the best fit leaves {residual:.0%}"
         remedy = "check bench, depths and window, and the heights that were asked for"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
-    count, spread = len(modes), _std(best)
-    values = best.x * _MICRO
+    count, spread, values = len(modes), fit_std(best) * _MICRO, best.x * _MICRO
     tilts, worst = values[count:].reshape(-1, 2), _worst(best.fun.reshape(stack.values.shape), stack)
     return ZernikeFit(tuple(modes), values[:count], spread[:count], tilts, residual, tried, worst)
 
@@ -314,9 +313,3 @@ class _Model:
 
         light = (self.data[depth] * centred).sum(axis=(-2, -1)) / power[..., 0, 0]
         return free(self.data[depth]), light, free
-
-
-def _std(found: Any) -> Array:
-    freedom = max(1, found.fun.size - found.x.size)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float((found.fun**2).sum()) / freedom
-    return np.asarray(np.sqrt(np.diag(covariance)) * _MICRO)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.fitting import fit_std, robust_std
 from tmca.lab.calibration.pattern_image import SAMPLES, find_coarse, mapped, seen_patterns
 from tmca.lab.frames import Array
 
@@ -32,7 +33,7 @@ def closed_light(dark: Array, light: Array, lit: np.ndarray) -> tuple[float, flo
     below = np.cumsum(whole[order])
     middle = order[np.searchsorted(below, below[-1] / 2)]
     share = float(seen[middle] / whole[middle])
-    scatter = 1.4826 * float(np.median(np.abs(seen - share * whole)))
+    scatter = robust_std(seen - share * whole)
     # a median varies by the root of π/2 more than a mean
     return share, float(np.sqrt(np.pi / 2)) * scatter / float(np.sqrt(whole @ whole))
 
@@ -236,7 +237,8 @@ def register(
     leakage = closed_light(seen.dark, seen.light, lit) if above_dark else (None, None)
     residual = float(np.sqrt(np.mean(fit.fun**2))) / (2 * float(np.std(shares[:, lit])))
     codes, sensor = ((int(part.shape[1]), int(part.shape[2])) for part in (shown, shares))
-    blur, std = abs(float(fit.x[6])), _spread(fit, codes)
+    blur, std, middle = abs(float(fit.x[6])), fit_std(fit), np.array([(n - 1) / 2 for n in codes])
+    std = np.hstack([std[2:6].reshape(2, 2) / middle, std[:2, None]])
     registered = Registration(matrix, std, blur, residual, codes, sensor, wavelength, *leakage)
     unexplained = _unexplained(fit.fun, shares[:, lit], seen.noise)
     for what, left, most in (
@@ -296,12 +298,3 @@ def _changed(start: Array, values: Any, codes: tuple[int, ...]) -> Array:
     linear = start[:, :2] + np.reshape(values[2:6], (2, 2)) / middle
     place = start[:, :2] @ middle + start[:, 2] + np.asarray(values[:2])
     return np.hstack([linear, (place - linear @ middle)[:, None]])
-
-
-def _spread(found: Any, codes: tuple[int, ...]) -> Array:
-    """(2, 3) standard deviations from the fit's Jacobian: linear part, and shift of the middle."""
-    freedom = max(1, found.fun.size - found.x.size)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float((found.fun**2).sum()) / freedom
-    std = np.sqrt(np.diag(covariance))
-    middle = np.array([(n - 1) / 2 for n in codes])
-    return np.hstack([np.reshape(std[2:6], (2, 2)) / middle, std[:2, None]])

@@ -31,7 +31,7 @@ from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.psf import MODES
 from tmca.lab.calibration.registration import nominal_matrix
-from tmca.lab.frames import Array
+from tmca.lab.frames import Array, write_frames
 from tmca.lab.notes import CODES_DATE, now
 from tmca.optics import PhaseMaskBench
 from tmca.optics.zernike import zernike_modes
@@ -296,7 +296,7 @@ def write_bench(
     with atomic_path(folder, overwrite=overwrite) as place:
         place.mkdir()
         for name, pictures in frames.items():
-            _pictures(place / name, pictures)
+            write_frames(place / name, pictures)
         if camera == "spectral":
             (place / "source.csv").write_text(_power_table(), encoding="utf-8")
         snapshot.save(place / "snapshot.nc")
@@ -316,14 +316,6 @@ def stated(truth: BenchTruth) -> dict[str, Any]:
     values |= {"fine_wavelengths": fine, "fine_shifts": truth.shifts(fine), "fine_response": truth.response(fine)}
     values["defects"] = np.argwhere(sensor.hot | sensor.dead).tolist()
     return {**values, "gain": sensor.gain, "read_noise": sensor.read_noise, "white_level": sensor.bright}
-
-
-def _pictures(folder: Path, frames: Mapping[str, np.ndarray]) -> None:
-    from PIL import Image
-
-    folder.mkdir()
-    for name, frame in frames.items():
-        Image.fromarray(frame).save(folder / f"{name}.png")
 
 
 def _power_table() -> str:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tmca.errors import DataError
-from tmca.lab.frames import Array
+from tmca.lab.calibration.fitting import robust_std
+from tmca.lab.frames import Array, check_size
 
 HOT, DEAD = 1, 2
 """Values of ``defects``: hot or noisy in the dark, and of a response far from the others'."""
@@ -92,7 +93,7 @@ def measure_dark(frames: ArrayLike, *, source: object = "dark") -> DarkField:
 def _far(values: Array, frames: int) -> NDArray[np.bool_]:
     """Values many robust deviations from the median; of sample deviations, whose own spread has long tails, of more."""
     middle = np.median(values)
-    spread = 1.4826 * np.median(np.abs(values - middle)) + 0.5 / np.sqrt(12 * frames)
+    spread = robust_std(values - middle) + 0.5 / np.sqrt(12 * frames)
     return np.asarray(np.abs(values - middle) > _OUTLIER * spread * (1 + 4 / frames))
 
 
@@ -110,9 +111,7 @@ def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat")
     values = np.asarray(frames, dtype=np.float64)
     if values.ndim != 3 or len(values) < 2:
         raise DataError(source, "one flat frame", "two or more, to tell noise from response", "capture more")
-    if values.shape[1:] != dark.mean.shape:
-        found, known = ("×".join(map(str, shape)) for shape in (values.shape[1:], dark.mean.shape))
-        raise DataError(source, f"frames of {found} pixels", f"{known} as the dark", "use one sensor")
+    check_size(source, "frames", values.shape[1:], dark.mean.shape, "use the sensor of the dark")
     above, noise = values.mean(axis=0) - dark.mean, values.std(axis=0, ddof=1)
     good = dark.defects == 0
     level = float(above[good].mean())
@@ -210,9 +209,7 @@ def measure_linearity(
     if values.ndim != 4 or values.shape[1] < 2 or len(set(times.tolist())) < len(times):
         raise DataError(source, f"frames of shape {values.shape}", "two or more at each of several exposures")
     order = np.argsort(times)
-    full: NDArray[np.bool_] = np.zeros(values.shape, bool)
-    if saturated is not None:
-        full = np.asarray(saturated, bool)
+    full = np.zeros(values.shape, bool) if saturated is None else np.asarray(saturated, bool)
     times, values, full = times[order], values[order], full[order]
     good = np.asarray(dark.defects == 0)
     each = (values - dark.mean)[..., good].mean(axis=-1)
@@ -225,7 +222,7 @@ def measure_linearity(
     share = np.asarray(full.any(axis=1))[:, good].mean(axis=1)
     saturation = float(levels[share > 0.5].min()) if (share > 0.5).any() else float("nan")
     used = _used(times, levels, share, saturation, source)
-    slope, offset = _line(times[used], levels[used], 1 / levels[used])
+    slope, offset = map(float, np.polyfit(times[used], levels[used], 1, w=1 / levels[used]))
     deviations = np.where(used, levels / (offset + slope * times) - 1, np.nan)
     if np.nanmax(np.abs(deviations)) > LARGEST_DEVIATION:
         what = f"a response that is off a line by {np.nanmax(np.abs(deviations)):.1%}"
@@ -247,21 +244,12 @@ def _used(times: Array, levels: Array, share: Array, saturation: float, source: 
     return np.asarray(used)
 
 
-def _line(x: Array, y: Array, weight: Array) -> tuple[float, float]:
-    terms = np.column_stack([x, np.ones_like(x)])
-    slope, offset = np.linalg.lstsq(terms * weight[:, None], y * weight, rcond=None)[0]
-    return float(slope), float(offset)
-
-
 def _transfer(levels: Array, variances: Array, frames: int, source: object) -> tuple[float, float, float]:
     """Electrons per digital number, its standard deviation, and electrons of read noise."""
     if not (variances > 0).all():
         raise DataError(source, "frames that repeat without any noise", "shot noise", "is it a raw capture?")
-    weight = 1 / variances
-    terms = np.column_stack([levels, np.ones_like(levels)]) * weight[:, None]
-    (slope, floor), *_ = np.linalg.lstsq(terms, variances * weight, rcond=None)
+    (slope, floor), covariance = np.polyfit(levels, variances, 1, w=1 / variances, cov=True)
     if not slope > 0:
         raise DataError(source, "noise that does not grow with the light", "shot noise", "is it a raw capture?")
-    left = variances * weight - terms @ np.array([slope, floor])
-    spread = np.sqrt(np.linalg.inv(terms.T @ terms)[0, 0] * (left**2).sum() / max(1, len(levels) - 2))
-    return float(1 / slope), float(spread / slope**2), float(np.sqrt(max(floor, 0.0)) / slope)
+    std = np.sqrt(covariance[0, 0]) / slope**2
+    return float(1 / slope), float(std), float(np.sqrt(max(floor, 0.0)) / slope)

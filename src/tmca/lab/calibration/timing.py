@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.fitting import fit_std
 from tmca.lab.frames import Array
 
 LARGEST_RESIDUAL = 0.1
@@ -132,7 +133,7 @@ def measure_timing(
     left = found.fun[:-2]
     # shares of the largest level that was seen: the light of a slot that hardly overlaps is a guess
     residual = float(np.sqrt((left**2).mean() * slots))
-    std = _spread(found, left)
+    std = fit_std(found, left)
     delay = (delay + slots / 2) % slots - slots / 2 if repeats else delay
     _check((delay, ratio, leakage), residual, source)
     if slots > 2 and not std[:2].max() <= LARGEST_STD:
@@ -185,13 +186,6 @@ def _check(values: tuple[float, float, float], residual: float, source: object) 
     if leakage > LARGEST_LEAKAGE:
         what = f"{leakage:.0%} of the light in closed slots"
         raise DataError(source, what, f"{LARGEST_LEAKAGE:.0%} at most", remedy)
-
-
-def _spread(found: Any, left: Array) -> Array:
-    """(4,) standard deviations from the fit's Jacobian; not known where there are no more levels than numbers."""
-    freedom = left.size - found.x.size
-    variance = float((left**2).sum()) / freedom if freedom > 0 else np.nan
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * variance))
 
 
 def _best_fit(residuals: Callable[[Array], Array], shares: Array) -> Any:

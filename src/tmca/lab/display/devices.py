@@ -143,7 +143,6 @@ def _described(file: Path) -> dict[str, Any]:
 
 
 LEVELS = 256
-_WANTED = "lines GREY,LIGHT below the heading grey,light or none, or GREY,PHASE below the heading grey,phase_rad"
 
 
 def response(device: DeviceDescription) -> NDArray[np.float64]:
@@ -187,8 +186,7 @@ def step_of(device: DeviceDescription) -> float:
 
 
 def _table(file: Path) -> NDArray[np.float64]:
-    heading, grey, values = _columns(file)
-    phase = heading == "phase_rad"
+    phase, (grey, values) = _columns(file)
     rises = phase or bool((np.diff(values) > 0).all())
     if not rises or (np.diff(grey) <= 0).any() or grey[0] > 0 or grey[-1] < LEVELS - 1:
         raise DataError(file, "a response that does not rise from grey 0 to 255", "one that does", "measure it again")
@@ -199,32 +197,18 @@ def _table(file: Path) -> NDArray[np.float64]:
     return np.asarray((found - found.min()) / np.ptp(found))
 
 
-def _columns(file: Path) -> tuple[str, NDArray[np.float64], NDArray[np.float64]]:
-    """Heading of the second of two columns of numbers, and both by rising grey level."""
-    if not file.is_file():
-        raise DataError(file, "no such file", _WANTED, "check the path")
+def _columns(file: Path) -> tuple[bool, NDArray[np.float64]]:
+    """Whether a table tells the phase, and its two columns (2, n) by rising grey level."""
+    wanted = "lines GREY,LIGHT below the heading grey,light or none, or GREY,PHASE below the heading grey,phase_rad"
     try:
         text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError):
-        raise DataError(file, "no table of numbers", _WANTED, "see docs/devices.md") from None
-    lines = [line.split("#")[0].strip() for line in text.splitlines()]
-    heading, *below = [line for line in lines if line] or [""]
-    names = [name.strip().lower() for name in heading.split(",")]
-    named = names[0] == "grey"
-    if named and (len(names) != 2 or names[1] not in ("light", "phase_rad")):
-        raise DataError(file, f"the heading {heading!r}", _WANTED, "give light, or the phase in radians")
-    rows = np.array([_row(line, file) for line in (below if named else [heading, *below])]).reshape(-1, 2)
-    if len(rows) < 2:
-        raise DataError(file, f"{len(rows)} lines of numbers", f"{_WANTED}, two or more")
-    grey, values = rows[np.argsort(rows[:, 0])].T
-    return names[1] if named else "light", grey, values
-
-
-def _row(line: str, file: Path) -> tuple[float, float]:
-    try:
-        grey, value = (float(part) for part in line.split(","))
-    except ValueError:
-        grey = value = np.nan
-    if not np.isfinite([grey, value]).all():
-        raise DataError(file, f"the line {line!r}", _WANTED, "two numbers in every line")
-    return grey, value
+        heading, *rows = [line.split("#")[0].strip() for line in text.splitlines() if line.split("#")[0].strip()]
+        names = [name.strip().lower() for name in heading.split(",")]
+        if names not in (["grey", "light"], ["grey", "phase_rad"]):
+            rows.insert(0, heading)
+        table = np.array([[float(part) for part in row.split(",")] for row in rows])
+    except (OSError, ValueError) as error:
+        raise DataError(file, f"no table of numbers ({error})", wanted, "see docs/devices.md") from None
+    if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
+        raise DataError(file, f"numbers of shape {table.shape}", wanted, "two numbers in every line")
+    return names[-1] == "phase_rad", table[np.argsort(table[:, 0])].T

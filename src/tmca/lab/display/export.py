@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import re
-import secrets
 import shutil
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tmca
+from tmca.data import atomic_path, checksum_of, make_folder, write_json
 from tmca.errors import OutputError, SettingError
 from tmca.lab.display.codes import Planes, Size, read_table, table, terms_of
 from tmca.lab.display.devices import PLANES, DeviceDescription, grey_of, response
@@ -24,11 +23,9 @@ from tmca.lab.display.manifest import (
     FORMAT,
     NAME,
     SOURCE_AT,
-    Timing,
-    checksum,
+    SlotTimes,
     digest,
     read_frame,
-    sealed,
     shown_files,
     write_frame,
 )
@@ -49,6 +46,8 @@ _OF_SYSTEMS = {".DS_Store", "Thumbs.db"}
 def check_free(folder: Path, overwrite: bool) -> None:
     """Raises OutputError where something is in an export's place: another one, or with ``overwrite`` files that are no
     part of it, such as captures."""
+    if folder.resolve() == Path.cwd():
+        raise OutputError(folder, "the folder that you stand in", "another, which can be replaced whole")
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not (folder / NAME).is_file():
@@ -57,63 +56,8 @@ def check_free(folder: Path, overwrite: bool) -> None:
         raise OutputError(folder, "an export", "a new folder", "choose another, or pass --overwrite")
     inside = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.name not in _OF_SYSTEMS)
     if strangers := [name for name in inside if not _OWN.fullmatch(name)]:
-        found = f"{strangers[0]}, which is no part of the export"
-        raise OutputError(
-            folder, found, "nothing else where an export is replaced", "move it, or choose another folder"
-        )
-
-
-@contextmanager
-def written_whole(folder: Path) -> Iterator[Path]:
-    """A folder beside this one, which takes its place when all is written; of a link, the place that it leads to.
-
-    Raises:
-        OutputError: no folder can be written there.
-    """
-    place = folder.resolve() if folder.is_symlink() else folder.absolute()
-    temporary = place.with_name(f".{place.name}.part")
-    shutil.rmtree(temporary, ignore_errors=True)
-    try:
-        temporary.mkdir(parents=True)
-        yield temporary
-        _put(temporary, place)
-    except OSError as error:
-        found = f"no folder can be written ({error.strerror or error})"
-        raise OutputError(folder, found, "a folder", "choose another") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _put(temporary: Path, place: Path) -> None:
-    """The new in the place of the old, which lies whole in a hidden folder beside it until the new is there."""
-    if not place.exists():
-        temporary.rename(place)
-        return
-    aside = place.with_name(f".{place.name}.{secrets.token_hex(6)}.old")
-    moves = [(place, aside), (temporary, place)]
-    if place.samefile(Path.cwd()):  # whoever stands in it goes on standing in it
-        aside.mkdir()
-        new = sorted(temporary.iterdir(), key=lambda file: file.name == NAME)
-        moves = [(old, aside / old.name) for old in place.iterdir()] + [(part, place / part.name) for part in new]
-    try:
-        _moved(moves)
-    except BaseException:
-        with suppress(OSError):  # whatever is still in it stays
-            aside.rmdir()
-        raise
-    shutil.rmtree(aside, ignore_errors=True)
-
-
-def _moved(moves: Sequence[tuple[Path, Path]]) -> None:
-    """Rename all of them, or, whatever stops it, none."""
-    try:
-        for there, then in moves:
-            there.rename(then)
-    except BaseException:  # KeyboardInterrupt too
-        for there, then in reversed(moves):
-            if then.exists() and not there.exists():
-                then.rename(there)
-        raise
+        found, remedy = f"{strangers[0]}, which is no part of the export", "move it, or choose another folder"
+        raise OutputError(folder, found, "nothing else where an export is replaced", remedy)
 
 
 _TRIGGERS = {
@@ -224,25 +168,19 @@ def _placed(
 def _written(
     codes: Planes, devices: Sequence[DeviceDescription], shown: _Shown, folder: Path, exposure: float, overwrite: bool
 ) -> Export:
-    """The folder of an export, whole or not at all."""
+    """The folder of an export, whole or not at all; of a link, the place that it leads to."""
     _check_asked(devices, folder, overwrite)
-    timing = Timing(codes.slots, exposure)
+    times = SlotTimes(codes.slots, exposure)
     for device in devices:
-        timing.check(device)
-        _remark_rate(device, timing)
-    with written_whole(folder) as temporary:
-        manifest = _manifest(codes, timing, [_plane(codes, one, shown, timing, temporary) for one in devices])
-        _write_manifest(manifest, temporary)
+        times.check(device)
+        _warn_of_rate(device, times)
+    place = folder.resolve()
+    make_folder(place.parent)
+    with atomic_path(place, overwrite=True) as temporary:
+        temporary.mkdir()
+        manifest = _manifest(codes, times, [_plane(codes, one, shown, times, temporary) for one in devices])
+        write_json(manifest, temporary / NAME)
     return Export(folder, manifest)
-
-
-def _remark_rate(device: DeviceDescription, timing: Timing) -> None:
-    """Warn where an ordinary camera would have to take frames one after the other faster than most can."""
-    rate = timing.slots / timing.exposure
-    if device.kind == "emulated-shutter" and rate > _FRAME_RATE:
-        said = f"{timing.slots} frames of {1e3 / rate:.3g} ms, {rate:.0f} a second where they follow each other"
-        remedy = "where the camera is slower, pause between the slots of a scene that stands still, or --exposure more"
-        warnings.warn(f"{device.name}: {said}; {remedy}", FastFrames, stacklevel=2)
 
 
 def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: bool) -> None:
@@ -253,20 +191,20 @@ def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: 
     check_free(folder, overwrite)
 
 
-def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, timing: Timing, folder: Path) -> dict[str, Any]:
+def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, times: SlotTimes, folder: Path) -> dict[str, Any]:
     """Files of one device, and what the manifest says of them."""
     place = folder / device.plane
     place.mkdir()
     about: dict[str, Any] = {"plane": device.plane, "device": device.model_dump(), **_response(device, place)}
     if device.kind == "deformable-mirror":
-        return about | _mirror(codes, device, timing, place, folder)
+        return about | _mirror(codes, device, times, place, folder)
     plane, placement = shown(device)
     frames = placement.shown(_levels(plane, device, codes.source))
     files = [write_frame(place / f"{device.plane}_{k:03d}.png", frame, device.bits) for k, frame in enumerate(frames)]
     return about | {
         "placement": vars(placement),
         "units": "grey level" if device.kind == "lcos" else f"{device.top} = open",
-        "frames": shown_files(files, folder, timing, _TRIGGERS[device.kind]),
+        "frames": shown_files(files, folder, times, _TRIGGERS[device.kind]),
         "codes_sha256": digest(plane),
     }
 
@@ -278,7 +216,7 @@ def _response(device: DeviceDescription, place: Path) -> dict[str, Any]:
     response(device)
     shutil.copyfile(device.lut, place / RESPONSE)
     name = f"{place.name}/{RESPONSE}"
-    return {"device": device.model_dump() | {"lut": name}, "response_sha256": checksum(place / RESPONSE)}
+    return {"device": device.model_dump() | {"lut": name}, "response_sha256": checksum_of(place / RESPONSE)}
 
 
 def _shown_size(codes: Planes, device: DeviceDescription) -> Size | None:
@@ -303,11 +241,11 @@ def _levels(plane: NDArray[np.float32], device: DeviceDescription, source: str) 
     return (plane * device.top).astype(np.uint16)
 
 
-def _mirror(codes: Planes, device: DeviceDescription, timing: Timing, place: Path, folder: Path) -> dict[str, Any]:
+def _mirror(codes: Planes, device: DeviceDescription, times: SlotTimes, place: Path, folder: Path) -> dict[str, Any]:
     terms = terms_of(codes, device)
     file = place / TABLE
     file.write_text(table(terms), encoding="utf-8")
-    frames = shown_files([file] * len(terms.rms), folder, timing, _TRIGGERS[device.kind])
+    frames = shown_files([file] * len(terms.rms), folder, times, _TRIGGERS[device.kind])
     return {
         "units": "micrometres of surface, root mean square over the pupil; larger = deeper (longer path)",
         "frames": frames,
@@ -317,20 +255,14 @@ def _mirror(codes: Planes, device: DeviceDescription, timing: Timing, place: Pat
     }
 
 
-def _manifest(codes: Planes, timing: Timing, planes: list[dict[str, Any]]) -> dict[str, Any]:
-    return sealed({
+def _manifest(codes: Planes, times: SlotTimes, planes: list[dict[str, Any]]) -> dict[str, Any]:
+    return {
         "format": FORMAT, "tmca": tmca.__version__, "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "source": codes.source, "camera": codes.application, "settings": dict(codes.settings or {}),
         **({SOURCE_AT: str(Path(codes.source).absolute())} if Path(codes.source).exists() else {}),
         CODES_DATE: date_of_codes([codes.source]) if Path(codes.source).exists() else now(),
-        "slots": timing.slots, "exposure_s": timing.exposure, "planes": planes,
-    })  # fmt: skip
-
-
-def _write_manifest(manifest: dict[str, Any], folder: Path) -> None:
-    from tmca.data import write_json
-
-    write_json(manifest, folder / NAME)
+        "slots": times.slots, "exposure_s": times.exposure, "planes": planes,
+    }  # fmt: skip
 
 
 def export_figure(manifest: dict[str, Any], folder: Path) -> Figure:
@@ -359,3 +291,12 @@ def _picture(plane: dict[str, Any], slot: int, folder: Path) -> tuple[str, np.nd
         return title, read_frame(file), None
     terms = read_table(file)
     return title, terms.rms[slot], terms.noll
+
+
+def _warn_of_rate(device: DeviceDescription, times: SlotTimes) -> None:
+    """Warn where an ordinary camera would have to take frames one after the other faster than most can."""
+    rate = times.slots / times.exposure
+    if device.kind == "emulated-shutter" and rate > _FRAME_RATE:
+        said = f"{times.slots} frames of {1e3 / rate:.3g} ms, {rate:.0f} a second where they follow each other"
+        remedy = "where the camera is slower, pause between the slots of a scene that stands still, or --exposure more"
+        warnings.warn(f"{device.name}: {said}; {remedy}", FastFrames, stacklevel=2)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +13,12 @@ import torch
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from tmca.data import content_digest
-from tmca.errors import DataError, SettingError
+from tmca.data import checksum_of, content_digest
+from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.display.codes import Planes, read_table
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
 from tmca.lab.display.placement import Placement
+from tmca.lab.notes import read_json
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll
 
@@ -56,39 +55,6 @@ def read_frame(file: Path) -> NDArray[np.integer]:
 NAME, FORMAT = "manifest.json", "tmca export 1"
 SOURCE_AT = "source_at"
 """Where the source lies, whatever folder its name was given in."""
-DIGEST = "manifest_sha256"
-"""Of the manifest's own content."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """When the slots of one exposure are shown.
-
-    Args:
-        slots: K.
-        exposure: of all slots, seconds.
-    """
-
-    slots: int
-    exposure: float
-
-    def of_slots(self) -> list[dict[str, float]]:
-        """Beginning and duration of every slot, seconds from the trigger."""
-        each = self.exposure / self.slots
-        return [{"start_s": slot * each, "duration_s": each} for slot in range(self.slots)]
-
-    def check(self, device: DeviceDescription) -> None:
-        """Raises SettingError where a device is too slow, or holds too few patterns."""
-        if isinstance(self.exposure, str) or not 0 < self.exposure < inf:
-            raise SettingError("--exposure", f"{self.exposure} s", "a finite time above 0")
-        rate = self.slots / self.exposure
-        if device.pattern_rate_hz is not None and rate > device.pattern_rate_hz * (1 + 1e-9):
-            least = self.slots / device.pattern_rate_hz
-            found = f"{self.slots} slots in {self.exposure:g} s, {rate:g} patterns a second"
-            remedy = f"expose {least:g} s or longer, or take fewer slots"
-            raise SettingError("--exposure", found, f"{device.pattern_rate_hz:g} at most on {device.name}", remedy)
-        if device.memory_patterns is not None and self.slots > device.memory_patterns:
-            raise SettingError(device.name, f"{self.slots} patterns", f"{device.memory_patterns} at most in its memory")
 
 
 def digest(codes: NDArray[Any]) -> str:
@@ -97,23 +63,13 @@ def digest(codes: NDArray[Any]) -> str:
     return hashlib.sha256(repr(values.shape).encode() + values.tobytes()).hexdigest()
 
 
-def checksum(file: Path) -> str:
-    """SHA-256 of a file."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def shown_files(files: Sequence[Path], folder: Path, timing: Timing, trigger: dict[str, str]) -> list[dict[str, Any]]:
+def shown_files(files: Sequence[Path], folder: Path, times: SlotTimes, trigger: dict[str, str]) -> list[dict[str, Any]]:
     """What the manifest says of the files of one plane, in the order of the slots."""
-    names = [file.relative_to(folder).as_posix() for file in files]
     return [
-        {"slot": slot, "file": name, **when, "trigger": trigger, "sha256": checksum(folder / name)}
-        for slot, (name, when) in enumerate(zip(names, timing.of_slots(), strict=True))
-    ]
-
-
-def sealed(manifest: dict[str, Any]) -> dict[str, Any]:
-    """A manifest with its own digest."""
-    return manifest | {DIGEST: content_digest(manifest, DIGEST)}
+        {"slot": slot, "file": file.relative_to(folder).as_posix(), **when, "trigger": trigger,
+         "sha256": checksum_of(file)}
+        for slot, (file, when) in enumerate(zip(files, times.of_slots(), strict=True))
+    ]  # fmt: skip
 
 
 def shown_digest(manifest: dict[str, Any]) -> str:
@@ -123,44 +79,27 @@ def shown_digest(manifest: dict[str, Any]) -> str:
         {**plane, "frames": [{k: v for k, v in frame.items() if k != "sha256"} for frame in plane["frames"]]}
         for plane in manifest["planes"]
     ]
-    return content_digest({"slots": manifest["slots"], "exposure_s": manifest["exposure_s"], "planes": planes}, DIGEST)
+    return content_digest({"slots": manifest["slots"], "exposure_s": manifest["exposure_s"], "planes": planes}, "")
 
 
 def read_manifest(folder: str | Path) -> dict[str, Any]:
     """The manifest of an export.
 
     Raises:
-        DataError: no export, one of another version, or a manifest that was changed.
+        DataError: no export, one of another version, or one that says no slots, exposure or planes.
     """
     file = Path(folder) / NAME
+    found = read_json(file, "the manifest of an export", "make one with `tmca export`")
+    if found.get("format") != FORMAT:
+        raise DataError(file, f"format {found.get('format')!r}", repr(FORMAT))
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except OSError:
-        raise DataError(folder, f"no {NAME}", "the folder of an export", "make one with `tmca export`") from None
-    except (ValueError, UnicodeDecodeError):
-        raise DataError(file, "no JSON", "the manifest of an export", "export again") from None
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
-        raise DataError(file, f"format {found.get('format') if isinstance(found, dict) else None!r}", repr(FORMAT))
-    if DIGEST not in found:
-        raise DataError(file, f"no {DIGEST}", "the digest that `tmca export` writes", "export again")
-    if found[DIGEST] != content_digest(found, DIGEST):
-        raise DataError(file, "a manifest that was changed after the export", f"that of its {DIGEST}", "export again")
-    _check_planes(found, file)
-    return found
-
-
-def _check_planes(found: dict[str, Any], file: Path) -> None:
-    """Raises DataError for a manifest that was altered: without planes or exposure, or with files of other slots."""
-    try:
-        slots = {len({shown["slot"] for shown in plane["frames"]}) for plane in found["planes"]}
-        stated = {int(found["slots"])}
-        float(found["exposure_s"])
+        stated = int(found["slots"]), float(found["exposure_s"]), [plane["frames"] for plane in found["planes"]]
     except (KeyError, TypeError, ValueError):
+        stated = 0, 0.0, []
+    if not all(stated):
         said = "no slots, no exposure time, or planes without frames"
-        raise DataError(file, said, "the manifest of an export", "export again") from None
-    if not slots or slots != stated:
-        said = f"{', '.join(map(str, sorted(slots))) or 'no'} slots shown where {found['slots']} are stated"
-        raise DataError(file, said, "as many as it states", "export again")
+        raise DataError(file, said, "the manifest of an export", "export again")
+    return found
 
 
 def exposed_whole(manifest: dict[str, Any]) -> bool:
@@ -181,31 +120,20 @@ def check_export(folder: str | Path) -> dict[str, Any]:
     """The manifest of an export all of whose files are there and as they were written.
 
     Raises:
-        DataError: a file that is missing, changed, or in another's place.
+        DataError: a file that is missing or changed.
     """
-    manifest, place = read_manifest(folder), Path(folder)
+    manifest = read_manifest(folder)
     for plane in manifest["planes"]:
-        _check_response(plane, place)
-        known = {frame["sha256"]: frame["file"] for frame in plane["frames"]}
-        for frame in plane["frames"]:
-            file = place / frame["file"]
+        known = {frame["file"]: frame["sha256"] for frame in plane["frames"]}
+        if "response_sha256" in plane:
+            known[plane["device"]["lut"]] = plane["response_sha256"]
+        for name, content in known.items():
+            file = Path(folder) / name
             if not file.is_file():
-                raise DataError(file, "no such file", f"the frame of slot {frame['slot']}", "export again")
-            found = checksum(file)
-            if found != frame["sha256"]:
-                other = known.get(found)
-                what = f"the content of {other}: frames in the wrong order" if other else "another content"
-                raise DataError(file, what, f"what was exported for slot {frame['slot']}", "export again")
+                raise DataError(file, "no such file", "all files of the export", "export again")
+            if checksum_of(file) != content:
+                raise DataError(file, "another content", "what was exported", "export again")
     return manifest
-
-
-def _check_response(plane: dict[str, Any], place: Path) -> None:
-    if "response_sha256" not in plane:
-        return
-    file = place / plane["device"]["lut"]
-    if not file.is_file() or checksum(file) != plane["response_sha256"]:
-        found = "another content" if file.is_file() else "no such file"
-        raise DataError(file, found, "the response that frames were exported with", "export again")
 
 
 def read_export(folder: str | Path) -> Planes:
@@ -276,3 +204,33 @@ def _heights(about: dict[str, Any], folder: Path) -> tuple[torch.Tensor, dict[st
     coefficients = torch.from_numpy(terms.rms.astype(np.float32))
     maps = ZernikeHeights(coefficients, [noll(index) for index in terms.noll], (_MASK, _MASK))
     return maps().detach(), {"coefficients": coefficients, "noll": torch.tensor(terms.noll)}
+
+
+@dataclass(frozen=True)
+class SlotTimes:
+    """When the slots of one exposure are shown.
+
+    Args:
+        slots: K.
+        exposure: of all slots, seconds.
+    """
+
+    slots: int
+    exposure: float
+
+    def of_slots(self) -> list[dict[str, float]]:
+        """Beginning and duration of every slot, seconds from the trigger."""
+        each = self.exposure / self.slots
+        return [{"start_s": slot * each, "duration_s": each} for slot in range(self.slots)]
+
+    def check(self, device: DeviceDescription) -> None:
+        """Raises SettingError where a device is too slow, or holds too few patterns."""
+        check_range("--exposure", self.exposure, above=0, unit="s")
+        rate = self.slots / self.exposure
+        if device.pattern_rate_hz is not None and rate > device.pattern_rate_hz * (1 + 1e-9):
+            least = self.slots / device.pattern_rate_hz
+            found = f"{self.slots} slots in {self.exposure:g} s, {rate:g} patterns a second"
+            remedy = f"expose {least:g} s or longer, or take fewer slots"
+            raise SettingError("--exposure", found, f"{device.pattern_rate_hz:g} at most on {device.name}", remedy)
+        if device.memory_patterns is not None and self.slots > device.memory_patterns:
+            raise SettingError(device.name, f"{self.slots} patterns", f"{device.memory_patterns} at most in its memory")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, radians
 
 import numpy as np
@@ -60,26 +60,14 @@ class Placement:
         Raises:
             SettingError: a code pixel that no device pixel shows.
         """
-        found, owned = self._owned()
-        self._check(owned)
-        return found
-
-    def fits(self) -> bool:
-        """Whether every code pixel is on the device."""
-        return bool(self._owned()[1].min() > 0)
-
-    def _owned(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The index, and how many device pixels show each code pixel: none of one that is cut off."""
         margin = 2 * ceil(self.macro_pixel)
         wide = self._index(margin)
         found = wide[margin:-margin, margin:-margin]
         every, own = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, found))
-        return found, np.where(own < every, 0, own)
-
-    @property
-    def _rows(self) -> int:
-        """Rows in a pitch."""
-        return 2 if self.lattice == "diamond" else 1
+        missing = (own == 0) | (own < every)  # hidden, or cut off
+        if missing.any():
+            self._refuse(int(missing.argmax()))
+        return found
 
     def _index(self, margin: int) -> NDArray[np.int64]:
         """The index with a margin of pixels around the device."""
@@ -137,22 +125,19 @@ class Placement:
             middle = (np.floor((length - side) / 2) + side / 2 if self.angle == 0 else length / 2) - 0.5
         return float(middle + self.offset[axis])
 
-    def _check(self, owned: NDArray[np.int64]) -> None:
-        if owned.min() > 0:
-            return
-        row, column = divmod(int(np.argmin(owned)), self.code[1])
-        if self.affine is not None:
-            found = f"a place for {self.code[0]}×{self.code[1]} code pixels that leaves out ({row}, {column})"
-            wanted = f"all on the device, at {self.macro_pixel:.3g} of its pixels each (1 or more)"
-            raise SettingError("--calibration", found, wanted, "a smaller code, or other optics")
-        shown = f"{self.code[0]}×{self.code[1]} code pixels at {self.macro_pixel:g} device pixels each"
+    def _refuse(self, missing: int) -> None:
+        row, column = divmod(missing, self.code[1])
+        shown = f"{self.code[0]}×{self.code[1]} code pixels at {self.macro_pixel:.3g} device pixels each"
         found = f"{shown}, of which ({row}, {column}) is not on the device"
+        if self.affine is not None:
+            raise SettingError(
+                "--calibration", found, "all on the device, at 1 of its pixels or more each", "a smaller code"
+            )
+        rows = 2 if self.lattice == "diamond" else 1
         turned = self.angle % 90 != 0 or self.lattice == "diamond"
-        least = "--macro-pixel 2 or more where patterns are turned, or " if turned and self.macro_pixel < 2 else ""
-        fits = [ceil(n * self.macro_pixel * each) for n, each in zip(self.code, (self._rows, 1), strict=True)]
-        wanted = f"all on its {self.device[0]}×{self.device[1]} pixels"
-        if any(self.offset) and replace(self, offset=(0, 0)).fits():
-            raise SettingError("--offset", found, wanted, "leave --offset out, or take a smaller code")
-        moved = "leave --offset out; " if any(self.offset) else ""
-        smaller = f"a smaller code than {fits[0]}×{fits[1]} pixels of the device"
-        raise SettingError("--macro-pixel", found, wanted, f"{moved}take {least}{smaller}")
+        least = "take --macro-pixel 2 or more where patterns are turned, or " if turned and self.macro_pixel < 2 else ""
+        moved = "leave --offset out, or " if any(self.offset) else ""
+        height, width = (ceil(n * self.macro_pixel * each) for n, each in zip(self.code, (rows, 1), strict=True))
+        remedy = f"{moved}{least}take a smaller code than {height}×{width} pixels of the device"
+        where = "--offset" if any(self.offset) else "--macro-pixel"
+        raise SettingError(where, found, f"all on its {self.device[0]}×{self.device[1]} pixels", remedy)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from tmca.data import label_depth
 from tmca.errors import DataError, SettingError
+from tmca.lab.frames import check_size
 from tmca.lab.ground_truth.fringes import Capture, FringePlan, disorder, lit_pixels
-from tmca.lab.ground_truth.geometry import Calibration, check_size, triangulate
+from tmca.lab.ground_truth.geometry import ProjectorCalibration, triangulate
 from tmca.lab.ground_truth.phase import Array, Phases, Unwrapping, measure_phases, spatial_unwrap, temporal_unwrap
 from tmca.lab.quality import Limit, Limits, quality_of, warn_of
 
@@ -109,7 +110,7 @@ LIMITS: Limits = {
 def measure_depth(
     capture: Capture,
     plan: FringePlan,
-    calibration: Calibration,
+    calibration: ProjectorCalibration,
     *,
     unwrap: Unwrapping = "temporal",
     noise: float | None = None,
@@ -140,8 +141,8 @@ def measure_depth(
         be out of order, or the calibration another's, and a warning says so.
 
     Raises:
-        SettingError: an impossible setting, or a calibration of another size.
-        DataError: hardly any pixel with fringes, or none with a depth.
+        SettingError: an impossible setting.
+        DataError: a calibration of another size, hardly any pixel with fringes, or none with a depth.
     """
     if not 0 < near < far:
         raise SettingError("near, far", f"{near:g} to {far:g} m", "0 < near < far")
@@ -149,8 +150,8 @@ def measure_depth(
         raise SettingError("noise", repr(noise), "a standard deviation above 0")
     if not 0 <= neighbours <= 8:
         raise SettingError("neighbours", str(neighbours), "0 to 8")
-    check_size(calibration.camera, capture.values.shape[2:], capture.source, "frames")
-    check_size(calibration.projector, plan.size, "fringes", "fringes")
+    check_size(capture.source, "frames", capture.values.shape[2:], calibration.camera.size, "calibrate at that size")
+    check_size("fringes", "a projector", plan.size, calibration.projector.size, "calibrate at that size")
     lit = lit_pixels(capture)
     phases = measure_phases(capture.values, noise)
     # rounding to whole numbers is noise too, and all of it where there is no other
@@ -182,13 +183,12 @@ def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
     Raises:
         DataError: another size, or no pixel with both.
     """
-    if truth.shape != measured["depth"].shape:
-        found, wanted = ("×".join(map(str, size)) for size in (truth.shape, measured["depth"].shape))
-        raise DataError(truth.attrs.get("source", "truth"), f"{found} pixels", f"{wanted} as were measured")
+    where = truth.attrs.get("source", "truth")
+    check_size(where, "a truth", truth.shape, measured["depth"].shape)
     error = measured["depth"].values.astype(np.float64) - truth.values
     both = np.isfinite(error)
     if not both.any():
-        raise DataError(truth.attrs.get("source", "truth"), "no pixel with a measured and a true depth", "some")
+        raise DataError(where, "no pixel with a measured and a true depth", "some")
     rmse, spread = float(np.sqrt(np.mean(error[both] ** 2))), float(np.nanmax(truth) - np.nanmin(truth))
     ratio = float(np.median(np.abs(error / measured["depth_std"].values)[both]) / 0.6745)
     percent = 100 * rmse / spread if spread else float("nan")

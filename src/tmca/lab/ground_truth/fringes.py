@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -12,8 +11,9 @@ from numpy.typing import NDArray
 
 from tmca.data import atomic_path, write_json
 from tmca.errors import DataError, SettingError
-from tmca.lab.frames import Frames, read_frames, warn_of_copies
+from tmca.lab.frames import Frames, read_frames, warn_of_copies, write_frames
 from tmca.lab.ground_truth.phase import Phases, rung_offsets
+from tmca.lab.notes import read_json
 
 MANIFEST = "fringes.json"
 _FORMAT = "tmca fringes 1"
@@ -86,14 +86,10 @@ def write_fringes(plan: FringePlan, folder: str | Path, *, overwrite: bool = Fal
     Raises:
         OutputError: see `tmca.data.atomic_path`.
     """
-    from PIL import Image
-
+    lines = np.round(plan.profiles().reshape(-1, plan.extent) * _LEVELS).astype(np.uint8)
+    across = lines[:, None] if plan.across == "x" else lines[:, :, None]
     with atomic_path(folder, overwrite=overwrite) as temporary:
-        temporary.mkdir()
-        for name, profile in zip(plan.names, plan.profiles().reshape(-1, plan.extent), strict=True):
-            line = np.round(profile * _LEVELS).astype(np.uint8)
-            picture = np.broadcast_to(line if plan.across == "x" else line[:, None], plan.size)
-            Image.fromarray(np.ascontiguousarray(picture)).save(temporary / f"{name}.png")
+        write_frames(temporary, dict(zip(plan.names, np.broadcast_to(across, (len(lines), *plan.size)), strict=True)))
         frames = [f"{name}.png" for name in plan.names]
         write_json({"format": _FORMAT, **asdict(plan), "frames": frames}, temporary / MANIFEST)
     return Path(folder)
@@ -117,23 +113,6 @@ def load_plan(path: str | Path) -> FringePlan:
         if isinstance(error, SettingError):
             raise
         raise DataError(file, f"no usable {error}", "size, fringes, steps, across") from error
-
-
-def read_json(file: Path, expected: str, remedy: str = "check the path") -> dict[str, Any]:
-    """The object in a JSON file.
-
-    Raises:
-        DataError: missing, unreadable, or no object.
-    """
-    try:
-        about = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DataError(file, "no such file", expected, remedy) from error
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise DataError(file, f"no readable JSON ({error})", expected, remedy) from error
-    if not isinstance(about, dict):
-        raise DataError(file, f"JSON of type {type(about).__name__}", expected, remedy)
-    return about
 
 
 _SATURATED, _LIT = 0.5, 0.01

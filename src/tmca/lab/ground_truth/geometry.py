@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import write_json
-from tmca.errors import DataError, SettingError
-from tmca.lab.ground_truth.fringes import Across, read_json
+from tmca.errors import DataError
+from tmca.lab.ground_truth.fringes import Across
+from tmca.lab.notes import read_json
 
 Array = NDArray[np.float64]
 _ROUNDS = 20
@@ -62,7 +63,7 @@ class Lens:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class ProjectorCalibration:
     """Camera and projector: a point X of the camera's frame is ``rotation X + translation`` (metres) in the
     projector's.
 
@@ -90,7 +91,7 @@ class Calibration:
         return write_json(about | places, path, overwrite=overwrite)
 
 
-def load_calibration(path: str | Path) -> Calibration:
+def load_calibration(path: str | Path) -> ProjectorCalibration:
     """Read ``camera`` and ``projector`` (``size``, ``matrix``, ``distortion``), ``rotation``, ``translation_m`` from
     JSON.
 
@@ -108,7 +109,7 @@ def load_calibration(path: str | Path) -> Calibration:
     distance = float(np.linalg.norm(translation))
     if not 1e-3 <= distance <= 10:
         raise DataError(file, f"a projector {distance:g} m from the camera", "1 mm to 10 m", "give metres")
-    return Calibration(_lens(about, "camera", file), _lens(about, "projector", file), rotation, translation)
+    return ProjectorCalibration(_lens(about, "camera", file), _lens(about, "projector", file), rotation, translation)
 
 
 def _lens(about: dict[str, Any], name: str, file: Path) -> Lens:
@@ -150,18 +151,11 @@ def _numbers(about: dict[str, Any], name: str, shape: tuple[int, ...], file: Pat
     return values
 
 
-def check_size(lens: Lens, size: tuple[int, ...], where: object, what: str) -> None:
-    """Raises SettingError unless the calibration is for frames or fringes of this size."""
-    if lens.size != tuple(size):
-        found, wanted = (f"{height}×{width} pixels" for height, width in (size, lens.size))
-        raise SettingError(where, f"{what} of {found}", f"{wanted} as calibrated", "calibrate at the size that is used")
-
-
 _BENDS = 8
 
 
 def triangulate(
-    position: ArrayLike, position_std: ArrayLike, calibration: Calibration, across: Across = "x"
+    position: ArrayLike, position_std: ArrayLike, calibration: ProjectorCalibration, across: Across = "x"
 ) -> tuple[Array, Array]:
     """Depth along the camera's axis and its standard deviation.
 
@@ -196,14 +190,14 @@ def triangulate(
     return np.where(ahead, depth, np.nan), np.where(ahead, std, np.nan)
 
 
-def camera_rays(calibration: Calibration) -> Array:
+def camera_rays(calibration: ProjectorCalibration) -> Array:
     """``(3, H, W)`` directions of the camera's pixels, 1 along its axis."""
     rows, columns = np.indices(calibration.camera.size, dtype=np.float64)
     x, y = calibration.camera.normalised(columns, rows)
     return np.stack([x, y, np.ones_like(x)])
 
 
-def _meet(slope: Array, rays: Array, calibration: Calibration, axis: int) -> tuple[Array, Array]:
+def _meet(slope: Array, rays: Array, calibration: ProjectorCalibration, axis: int) -> tuple[Array, Array]:
     """Depth, and its derivative by the slope."""
     own, along = (np.einsum("j,jyx->yx", calibration.rotation[row], rays) for row in (axis, 2))
     shift, ahead = calibration.translation[axis], calibration.translation[2]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tmca.data import label, label_depth, label_spectral_depth
 from tmca.errors import DataError, SettingError
+from tmca.lab.frames import check_size
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,9 +69,7 @@ def join_ground_truth(
 def _known_depth(depth: xr.Dataset, good: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The depth map (H, W) where a pixel has any good band of (L, H, W), NaN elsewhere."""
     where = depth.attrs.get("source", "depth")
-    if good.shape[1:] != depth["depth"].shape:
-        found, wanted = ("×".join(map(str, size)) for size in (depth["depth"].shape, good.shape[1:]))
-        raise DataError(where, f"a depth map of {found} pixels", f"{wanted} as the spectra have", "use one camera")
+    check_size(where, "a depth map", depth["depth"].shape, good.shape[1:], "use the camera of the spectra")
     metres = np.where(good.any(axis=0), depth["depth"].values, np.nan)
     if not np.isfinite(metres).any():
         raise DataError(where, "no pixel with a spectrum and a depth", "some")

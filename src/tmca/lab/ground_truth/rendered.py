@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from tmca.data import atomic_path, label, label_depth, label_spectral_depth, metres_to_nm, rendered_scene, write_dataset
 from tmca.errors import SettingError, ShapeError
+from tmca.lab.frames import write_frames
 from tmca.lab.ground_truth.fringes import FringePlan, write_fringes
-from tmca.lab.ground_truth.geometry import Array, Calibration, Lens, camera_rays
+from tmca.lab.ground_truth.geometry import Array, Lens, ProjectorCalibration, camera_rays
 
 _BLACK, _BRIGHT = 0.02, 0.8
 
@@ -75,12 +76,12 @@ themselves."""
 
 def bench(
     camera: tuple[int, int] = (120, 160), projector: tuple[int, int] = (800, 1280), baseline: float = 0.2
-) -> Calibration:
+) -> ProjectorCalibration:
     """A camera and, ``baseline`` metres to its right, a projector turned to look at the same place 1 m away."""
-    lens = Lens(camera, _pinhole(camera, 1.3))
+    lens, other = Lens(camera, _pinhole(camera, 1.3)), Lens(projector, _pinhole(projector, 1.1))
     turn = np.arctan2(baseline, 1.0)
     rotation = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    return Calibration(lens, Lens(projector, _pinhole(projector, 1.1)), rotation, -rotation @ [baseline, 0.0, 0.0])
+    return ProjectorCalibration(lens, other, rotation, -rotation @ [baseline, 0.0, 0.0])
 
 
 def _pinhole(size: tuple[int, int], focal_in_widths: float) -> Array:
@@ -123,7 +124,7 @@ class RenderedFringes:
 
 def render_fringes(
     plan: FringePlan,
-    calibration: Calibration,
+    calibration: ProjectorCalibration,
     depth: Array,
     albedo: Array,
     *,
@@ -168,17 +169,17 @@ def render_fringes(
     return RenderedFringes(_recorded(frames * exposure, snr_db, bits, seed), lit[by // 2 :: by, by // 2 :: by])
 
 
-def _finer(calibration: Calibration, by: int) -> Calibration:
+def _finer(calibration: ProjectorCalibration, by: int) -> ProjectorCalibration:
     """The same camera with ``by`` rays along each side of a pixel."""
     camera = calibration.camera
     matrix = camera.matrix.copy()
     matrix[:2, :2] *= by
     matrix[:2, 2] = (matrix[:2, 2] + 0.5) * by - 0.5
     lens = Lens((camera.size[0] * by, camera.size[1] * by), matrix, camera.distortion)
-    return Calibration(lens, calibration.projector, calibration.rotation, calibration.translation)
+    return ProjectorCalibration(lens, calibration.projector, calibration.rotation, calibration.translation)
 
 
-def _seen_places(calibration: Calibration, depth: Array, plan: FringePlan) -> tuple[Array, NDArray[np.bool_]]:
+def _seen_places(calibration: ProjectorCalibration, depth: Array, plan: FringePlan) -> tuple[Array, NDArray[np.bool_]]:
     """Projector pixel along the plan's axis that lights each point, and whether it reaches it."""
     points = depth * camera_rays(calibration)
     x, y, z = calibration.in_projector(points)
@@ -188,7 +189,7 @@ def _seen_places(calibration: Calibration, depth: Array, plan: FringePlan) -> tu
     return (column if plan.across == "x" else row), inside & ~_shaded(calibration, points, depth)
 
 
-def _shaded(calibration: Calibration, points: Array, depth: Array) -> NDArray[np.bool_]:
+def _shaded(calibration: ProjectorCalibration, points: Array, depth: Array) -> NDArray[np.bool_]:
     """Whether the way to the projector runs behind a surface that the camera sees."""
     lamp = -calibration.rotation.T @ calibration.translation
     shaded = np.zeros(depth.shape, dtype=bool)
@@ -266,23 +267,15 @@ def write_bench(
         place.mkdir()
         write_fringes(plan, place / "fringes")
         table.save(place / "calibration.json")
-        _frames(place / "captures", list(plan.names), seen.frames)
-        _frames(place / "scene", [f"scene_{w:g}nm" for w in nm], scan.scene)
-        _frames(place / "white", [f"white_{w:g}nm" for w in nm], scan.white)
-        _frames(place / "dark", [f"dark_{i}" for i in range(len(scan.dark))], scan.dark)
+        write_frames(place / "captures", dict(zip(plan.names, seen.frames, strict=True)))
+        for name, frames in (("scene", scan.scene), ("white", scan.white)):
+            write_frames(place / name, {f"{name}_{w:g}nm": one for w, one in zip(nm, frames, strict=True)})
+        write_frames(place / "dark", {f"dark_{i}": one for i, one in enumerate(scan.dark)})
         (place / "references.csv").write_text(_references(cube, nm, places), encoding="utf-8")
         middle = depth[_RAYS // 2 :: _RAYS, _RAYS // 2 :: _RAYS]
         cube_there = label(cube.astype(np.float32), scene["wavelength"].values)
         write_dataset(label_spectral_depth(cube_there, label_depth(middle, folder)), place / "truth.nc")
     return places
-
-
-def _frames(folder: Path, names: list[str], frames: NDArray[np.uint16]) -> None:
-    from PIL import Image
-
-    folder.mkdir()
-    for name, frame in zip(names, frames, strict=True):
-        Image.fromarray(frame).save(folder / f"{name}.png")
 
 
 def _references(cube: NDArray[np.float64], nm: NDArray[np.float64], places: dict[str, tuple[int, int]]) -> str:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import label, metres_to_nm, nm_to_metres
 from tmca.errors import DataError, SettingError
-from tmca.lab.frames import Frames, read_frames, warn_of_copies
+from tmca.lab.frames import Frames, check_size, named, read_frames, warn_of_copies
 from tmca.lab.ground_truth.spectra import read_spectra
 from tmca.lab.importing import dark_noise
 from tmca.lab.quality import Limit, Limits, quality_of, warn_of
@@ -37,9 +37,7 @@ LIMITS: Limits = {
 def check_alike(scene: Frames, white: Frames, dark: Frames) -> None:
     """Raises DataError unless the three have frames of one size and one type."""
     for other in (white, dark):
-        if other.values.shape[1:] != scene.values.shape[1:]:
-            found, wanted = ("×".join(map(str, one.values.shape[1:])) for one in (other, scene))
-            raise DataError(other.source, f"frames of {found} pixels", f"{wanted} as the scene's", "capture them alike")
+        check_size(other.source, "frames", other.values.shape[1:], scene.values.shape[1:], "capture them as the scene")
         if other.kind != scene.kind:
             found, remedy = f"digital numbers of type {other.kind}", "save all with the same settings"
             raise DataError(other.source, found, f"{scene.kind} as the scene's", remedy)
@@ -133,17 +131,24 @@ def read_scan(
 
 def _bands(frames: Frames, asked: NDArray[np.float64] | None) -> tuple[Frames, NDArray[np.float64], NDArray[np.int_]]:
     """A frame per wavelength, the wavelengths, which are those asked for, and how many frames were averaged."""
-    found = [_NM.search(name) for name in frames.names]
-    if not any(found):
-        return _counted(frames, asked)
-    nameless = [name for name, match in zip(frames.names, found, strict=True) if not match]
-    if nameless:
-        remedy = "name it like the others, or keep it in another folder"
-        raise DataError(frames.source, f"no wavelength in the name {nameless[0]}", "a name such as scene_450nm", remedy)
-    nm = np.array([float(match[1]) for match in found if match])
+    if any(map(_NM.search, frames.names)):
+        nm = np.array([key[0] for key in named(frames, _NM, "scene_450nm")])
+    elif asked is None:
+        found = f"none for {frames.source}, whose frames have none in their names"
+        raise SettingError("wavelengths", found, "one per frame (--wavelengths)")
+    elif asked.size != len(frames.names):
+        raise DataError(frames.source, f"{len(frames.names)} frames", f"{asked.size}, one per wavelength")
+    else:
+        nm = asked
     bands = np.unique(nm) if asked is None else asked
     nearest = np.abs(nm[:, None] - bands).argmin(axis=1)
-    _check_asked(frames.source, nm, bands, nearest)
+    far = np.abs(nm - bands[nearest]) > _SAME
+    gone = np.setdiff1d(np.arange(bands.size), nearest[~far])
+    if far.any() or gone.size:
+        parts = [f"no frame at {bands[gone[0]]:g} nm"] if gone.size else []
+        parts += [f"frames at {nm[far][0]:g} nm"] if far.any() else []
+        expected = f"the {bands.size} wavelengths asked for, {bands[0]:g} to {bands[-1]:g} nm"
+        raise DataError(frames.source, " and ".join(parts), expected, "capture them, or ask for others (--wavelengths)")
     return _averaged(frames, nearest), bands, np.bincount(nearest)
 
 
@@ -153,27 +158,6 @@ def _averaged(frames: Frames, band: NDArray[np.intp]) -> Frames:
     values = np.stack([frames.values[i].mean(axis=0, dtype=np.float64) for i in own]).astype(np.float32)
     saturated = np.stack([frames.saturated[i].any(axis=0) for i in own])
     return replace(frames, names=tuple(frames.names[i[0]] for i in own), values=values, saturated=saturated)
-
-
-def _counted(frames: Frames, asked: NDArray[np.float64] | None) -> tuple[Frames, NDArray[np.float64], NDArray[np.int_]]:
-    if asked is None:
-        found = f"{len(frames.names)} frames without wavelengths in their names, the first {frames.names[0]}"
-        raise SettingError("wavelengths", f"none for {frames.source}: {found}", "one per frame (--wavelengths)")
-    if asked.size != len(frames.names):
-        expected = f"{asked.size}: one per wavelength from {asked[0]:g} to {asked[-1]:g} nm"
-        raise DataError(frames.source, f"{len(frames.names)} frames", expected, "capture the missing ones")
-    return frames, asked, np.ones(asked.size, dtype=int)
-
-
-def _check_asked(source: Path, nm: NDArray[np.float64], asked: NDArray[np.float64], nearest: NDArray[np.intp]) -> None:
-    here = np.abs(nm - asked[nearest]) <= _SAME
-    gone = [f"{wave:g}" for i, wave in enumerate(asked) if i not in nearest[here]]
-    more = [f"{wave:g}" for wave in np.unique(nm[~here])]
-    if gone or more:
-        parts = [f"no frame at {', '.join(gone[:4])}{' …' if len(gone) > 4 else ''} nm"] if gone else []
-        parts += [f"frames at {', '.join(more[:4])}{' …' if len(more) > 4 else ''} nm"] if more else []
-        expected = f"the {asked.size} wavelengths asked for, {asked[0]:g} to {asked[-1]:g} nm"
-        raise DataError(source, " and ".join(parts), expected, "capture them, or ask for others with --wavelengths")
 
 
 def _dark(frames: Frames, nm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int_], float]:
