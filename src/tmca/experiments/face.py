@@ -118,8 +118,8 @@ def _light_field(preset: str | None, config: str | Path | None, changes: Mapping
 
 
 def _spectral_depth(preset: str | None, config: str | Path | None, changes: Mapping[str, Any]) -> Any:
+    from tmca.applications.spectral_depth import reading_range
     from tmca.data.depth_scenes import load_any_depth_scene
-    from tmca.experiments.spectral_depth.imaging import reading_range
     from tmca.training import spectral_depth_settings, train_spectral_depth
     from tmca.training.spectral_depth.camera import training_camera
 
