@@ -67,6 +67,7 @@ def test_the_truth_is_averaged_as_the_scene_of_the_snapshot_was(plain, capsys):
         assert "--scale: found 1, expected 2, as the snapshot's scene was read" in line
 
 
+@pytest.mark.filterwarnings("default::tmca.data.scene_names.SceneWarning")
 def test_another_truth_is_read_at_the_scale_of_the_snapshot_and_that_is_said(plain, capsys):
     main(["simulate", "light-field", "plain", "--scale", "2", *TAKE])
     capsys.readouterr()

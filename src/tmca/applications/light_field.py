@@ -63,8 +63,8 @@ class LightFieldDemo(Demo):
         return (
             f"{self.views}×{self.views} views of staged surfaces went through a coded mask before the sensor, in "
             f"colour, at equal exposure time and with read noise σ = {self.read_noise:g}: one pattern (compressive "
-            "light-field photography), and eight patterns, of which every pixel sees one. The views come back in closed "
-            "form under a Gaussian prior of other rendered light fields; time multiplexing changed the PSNR by "
+            "light-field photography), and eight patterns, of which every pixel sees one. The views come back in "
+            "closed form under a Gaussian prior of other rendered light fields; time multiplexing changed the PSNR by "
             f"{multiplexed - static:+.2f} dB.",
         )
 
