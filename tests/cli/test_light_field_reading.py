@@ -67,6 +67,7 @@ def test_the_truth_is_averaged_as_the_scene_of_the_snapshot_was(plain, capsys):
         assert "--scale: found 1, expected 2, as the snapshot's scene was read" in line
 
 
+@pytest.mark.filterwarnings("default::tmca.data.scene_names.SceneWarning")
 def test_another_truth_is_read_at_the_scale_of_the_snapshot_and_that_is_said(plain, capsys):
     main(["simulate", "light-field", "plain", "--scale", "2", *TAKE])
     capsys.readouterr()
@@ -74,11 +75,11 @@ def test_another_truth_is_read_at_the_scale_of_the_snapshot_and_that_is_said(pla
     other = write_views(plain.with_name("copy"), lambda v, u: f"view_{v}_{u}.png")
     found, err = decoded(capsys, "--truth", other)
     assert found["metrics"]["psnr"] == pytest.approx(known)
-    assert "copy is not the snapshot's scene, plain; read with scale 2" in err
+    assert "copy is beside a snapshot of plain" in err
     reduced = load_light_field("plain", views=3, scale=2)
     write_dataset(reduced, plain.with_name("reduced.nc"))
     line = refused(capsys, "evaluate", "e.nc", "reduced.nc", "--scale", "2", lines=2)
-    assert "reduced.nc: found 3×3 views of 12×14 pixels at scale 2, expected at least the 3×3 views of 24×28" in line
+    assert "reduced.nc: found 24×28" in line
     assert said(capsys, "evaluate", "e.nc", "reduced.nc", "--scale", "1")[0]["psnr"] == pytest.approx(known, abs=1e-4)
 
 

@@ -68,11 +68,9 @@ def test_wavelengths_of_the_command_line_reach_an_estimate_without_its_own(capsy
 def test_swapped_files_are_named(capsys):
     cube("many.mat", good())
     labelled("few.nc", good()[..., ::3], np.linspace(400, 700, 31)[::3])
-    assert "few.nc: found 11 bands, expected at least the 31 of many.mat" in refused(
-        capsys, "evaluate", "many.mat", "few.nc"
-    )
+    assert "few.nc: found 31 wavelengths for which only 11" in refused(capsys, "evaluate", "many.mat", "few.nc")
     cube("small.mat", good()[:6])
-    assert "small.mat: found 6×14 pixels" in refused(capsys, "evaluate", "many.mat", "small.mat")
+    assert "small.mat: found 6×14 (y, x)" in refused(capsys, "evaluate", "many.mat", "small.mat")
 
 
 @pytest.mark.parametrize(

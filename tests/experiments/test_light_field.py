@@ -8,12 +8,12 @@ import xarray as xr
 
 from tests.cli.refusals import refused
 from tmca.applications import simulate
+from tmca.applications.imaging import evaluation_of
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.decoders import Weights
 from tmca.experiments.light_field.imaging import reconstruct_light_field
-from tmca.experiments.light_field.truth import evaluate_light_field
 from tmca.priors import GaussianPrior, PatchDictionary, learn_prior
 from tmca.priors.prior import _MIXTURE_OF_VIEWS
 
@@ -69,9 +69,10 @@ def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, cap
     main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
     found = json.loads(capsys.readouterr().out)["metrics"]
     drawn = {}
-    monkeypatch.setattr("tmca.experiments.light_field.truth.light_field_figure", lambda e, t: drawn.update(e, truth=t))
-    monkeypatch.setattr("tmca.experiments.light_field.truth.save_figure", lambda *a, **k: None)
-    again = evaluate_light_field("e.nc", "coffee", figure=tmp_path / "e.png")
+    monkeypatch.setattr("tmca.plots.light_field.light_field_figure", lambda e, t, s: drawn.update(e, truth=t))
+    beside = evaluation_of("e.nc", "coffee")
+    beside.figure("e")
+    again = beside.metrics
     assert again["psnr"] == pytest.approx(found["psnr"], abs=1e-4)
     assert again["ssim"] == pytest.approx(found["ssim"], abs=1e-5)
     assert drawn["e"].shape == drawn["truth"].shape == (3, 3, 3, 24, 30)

@@ -8,16 +8,16 @@ import scipy.io
 import torch
 import xarray as xr
 
-from tmca.applications import simulate
+from tmca.applications import application_of, evaluate, simulate
+from tmca.applications.demo import run_demo
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_dataset, rendered_scene, select_bands, write_dataset, write_split
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.experiments.cells import CellsFailed
 from tmca.experiments.corner import corner_conditioning
-from tmca.experiments.demo import run_demo
 from tmca.experiments.spectral.comparison import compare_spectral
-from tmca.experiments.spectral.imaging import evaluate_files, reconstruct_snapshot, true_scene
+from tmca.experiments.spectral.imaging import reconstruct_snapshot
 from tmca.experiments.spectral.rows import CODES, LEARNED, NOISES
 from tmca.operators import conditioning, sparse_matrix
 from tmca.priors import GaussianMixturePrior, learn_prior
@@ -96,14 +96,14 @@ def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
         assert data["wavelength"].attrs["units"] == "m"
     write = scene.to_dataset(name="radiance")
     write.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
-    assert evaluate_files(path, str(tmp_path / "t.nc"))["psnr"] == pytest.approx(found.metrics["psnr"], abs=1e-3)
+    assert evaluate(path, str(tmp_path / "t.nc"))["psnr"] == pytest.approx(found.metrics["psnr"], abs=1e-3)
 
 
 def test_an_estimate_above_one_is_not_rescaled_when_read_back(scene, tmp_path):
     bright = scene * 1.5 / scene.max()
     snapshot = simulate(bright, camera_for(scene))
     path = reconstruct_snapshot(snapshot, "dagger").save(tmp_path / "e.nc")
-    assert evaluate_files(path, str(path))["dd"] == 0
+    assert evaluate(path, str(path))["dd"] == 0
 
 
 def test_noise_is_independent_of_the_codes(scene):
@@ -127,10 +127,10 @@ def test_the_corner_is_the_cameras_own_matrix(disperser, dispersion):
 def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
     cube = load_scene("coffee", bands=BANDS, size=(48, 64))
     snapshot = simulate(cube, camera_for(cube))
-    np.testing.assert_array_equal(true_scene("coffee", snapshot), cube)
+    np.testing.assert_array_equal(application_of("spectral").truth("coffee", snapshot.camera, {}), cube)
     large = Snapshot(snapshot.values, SpectralCamera(bands=cube["wavelength"].values.tolist(), size=(48, 9000)))
     with pytest.raises(DataError, match="9000"):
-        true_scene("coffee", large)
+        application_of("spectral").truth("coffee", large.camera, {})
 
 
 @pytest.fixture

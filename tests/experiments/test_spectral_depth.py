@@ -8,19 +8,17 @@ import torch
 import xarray as xr
 
 from tests.data import rgbd_scenes
+from tmca.applications import application_of, evaluate
+from tmca.applications.camera_figures import psf_figure
+from tmca.applications.pictures import estimate_pictures
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import rendered_scene, write_dataset
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.fitting import middle_of
 from tmca.data.scene_names import SceneWarning
+from tmca.decoders import decode
 from tmca.errors import DataError, SettingError
-from tmca.experiments.camera_figures import psf_figure
-from tmca.experiments.spectral_depth.imaging import (
-    reconstruct_spectral_depth,
-    spectral_depth_pictures,
-    take_spectral_depth_snapshot,
-)
-from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth, true_spectral_depth
+from tmca.experiments.spectral_depth.imaging import reconstruct_spectral_depth, take_spectral_depth_snapshot
 from tmca.optics import PhaseMaskBench
 from tmca.plots.cube import spread_points
 from tmca.plots.style import save_figure
@@ -124,9 +122,10 @@ def test_a_snapshot_gives_cube_and_depth_back_with_files_and_pictures(tmp_path, 
     with xr.open_dataset(file) as kept:
         assert set(kept.data_vars) == {"radiance", "depth", "confidence"}
         assert kept.attrs["metric_psnr"] == pytest.approx(found.metrics["psnr"])
-    for picture in spectral_depth_pictures(found, file, snapshot=taken, truth=scene):
+    estimate = decode(taken, prior=prior, window=8)
+    for picture in estimate_pictures(estimate, file, snapshot=taken, truth=scene):
         assert picture.stat().st_size > 10_000
-    assert spectral_depth_pictures(found, tmp_path / "alone.nc", snapshot=taken)[0].exists()
+    assert estimate_pictures(estimate, tmp_path / "alone.nc")[0].exists()
     assert save_figure(psf_figure(camera), tmp_path / "psf.png").stat().st_size > 10_000
 
 
@@ -155,12 +154,12 @@ def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch)
 def test_the_truth_of_another_scene_is_told(tmp_path, camera, prior):
     taken = take_spectral_depth_snapshot(scene_of(), camera)
     with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
-        true_spectral_depth("rocket", taken)
+        application_of(camera).truth("rocket", camera, taken.notes)
     found = reconstruct_spectral_depth(taken, "likelihood", prior=prior, window=8)
     found.save(tmp_path / "found.nc")
     with warnings.catch_warnings():
         warnings.simplefilter("error", SceneWarning)
-        same = evaluate_spectral_depth(tmp_path / "found.nc", "coffee")
+        same = evaluate(tmp_path / "found.nc", "coffee")
     with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
-        other = evaluate_spectral_depth(tmp_path / "found.nc", "rocket")
+        other = evaluate(tmp_path / "found.nc", "rocket")
     assert same["psnr"] > other["psnr"]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
+from tmca.applications.file_pictures import picture_of
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.experiments.pictures import picture_of
 from tmca.plots.priors import atom_mosaic
 from tmca.priors import PatchDictionary
 from tmca.priors.dictionary import patch_variance, sample_places, textured_sample

@@ -1,4 +1,4 @@
-"""What each camera is to the rest of the package: how its scenes are read, imaged and measured."""
+"""What each camera is to the rest of the package: how its scenes are read, imaged, measured and drawn."""
 
 from tmca.applications.base import APPLICATIONS, Application, application_of
 from tmca.applications.imaging import evaluate, simulate

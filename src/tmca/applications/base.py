@@ -2,44 +2,77 @@
 
 from __future__ import annotations
 
+import json
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from torch import Tensor
 
-from tmca.errors import check_choice
+from tmca.applications.camera_figures import codes_figure
+from tmca.data.scene_names import READING, compare_source
+from tmca.decoders import decoders_for, usual_decoder
+from tmca.errors import DataError, check_choice
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
+    from matplotlib.figure import Figure
 
-    from tmca.cameras import Camera
+    from tmca.applications.demo import Demo
+    from tmca.cameras import Camera, Snapshot
 
     Scene = xr.DataArray | xr.Dataset
 
+Columns = Sequence[tuple[str, str, str]]
+"""(key, heading, format) of the columns of a table."""
 APPLICATIONS: dict[str, Application] = {}
 """The application of every kind of camera."""
 
 
 class Application(ABC):
-    """How scenes of one kind of camera are read, imaged and measured.
+    """How scenes of one kind of camera are read, imaged, measured and drawn.
 
-    A new camera has one: it names the camera's ``kind`` and says what follows. It is registered as it is defined.
+    A new camera has one: it names the camera's ``kind``, says what is abstract here, and overrides what is different
+    for it. It is registered as it is defined. Where a method takes a ``camera``, that is one, or what the file of an
+    estimate says of it, see ``camera_of``.
     """
 
     kind: ClassVar[str]
+    columns: ClassVar[Columns] = (("psnr", "PSNR (dB)", ".2f"),)  # of its metrics in tables
+    truth_options: ClassVar[frozenset[str]] = frozenset()  # arguments of ``truth`` that the command line may give
+    codes: ClassVar[tuple[str, ...]] = ("codes",)  # names of ``code_figures``
+    pictures: ClassVar[tuple[str, ...]] = (".png",)  # endings of ``figures``
+    demo: ClassVar[Demo | None] = None  # its part of `tmca demo`
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
         if "kind" in cls.__dict__:
             APPLICATIONS[cls.kind] = cls()
 
+    # Decoders
+
+    @property
+    def default_decoder(self) -> str:
+        """Name of the decoder where none is asked for."""
+        return usual_decoder(self.kind)
+
+    def decoder_labels(self) -> dict[str, str]:
+        """Name → label of its decoders, those of plug-ins included; networks are named by what trains them."""
+        return {name: cls.label for name, cls in decoders_for(self.kind).items() if name != "network"}
+
+    # Scenes
+
     def read(self, source: str, **reading: Any) -> Scene:
         """A scene from a file, or a rendered one by name, labelled; see `tmca.data.read_scene`."""
         from tmca.data import read_scene
 
         return read_scene(source, self.kind, **reading)  # type: ignore[arg-type]
+
+    def reading_for(self, camera: Any) -> dict[str, Any]:
+        """Arguments of ``read`` that bring a scene to what a camera sees, beside its size."""
+        return {}
 
     @abstractmethod
     def parts(self, scene: Any) -> dict[str, Any]:
@@ -65,9 +98,84 @@ class Application(ABC):
         """
         return {}
 
+    # Truth and estimates
+
+    def truth(self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any) -> Scene:
+        """The scene of a snapshot or an estimate, read as it was for the snapshot and brought to the camera.
+
+        Args:
+            source: a file, or a rendered scene by name.
+            camera: that took the snapshot.
+            notes: of the snapshot or the estimate, which may say how its scene was read.
+            colours: whether there is one snapshot for each of three colours.
+            reading: more arguments of ``read``.
+
+        Raises:
+            DataError, SettingError: as ``read`` and ``fitted``.
+
+        Warns:
+            SceneWarning: another scene than the snapshot's.
+        """
+        if noted := noted_reading(notes):
+            compare_source(noted.get("source", source), source)
+        return self.fitted(self.read(source, **reading), camera, source)
+
     @abstractmethod
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: Any, camera: Any) -> dict[str, float]:
         """Figures of merit of an estimate (``values``, and ``depth`` where there is one) of a fitted scene."""
+
+    def geometry(self, estimate: xr.Dataset, truth: Any) -> dict[str, float]:
+        """Errors of the geometry that an estimate shows, where the truth's is known beside its scene."""
+        return {}
+
+    def holds(self, about: Mapping[str, Any]) -> bool:
+        """Whether a file that does not name its camera, and of which `tmca.data.describe` says this, is an estimate of
+        this camera's scene."""
+        return False
+
+    def stored(self, path: str, **reading: Any) -> xr.Dataset:
+        """The estimate in a file, as `Estimate.to_xarray` labels it, values as they are.
+
+        Raises:
+            DataError: none in it.
+        """
+        from tmca.data import read_dataset
+
+        return read_dataset(path, ("estimate",))
+
+    def camera_of(self, stored: xr.Dataset, where: str) -> Any:
+        """What an estimate says of its camera: ``kind``, ``size`` and what else a truth is fitted to.
+
+        Raises:
+            DataError: it does not say enough.
+        """
+        values = stored["radiance" if "radiance" in stored else "estimate"]
+        return SimpleNamespace(kind=self.kind, size=(values.sizes["y"], values.sizes["x"]))
+
+    # Pictures
+
+    def code_figures(self, camera: Any) -> dict[str, Figure]:
+        """What a camera shows, by the names in ``codes``."""
+        return {"codes": codes_figure(camera)}
+
+    def figure(
+        self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None
+    ) -> Figure:
+        """An estimate as `Estimate.to_xarray` labels it, beside the truth and the snapshot where they are known."""
+        from tmca.plots.estimates import estimate_figure
+
+        return estimate_figure(estimate, truth)
+
+    def figures(
+        self,
+        estimate: xr.Dataset,
+        camera: Any,
+        truth: Any = None,
+        snapshot: Snapshot[Any] | None = None,
+        title: str = "",
+    ) -> dict[str, Figure | np.ndarray]:
+        """Pictures of an estimate by the endings in ``pictures``; for ``.gif`` the views to walk over."""
+        return {".png": self.figure(estimate, camera, truth, snapshot)}
 
 
 def application_of(camera: Camera | str) -> Application:
@@ -79,3 +187,16 @@ def application_of(camera: Camera | str) -> Application:
     kind = camera if isinstance(camera, str) else camera.kind
     check_choice("camera", kind, APPLICATIONS)
     return APPLICATIONS[kind]
+
+
+def noted_reading(notes: Mapping[str, Any]) -> dict[str, Any]:
+    """How the scene of a snapshot was read, as its notes say; {} where they do not.
+
+    Raises:
+        DataError: a damaged note.
+    """
+    try:
+        return dict(json.loads(notes.get(READING, "{}")))
+    except (TypeError, ValueError) as error:
+        found = repr(notes[READING])
+        raise DataError(f"attribute {READING}", found, "JSON as `tmca simulate` writes it", "delete it") from error

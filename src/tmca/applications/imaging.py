@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from tmca.applications.base import Application, application_of
+from tmca.applications.base import APPLICATIONS, Application, application_of
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, moving_scenes
 from tmca.cameras.motion import check_displacement
 from tmca.decoders import Estimate
-from tmca.decoders.estimate import PLANES
 from tmca.errors import DataError, SettingError
-from tmca.optics import DepthPlanes
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
+    from matplotlib.figure import Figure
 
     Scene = str | xr.DataArray | xr.Dataset
 
@@ -85,68 +84,96 @@ def _slots(scenes: Sequence[tuple[Tensor, ...]], camera: Camera, motion: tuple[f
     return tuple(torch.stack(parts, 1) for parts in zip(*scenes, strict=True))
 
 
-def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene) -> dict[str, float]:
+@dataclass(frozen=True)
+class Evaluation:
+    """An estimate beside the scene that it is of.
+
+    Args:
+        application: of its camera.
+        camera: of the estimate, or what its file says of it.
+        estimate: as `Estimate.to_xarray` labels it.
+        truth: the scene, brought to the camera.
+        metrics: figures of merit.
+    """
+
+    application: Application
+    camera: Any
+    estimate: xr.Dataset
+    truth: xr.DataArray | xr.Dataset
+    metrics: dict[str, float]
+
+    def figure(self, name: str) -> Figure:
+        """Both in one picture; ``name`` stands above the estimate."""
+        return self.application.figure(self.estimate.assign_attrs(decoder=name), self.camera, self.truth)
+
+
+def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene | Path, **reading: Any) -> dict[str, float]:
     """Figures of merit of an estimate, against the scene that it is of.
 
     Args:
         estimate: of a decoder, its file, or what it holds.
-        truth: the scene, as `tmca.read` gives it, or what it reads; brought to the bands and size of the estimate.
+        truth: the scene, as `tmca.read` gives it, or what it reads: as it was read for the snapshot, where that is
+            noted; brought to the bands and size of the estimate.
+        reading: how the truth is read, see `tmca.read`.
 
     Raises:
         DataError: a truth that is smaller than the estimate, or has fewer bands.
     """
+    return evaluation_of(estimate, truth, **reading).metrics
+
+
+def evaluation_of(
+    estimate: Estimate | xr.Dataset | str | Path,
+    truth: Scene | Path,
+    application: Application | None = None,
+    **reading: Any,
+) -> Evaluation:
+    """`evaluate` with what was compared; ``application`` is that of the estimate's file, where it is known."""
     if isinstance(estimate, Estimate):
-        application = application_of(estimate.camera)
-        fitted = fitted_truth(application, truth, estimate.camera)
+        application, camera, stored = application_of(estimate.camera), estimate.camera, estimate.to_xarray()
         parts = {"values": estimate.values.numpy(force=True)}
-        if estimate.depth is not None:
-            parts["depth"] = estimate.depth[0, 0].numpy(force=True)
-        return application.metrics(parts, fitted, estimate.camera)
-    return _evaluate_file(estimate, truth)
+        parts |= {} if estimate.depth is None else {"depth": estimate.depth[0, 0].numpy(force=True)}
+    else:
+        where = "estimate" if not isinstance(estimate, str | Path) else str(estimate)
+        application = application or application_for(estimate)
+        stored = application.stored(where, **reading) if isinstance(estimate, str | Path) else estimate
+        if not {"radiance", "estimate"} & set(stored):
+            raise DataError(where, f"only {', '.join(map(str, stored))}", "estimate, or radiance and depth")
+        camera, parts = application.camera_of(stored, where), _parts(stored)
+    if isinstance(truth, str | Path):
+        colours = len(parts["values"]) > 1
+        scene = application.truth(str(truth), camera, stored.attrs, colours, **reading)
+    else:
+        scene = application.fitted(truth, camera, str(truth.attrs.get("name", "truth")))
+    return Evaluation(application, camera, stored, scene, application.metrics(parts, scene, camera))
 
 
-def fitted_truth(application: Application, truth: Scene, camera: Any) -> Any:
-    """A scene, or what reads as one, as a camera sees it."""
-    scene = application.read(truth) if isinstance(truth, str) else truth
-    return application.fitted(scene, camera, str(scene.attrs.get("name", "truth")))
+def application_for(estimate: xr.Dataset | str | Path) -> Application:
+    """The application of an estimate, or of its file: of the camera that it names, else of what its axes look like.
+
+    Raises:
+        DataError: a file that cannot be described.
+    """
+    if isinstance(estimate, str | Path):
+        from tmca.data import describe
+
+        about: Mapping[str, Any] = describe(estimate)
+    else:
+        kind = "light field" if "view_v" in estimate.sizes else "cube"
+        about = {"attrs": estimate.attrs, "kind": kind, "variables": set(estimate), "depth": "depth" in estimate}
+    named = str(about.get("attrs", {}).get("camera"))
+    holders = (one for one in APPLICATIONS.values() if one.holds(about))
+    return APPLICATIONS.get(named) or next(holders, APPLICATIONS["spectral"])
 
 
-def _evaluate_file(estimate: xr.Dataset | str | Path, truth: Scene) -> dict[str, float]:
-    """`evaluate` of what an estimate's file holds."""
-    from tmca.data import read_dataset
-
-    where = "estimate" if not isinstance(estimate, str | Path) else str(estimate)
-    stored = read_dataset(estimate) if isinstance(estimate, str | Path) else estimate
-    name = next((part for part in ("radiance", "estimate") if part in stored), None)
-    if name is None:
-        raise DataError(where, f"only {', '.join(map(str, stored))}", "estimate, or radiance and depth")
-    values, seen = stored[name], _as_seen(stored, stored[name], where)
-    application = application_of(seen.kind)
-    parts = {"values": values.values if seen.colours else values.values[None]}
-    parts |= {"depth": stored["depth"].values} if seen.planes else {}
-    return application.metrics(parts, fitted_truth(application, truth, seen), seen)
+def metric_notes(metrics: Mapping[str, float]) -> dict[str, float]:
+    """Metrics as attributes of an estimate's file."""
+    return {f"metric_{name}": value for name, value in metrics.items()}
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """What an estimate's file says of the camera that it is of; enough to fit a truth to it."""
-
-    kind: str
-    size: tuple[int, int]
-    wavelengths: tuple[float, ...] = ()
-    views: tuple[int, int] = (1, 1)
-    planes: DepthPlanes | None = None
-    colours: bool = False
-
-
-def _as_seen(stored: xr.Dataset, values: xr.DataArray, where: str) -> _Seen:
-    size = (values.sizes["y"], values.sizes["x"])
-    if "view_v" in values.sizes:
-        views = (values.sizes["view_v"], values.sizes["view_u"])
-        return _Seen("light-field", size, views=views, colours="colour" in values.sizes)
-    waves = tuple(values["wavelength"].values.tolist())
-    if "depth" not in stored:
-        return _Seen("spectral", size, waves)
-    if PLANES not in stored.attrs:
-        raise DataError(where, f"no attribute {PLANES}", "the depth planes of the camera", "reconstruct it again")
-    return _Seen("spectral-depth", size, waves, planes=DepthPlanes(**json.loads(stored.attrs[PLANES])))
+def _parts(stored: xr.Dataset) -> dict[str, np.ndarray]:
+    """What an estimate is measured by: its values, snapshots or colours first, and its depth."""
+    values = stored["radiance" if "radiance" in stored else "estimate"]
+    several = "colour" in values.sizes or "snapshot" in values.sizes
+    parts = {"values": values.values if several else values.values[None]}
+    return parts | ({"depth": stored["depth"].values} if "depth" in stored else {})

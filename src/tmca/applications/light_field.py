@@ -2,22 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from torch import Tensor
 
-from tmca.applications.base import Application
+from tmca.applications.base import Application, noted_reading
+from tmca.applications.camera_figures import rays_figure
+from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.spectral import METRICS
+from tmca.cameras import LightFieldCamera
+from tmca.data.scene_names import READING, compare_source
+from tmca.errors import DataError, SettingError
+from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
+
+    from tmca.cameras import Snapshot
+
+
+class LightFieldDemo(Demo):
+    """Views of staged surfaces in colour, through one pattern and through eight of which every pixel sees one."""
+
+    key, title = "light_field", "A light field: coffee"
+    share = Fraction(2, 3)
+    scenes = ("coffee:1",)
+    columns = (*METRICS[:2], ("disparity_mae", "disparity MAE (px per view)", ".3f"))
+    read_noise, views, period = 1e-3, 5, 16
+    codes: Mapping[str, tuple[str, dict[str, Any]]] = {
+        "static mask (CLFP)": ("static", {"slots": 1, "shutter": "open"}),
+        "one-hot shutter, K = 8": ("onehot8", {"slots": 8, "shutter": "one-hot"}),
+    }
+    focus = (-1.0, 0.0, 1.0)
+
+    def scene(self, name: str, size: tuple[int, int]) -> xr.DataArray:
+        """See ``Demo``."""
+        from tmca.data.light_field_scenes import load_light_field
+
+        return load_light_field(name, views=self.views, size=size, colour=True)
+
+    def trials(self, scene: xr.DataArray) -> list[Trial]:
+        """See ``Demo``."""
+        size, sensor = (scene.sizes["y"], scene.sizes["x"]), Sensor(read_noise=self.read_noise)
+        return [
+            Trial(code, f"light_field_{stem}", self._camera(size, sensor, settings))
+            for code, (stem, settings) in self.codes.items()
+        ]
+
+    def _camera(self, size: tuple[int, int], sensor: Sensor, settings: dict[str, Any]) -> LightFieldCamera:
+        return LightFieldCamera(self.views, size, period=self.period, sensor=sensor, **settings)
+
+    def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:
+        """See ``Demo``."""
+        static, multiplexed = (row["psnr"] for row in rows)
+        return (
+            f"{self.views}×{self.views} views of staged surfaces went through a coded mask before the sensor, in "
+            f"colour, at equal exposure time and with read noise σ = {self.read_noise:g}: one pattern (compressive "
+            "light-field photography), and eight patterns, of which every pixel sees one. The views come back in "
+            "closed form under a Gaussian prior of other rendered light fields; time multiplexing changed the PSNR by "
+            f"{multiplexed - static:+.2f} dB.",
+        )
+
+    def figures(self, name: str, scene: xr.DataArray, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:
+        """See ``Demo``."""
+        from tmca.plots.light_field import light_field_figure
+        from tmca.plots.views import refocus_strip
+
+        views = {code: one.estimate.values.numpy() for code, one in taken.items()}
+        best = taken["one-hot shutter, K = 8"]
+        snapshot, values = best.snapshot.values[:, 0].numpy(), best.estimate.values.numpy()
+        about = (
+            "Centre views, and the box in them enlarged with the epipolar slices of its marked row and column: true "
+            "and reconstructed. At the right the time-multiplexed snapshot and the errors."
+        )
+        return {
+            "light_field_views.png": (about, light_field_figure(views, scene.values, snapshot)),
+            "light_field_refocus.png": (
+                "Refocused after the exposure: far, middle, near.",
+                refocus_strip(values, self.focus),
+            ),
+            "light_field_views.gif": ("A walk over the reconstructed views (K = 8).", values),
+        }
 
 
 class LightFieldApplication(Application):
     """Light fields (view_v, view_u, y, x), or with colours first, each a snapshot of its own."""
 
     kind = "light-field"
+    columns = METRICS[:2]
+    truth_options = frozenset({"scale", "pattern", "lens"})
+    codes = ("codes", "rays")
+    pictures = (".png", "_refocus.png", ".gif")
+    demo = LightFieldDemo()
 
     def parts(self, scene: xr.DataArray) -> dict[str, Any]:
         """See ``Application``."""
@@ -38,9 +119,24 @@ class LightFieldApplication(Application):
 
     def check(self, scene: xr.DataArray, camera: Any) -> dict[str, Any]:
         """See ``Application``: how the scene was read."""
-        from tmca.data.scene_names import READING
-
         return {READING: scene.attrs[READING]} if READING in scene.attrs else {}
+
+    def truth(
+        self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any
+    ) -> xr.DataArray:
+        """See ``Application``; other files than the snapshot's scene are read at its scale: their pixels are as large.
+
+        Raises:
+            SettingError: the snapshot's scene read otherwise than it was.
+            DataError: fewer views, or smaller ones.
+        """
+        how = _reading(source, notes, {name: value for name, value in reading.items() if value is not None})
+        try:
+            return self.read(source, views=camera.views[0], size=camera.size, colour=colours, **how)  # type: ignore[return-value]
+        except SettingError as error:
+            if error.where not in ("views", "crop") or not Path(source).exists():
+                raise
+            raise DataError(source, error.found, error.expected, "name the scene of the snapshot") from error
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.DataArray, camera: Any) -> dict[str, float]:
         """See ``Application``: PSNR and SSIM of all views and of the worst."""
@@ -48,3 +144,91 @@ class LightFieldApplication(Application):
 
         values = estimate["values"]
         return light_field_metrics(values if len(values) > 1 else values[0], truth.values)
+
+    def geometry(self, estimate: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
+        """See ``Application``: error of the disparity that the views show."""
+        from tmca.data.light_field_scenes import true_disparity
+        from tmca.metrics import disparity_error, estimate_disparity
+
+        how, views = noted_reading(truth.attrs), estimate["estimate"]
+        real = true_disparity(how["source"], views, how["scale"], how["pattern"]) if how else None
+        if real is None:
+            return {}
+        error = disparity_error(estimate_disparity(views.values), real.values)
+        return {"disparity_mae": error["mae"], "disparity_badpix": error["badpix"]}
+
+    def holds(self, about: Mapping[str, Any]) -> bool:
+        """See ``Application``; any light field is one."""
+        return bool(about["kind"] == "light field")
+
+    def stored(self, path: str, **reading: Any) -> xr.Dataset:
+        """See ``Application``: all views in their colours, and as an attribute how its scene was read."""
+        from tmca.data import light_fields
+
+        with light_fields.open_light_field(path) as contents:
+            stored = light_fields.find_light_field(contents)
+            if stored is None:
+                raise light_fields.no_light_field(contents)
+            divisor, colour = 1.0 if stored.dtype.kind == "f" else None, light_fields.has_colour(stored)
+            views = light_fields.load_views(contents, stored, colour=colour, divide_by=divisor)
+            noted = {READING: contents.attrs[READING]} if READING in contents.attrs else {}
+        return views.to_dataset(name="estimate").assign_attrs(noted)
+
+    def camera_of(self, stored: xr.Dataset, where: str) -> Any:
+        """See ``Application``."""
+        camera, sizes = super().camera_of(stored, where), stored["estimate"].sizes
+        camera.views = (sizes["view_v"], sizes["view_u"])
+        return camera
+
+    def code_figures(self, camera: Any) -> dict[str, Figure]:
+        """See ``Application``; also what each mask point does to the rays that cross it."""
+        return {**super().code_figures(camera), "rays": rays_figure(camera)}
+
+    def figure(
+        self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None
+    ) -> Figure:
+        """See ``Application``: centre views with epipolar slices."""
+        from tmca.plots.light_field import light_field_figure
+
+        frames = None if snapshot is None else snapshot.values[:, 0].numpy(force=True)
+        shown = frames if frames is None or len(frames) > 1 else frames[0]
+        views = {str(estimate.attrs["decoder"]): estimate["estimate"].values}
+        return light_field_figure(views, None if truth is None else truth.values, shown)
+
+    def figures(
+        self,
+        estimate: xr.Dataset,
+        camera: Any,
+        truth: Any = None,
+        snapshot: Snapshot[Any] | None = None,
+        title: str = "",
+    ) -> dict[str, Figure | np.ndarray]:
+        """See ``Application``; also refocused photographs, and a walk over the views."""
+        from tmca.plots.views import focus_steps, refocus_strip
+
+        views = estimate["estimate"]
+        above = f"{title}: refocused, disparity in px per view"
+        strip = refocus_strip(views.values, focus_steps(views), above)
+        drawn = super().figures(estimate, camera, truth, snapshot, title)
+        return {**drawn, "_refocus.png": strip, ".gif": views.values}
+
+
+def _reading(source: str, notes: Mapping[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """``scale``, ``pattern`` and ``lens`` of a truth: those of the snapshot's scene, of another one from files its
+    scale.
+
+    Raises:
+        SettingError: one that is given otherwise for the snapshot's scene.
+    """
+    noted = noted_reading(notes)
+    same = bool(noted) and Path(noted["source"]).stem == Path(source).stem
+    if not noted or not (same or Path(source).exists()):
+        return given
+    compare_source(noted["source"], source)
+    files = ("scale", "pattern", "lens") if same else ("scale",)
+    known = {name: noted[name] for name in files if noted.get(name) is not None}
+    known |= {"lens": tuple(known["lens"])} if "lens" in known else {}
+    for name, value in given.items():
+        if same and known.get(name, value) != value:
+            raise SettingError(name, str(value), f"{known[name]}, as the snapshot's scene was read", "leave it out")
+    return {**known, **given}

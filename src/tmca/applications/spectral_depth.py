@@ -2,26 +2,106 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.applications.base import Application
+from tmca.applications.base import Application, noted_reading
+from tmca.applications.camera_figures import phase_codes_figure, psf_figure
+from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.spectral import METRICS
 from tmca.applications.unknown_depth import check_depth_known, unknown_depth
+from tmca.cameras import SpectralDepthCamera
+from tmca.data.scene_names import READING, compare_source
+from tmca.decoders.estimate import PLANES
+from tmca.errors import DataError
+from tmca.optics import DepthPlanes
+from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
-    from tmca.optics import DepthPlanes
+    from tmca.cameras import Snapshot
+
+DEPTH_METRICS = (
+    ("depth_mae", "depth MAE (m)", ".3f"),
+    ("depth_rmse", "depth RMSE (m)", ".3f"),
+    ("within_bin", "within a bin", ".0%"),
+)
+_PARTS = ("radiance", "depth", "confidence")
+
+
+class SpectralDepthDemo(Demo):
+    """A scene with depth through one phase mask, and through four of which every pixel sees one."""
+
+    key, title = "spectral_depth", "Spectrum and depth: motorcycle"
+    share = Fraction(2, 3)
+    scenes = ("motorcycle",)
+    columns = (*DEPTH_METRICS, ("psnr", "PSNR (dB)", ".2f"), ("sam", "SAM (°)", ".2f"))
+    read_noise, reduce, window = 2e-3, 3, 12
+    codes: Mapping[str, tuple[str, dict[str, Any]]] = {
+        "phase mask alone": ("static", {"slots": 1, "shutter": "open"}),
+        "one-hot shutter, K = 4": ("onehot4", {"slots": 4, "shutter": "one-hot"}),
+    }
+
+    def scene(self, name: str, size: tuple[int, int]) -> xr.Dataset:
+        """See ``Demo``."""
+        from tmca.data.depth_scenes import load_spectral_depth
+        from tmca.data.fitting import middle_of
+
+        seen = reading_range(self._camera(size, {}))
+        return middle_of(load_spectral_depth(name, **seen, reduce=self.reduce), size, name)
+
+    def trials(self, scene: xr.Dataset) -> list[Trial]:
+        """See ``Demo``."""
+        size, how = (scene.sizes["y"], scene.sizes["x"]), {"window": self.window}
+        return [
+            Trial(code, f"spectral_depth_{stem}", self._camera(size, settings), settings=how)
+            for code, (stem, settings) in self.codes.items()
+        ]
+
+    def _camera(self, size: tuple[int, int], settings: dict[str, Any]) -> SpectralDepthCamera:
+        sensor = Sensor(read_noise=self.read_noise)
+        return SpectralDepthCamera.from_preset("quick", size=size, filters="clear", sensor=sensor, **settings)
+
+    def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:
+        """See ``Demo``."""
+        static, multiplexed = (row["depth_mae"] for row in rows)
+        return (
+            "A random phase mask in the aperture blurs every depth and wavelength in its own way. It was still during "
+            "the exposure, or showed four masks, of which every pixel saw one, at equal exposure time and with read "
+            f"noise σ = {self.read_noise:g} of one band. Depth is the median over planes, each as probable as it "
+            "explains the windows around a pixel under a Gaussian prior of other rendered scenes; the spectrum is the "
+            "mean of the linear estimates at likely planes. Time multiplexing changed the mean depth error from "
+            f"{static:.2f} to {multiplexed:.2f} m. tmca design spectral-depth searches masks for a bench and a sensor.",
+        )
+
+    def figures(self, name: str, scene: xr.Dataset, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:
+        """See ``Demo``."""
+        about = "Colours, depth in metres, probability within a bin, and spectra: {}; the truth above."
+        drawn = {f"{one.trial.stem}.png": (about.format(code), one.figure(scene)) for code, one in taken.items()}
+        psf = "Point spread functions of the four slots over depth, and what points leave behind the shutter."
+        last = [*taken.values()][-1]
+        return {**drawn, "spectral_depth_psf.png": (psf, psf_figure(last.snapshot.camera))}
 
 
 class SpectralDepthApplication(Application):
     """Data sets of ``radiance`` (wavelength, y, x) and ``depth`` (y, x) in metres."""
 
     kind = "spectral-depth"
+    columns = (*DEPTH_METRICS, *METRICS)
+    codes = ("codes", "psf")
+    demo = SpectralDepthDemo()
+
+    def reading_for(self, camera: Any) -> dict[str, Any]:
+        """See ``Application``: bands and depth range."""
+        return reading_range(camera)
 
     def parts(self, scene: xr.Dataset) -> dict[str, Any]:
         """See ``Application``."""
@@ -30,11 +110,12 @@ class SpectralDepthApplication(Application):
 
     def fitted(self, scene: xr.Dataset, camera: Any, where: str) -> xr.Dataset:
         """See ``Application``; depth that reaches beyond the camera's range is mapped onto it, evenly in inverse depth,
-        unless the scene says that it was mapped already."""
+        unless the scene says that it was mapped or placed already, or read to stay as it is (``fitted=False``)."""
         from tmca.data.fitting import fit_depth_scene
 
-        planes = camera.planes
-        return fit_depth_scene(scene, camera.wavelengths, camera.size, planes.near, planes.far, where)
+        planes, how = camera.planes, noted_reading(getattr(scene, "attrs", {}))
+        mapped = how.get("placed") is None and how.get("fitted", True)
+        return fit_depth_scene(scene, camera.wavelengths, camera.size, planes.near, planes.far, where, mapped=mapped)
 
     def tensors(self, scene: xr.Dataset) -> tuple[Tensor, ...]:
         """See ``Application``."""
@@ -52,7 +133,6 @@ class SpectralDepthApplication(Application):
         """
         from tmca.cameras.sensor_tiles import check_holds
         from tmca.data.fitting import FITTED
-        from tmca.data.scene_names import READING
         from tmca.optics import check_mask
 
         unknown = unknown_depth(scene["depth"], camera.planes)
@@ -61,9 +141,55 @@ class SpectralDepthApplication(Application):
         check_mask(camera.point_spread)
         return {**unknown, **{name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}}
 
+    def truth(
+        self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any
+    ) -> xr.Dataset:
+        """See ``Application``; depth is mapped as it was for the snapshot."""
+        how = noted_reading(notes)
+        compare_source(how.pop("source", source), source)
+        return self.read(source, **reading_range(camera), size=camera.size, **{**how, **reading})  # type: ignore[return-value]
+
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.Dataset, camera: Any) -> dict[str, float]:
         """See ``Application``: those of the cube, and of the depth where it is known."""
         return spectral_depth_metrics(estimate["values"][0], estimate["depth"], truth, camera.planes)
+
+    def holds(self, about: Mapping[str, Any]) -> bool:
+        """See ``Application``."""
+        return bool("confidence" in about["variables"] and about.get("depth"))
+
+    def stored(self, path: str, **reading: Any) -> xr.Dataset:
+        """See ``Application``."""
+        from tmca.data import read_dataset
+
+        return read_dataset(path, _PARTS)
+
+    def camera_of(self, stored: xr.Dataset, where: str) -> Any:
+        """See ``Application``."""
+        camera = super().camera_of(stored, where)
+        camera.wavelengths = tuple(stored["radiance"]["wavelength"].values.tolist())
+        try:
+            camera.planes = DepthPlanes(**json.loads(stored.attrs[PLANES]))
+        except (KeyError, TypeError, ValueError) as error:
+            found = f"no {PLANES} ({error})"
+            raise DataError(where, found, "a file of `tmca reconstruct`", "reconstruct it again") from error
+        return camera
+
+    def code_figures(self, camera: Any) -> dict[str, Figure]:
+        """See ``Application``: masks with shutter and filters, and the point spread functions."""
+        return {"codes": phase_codes_figure(camera), "psf": psf_figure(camera)}
+
+    def figure(
+        self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None
+    ) -> Figure:
+        """See ``Application``: colours, depth with confidence or error, and spectra; the truth in a row of its own."""
+        from tmca.plots.estimates import estimate_figure
+
+        return estimate_figure(estimate, truth, (camera.planes.near, camera.planes.far))
+
+
+def reading_range(camera: Any) -> dict[str, Any]:
+    """Bands and depth range of a camera, as `tmca.data.load_spectral_depth` takes them."""
+    return {"wavelengths": camera.wavelengths, "near": camera.planes.near, "far": camera.planes.far}
 
 
 def spectral_depth_metrics(

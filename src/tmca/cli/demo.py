@@ -35,17 +35,16 @@ def demo(
     wanted = parsed_size(size)
     assert wanted is not None
     print("tmca demo: loading", file=sys.stderr)
-    from tmca.experiments.demo import COLUMNS, run_demo
-    from tmca.experiments.light_field.demo import COLUMNS as LIGHT_FIELD_COLUMNS
+    from tmca.applications import APPLICATIONS
+    from tmca.applications.demo import demo_columns, run_demo
     from tmca.experiments.results import markdown_table
-    from tmca.experiments.spectral_depth.demo import COLUMNS as SPECTRAL_DEPTH_COLUMNS
 
     with progress_bar("demo") as progress:
         found = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)
     if json:
         print(json_module.dumps(found, indent=1))
         return
-    print("A spectral camera:\n\n" + markdown_table(found["rows"], COLUMNS))
-    print("A light-field camera:\n\n" + markdown_table(found["light_field"], LIGHT_FIELD_COLUMNS))
-    print("A spectral-depth camera:\n\n" + markdown_table(found["spectral_depth"], SPECTRAL_DEPTH_COLUMNS))
+    for kind, application in APPLICATIONS.items():
+        if application.demo is not None:
+            print(f"A {kind} camera:\n\n" + markdown_table(found[application.demo.key], demo_columns(kind)))
     print(f"{found['seconds']:.0f} s; open {found['report']}")

@@ -8,9 +8,9 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options.output import check_figure, warned
+from tmca.cli.options.output import check_figure
 from tmca.cli.options.scenes import TruthOptions, assumed
-from tmca.cli.spectral_depth import refuse_reading
+from tmca.errors import SettingError
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = TruthOptions()
@@ -40,22 +40,18 @@ def evaluate(
         overwrite: replace the picture if it exists.
         json: print JSON instead of text.
     """
-    from tmca.data import describe
-    from tmca.experiments.light_field.truth import evaluate_light_field
-    from tmca.experiments.spectral.imaging import evaluate_files
-    from tmca.experiments.spectral_depth.truth import evaluate_spectral_depth
+    from tmca.applications.imaging import application_for, evaluation_of
+    from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite, estimate)
-    about = describe(estimate)
-    if "confidence" in about["variables"] and about.get("depth"):
-        refuse_reading(reading)
-        found = evaluate_spectral_depth(estimate, truth, figure=figure, overwrite=overwrite)
-    elif about["kind"] == "light field":
-        found = evaluate_light_field(
-            estimate, truth, figure=figure, overwrite=overwrite, told=warned, **reading.views_reading()
-        )
-    else:
-        found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, told=assumed, **reading.reading())
+    if figure is not None and estimate.resolve() == figure.resolve():
+        raise SettingError("figure", str(figure), "another file than the estimate")
+    application = application_for(estimate)
+    evaluation = evaluation_of(estimate, truth, application, **reading.of(application))
+    assumed(evaluation.truth)
+    found = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
+    if figure is not None:
+        save_figure(evaluation.figure(estimate.stem), figure, overwrite=overwrite)
     if json:
         print(json_module.dumps(found, indent=1))
         return

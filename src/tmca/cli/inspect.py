@@ -46,7 +46,7 @@ def inspect(
 
         found["matrix"] = corner_conditioning(Snapshot.load(file).camera)
     if figure is not None:
-        from tmca.experiments.pictures import picture_of
+        from tmca.applications.file_pictures import picture_of
 
         picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.files())
         found["figure"] = str(figure)

@@ -129,7 +129,7 @@ def show(
         out: PNG to write; the prior's name with .png without it.
         overwrite: replace it if it exists.
     """
-    from tmca.experiments.pictures import picture_of
+    from tmca.applications.file_pictures import picture_of
 
     print(picture_of(prior, out or prior.with_suffix(".png"), overwrite=overwrite))
 

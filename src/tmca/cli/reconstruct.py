@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli import spectral_depth
 from tmca.cli.options.numbers import MaybeWhole
-from tmca.cli.options.output import OutputOptions, check_targets, warned
+from tmca.cli.options.output import OutputOptions, check_targets
 from tmca.cli.options.scenes import TruthOptions
 from tmca.cli.progress import progress_bar
-from tmca.cli.way_back import WayBack
 from tmca.errors import SettingError
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
@@ -61,33 +58,52 @@ def reconstruct(
         calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Snapshots
             in digital numbers need one.
     """
-    from tmca.decoders import usual_decoder
+    from tmca.applications import application_of, evaluate
+    from tmca.applications.imaging import metric_notes
+    from tmca.applications.pictures import estimate_files, estimate_pictures
+    from tmca.decoders import decode
     from tmca.lab.calibration.apply import load_snapshot
 
     taken = load_snapshot(snapshot, calibration)
-    kind = taken.camera.kind
-    decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual_decoder(kind))
+    camera, application = taken.camera, application_of(taken.camera)
+    decoder = decoder or ("network" if weights else "dictionary" if dictionary else application.default_decoder)
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
-    how = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
-    how |= _settings(decoder, kind, set_ or [])
-    if dictionary is not None and kind != "light-field":
-        wanted = "none: only light fields are decoded by one"
-        raise SettingError("--dictionary", str(dictionary), wanted, "leave it out")
-    if kind == "light-field":
-        way = _light_field(taken, reading, how | {"dictionary": dictionary})
-    elif kind == "spectral-depth":
-        spectral_depth.refuse_reading(reading)
-        way = spectral_depth.way_back(taken, how)
-    else:
-        way = _spectral(taken, reading, how)
-    check_targets(way.files(target, output.figures), output.overwrite, snapshot)
-    scene = None if truth is None else way.truth(truth)
+    how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
+    settings = _given(decoder, camera.kind, how) | _settings(decoder, camera.kind, set_ or [])
+    known = _prior(decoder, camera.kind, prior, dictionary)
+    asked = reading.of(application)
+    check_targets(estimate_files(target, camera.kind, output.figures), output.overwrite, snapshot)
+    scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        result = way.decode(decoder, truth=scene, progress=progress)
-    written = [result.save(target, overwrite=output.overwrite)]
+        found = decode(taken, decoder, prior=known, progress=progress, **settings)
+    metrics = {} if scene is None else evaluate(found, scene)
+    found.notes |= metric_notes(metrics)
+    written = [found.save(target, overwrite=output.overwrite)]
     if output.figures:
-        written += way.pictures(result, target, truth=scene, overwrite=output.overwrite)
-    _say(result, target, written, output)
+        written += estimate_pictures(found, target, truth=scene, snapshot=taken, overwrite=output.overwrite)
+    _say(found, metrics, target, written, output)
+
+
+def _given(decoder: str, kind: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Settings that have an option of their own; a standard deviation only of decoders that predict it."""
+    from tmca.decoders import decoders_for
+
+    known = decoders_for(kind, moving=None)
+    predicts = decoder not in known or known[decoder].deviation
+    return {name: v for name, v in options.items() if v is not None and (predicts or name != "uncertainty")}
+
+
+def _prior(decoder: str, kind: str, prior: Path | None, dictionary: Path | None) -> Path | None:
+    """The file of the prior; a dictionary is that of the decoders which use one."""
+    from tmca.decoders import decoders_for
+
+    if dictionary is None:
+        return prior
+    using = [name for name, cls in decoders_for(kind).items() if cls.prior_kind == "dictionary"]
+    if decoder not in using:
+        wanted = f"one for {', '.join(using)} alone" if using else f"none: no decoder of a {kind} camera uses one"
+        raise SettingError("dictionary", str(dictionary), wanted, "leave it out")
+    return dictionary
 
 
 def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
@@ -104,40 +120,19 @@ def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     return checked_settings(known[decoder], named, texts=True) if decoder in known else dict(named)
 
 
-def _spectral(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:
-    from tmca.experiments.spectral.imaging import (
-        reconstruct_snapshot,
-        reconstruction_files,
-        reconstruction_pictures,
-        true_scene,
-    )
-
-    truth = partial(true_scene, snapshot=taken, **reading.reading())
-    return WayBack(reconstruction_files, truth, partial(reconstruct_snapshot, taken, **how), reconstruction_pictures)
-
-
-def _light_field(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:
-    from tmca.experiments.light_field.imaging import light_field_files, light_field_pictures, reconstruct_light_field
-    from tmca.experiments.light_field.truth import true_light_field
-
-    truth = partial(true_light_field, snapshot=taken, told=warned, **reading.views_reading())
-    pictures = partial(light_field_pictures, snapshot=taken)
-    return WayBack(light_field_files, truth, partial(reconstruct_light_field, taken, **how), pictures)
-
-
-def _say(result: Any, target: Path, written: list[Path], output: OutputOptions) -> None:
+def _say(result: Any, metrics: dict[str, float], target: Path, written: list[Path], output: OutputOptions) -> None:
     report: dict[str, Any] = {
         "estimate": str(target),
         "decoder": result.decoder,
         "seconds": round(result.seconds, 2),
-        "metrics": result.metrics,
+        "metrics": metrics,
         "files": [str(file) for file in written],
     }
     if output.json:
         print(json.dumps(report, indent=1))
         return
     print(f"{target}: {result.decoder}, {result.seconds:.1f} s")
-    for name, value in result.metrics.items():
+    for name, value in metrics.items():
         print(f"  {name:8s} {value:.4g}")
 
 

@@ -52,7 +52,7 @@ def render(
     data = _rendered(scene, parsed_size(size), illuminant, seed, views, disparity)
     write_dataset(data, target, overwrite=overwrite)
     if figure is not None:
-        from tmca.experiments.pictures import picture_of
+        from tmca.applications.file_pictures import picture_of
 
         picture_of(target, figure, overwrite=overwrite)
     about = f"{views}×{views} views" if views is not None else f"illuminant {data.attrs['illuminant']}"

@@ -56,8 +56,8 @@ def spectral(
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.applications import simulate
+    from tmca.applications.pictures import snapshot_files
     from tmca.data.scenes import load_scene
-    from tmca.experiments.snapshots import snapshot_files
 
     kept = None if all_bands else bands
     if not scenes:
@@ -67,7 +67,7 @@ def spectral(
     assumed(cube)
     known = spectral_camera(cube, camera, sensor)
     target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, output.figures), output.overwrite, scenes[0])
+    check_targets(snapshot_files(target, "spectral", output.figures), output.overwrite, scenes[0])
     bench = _bench_of(known, calibration, camera.files())
     taken = bench.recorded(simulate(cubes, bench.camera, seed=camera.seed, motion=moved, hardware=faults))
     how = " -d admm-tv" if taken.camera.blurred else ""
@@ -100,13 +100,13 @@ def light_field(
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.applications import simulate
+    from tmca.applications.pictures import snapshot_files
     from tmca.data.light_field_scenes import load_light_field
-    from tmca.experiments.snapshots import snapshot_files
 
     field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())
     centre_assumed(field)
     target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, output.figures, views=True), output.overwrite, scene)
+    check_targets(snapshot_files(target, "light-field", output.figures), output.overwrite, scene)
     known = light_field_camera(field, camera, bench, sensor)
     placed = _bench_of(known, calibration, camera.files())
     taken = placed.recorded(simulate(field, placed.camera, seed=camera.seed, hardware=hardware.faults()))
@@ -141,7 +141,6 @@ def spectral_depth(
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.applications.unknown_depth import TOTAL, said_unknown
-    from tmca.experiments.spectral_depth.imaging import depth_snapshot_pictures
 
     taken, target = take(scene, crop, reading, camera, bench, sensor, hardware, output, calibration)
     counts = {name: count for name, count in taken.notes.items() if name.startswith("unknown_")}
@@ -149,7 +148,7 @@ def spectral_depth(
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
     channels += f", {said_unknown(counts, height * width)}" if counts[TOTAL] else ""
     channels += _mapped(taken)
-    _write(taken, target, output, about, channels, "", depth_snapshot_pictures)
+    _write(taken, target, output, about, channels, "")
 
 
 def _mapped(taken: Any) -> str:
@@ -177,14 +176,13 @@ def _write(
     about: dict[str, Any],
     channels: str,
     how: str,
-    pictures: Any = None,
 ) -> None:
     """Write a snapshot with its pictures, and say what it is and how to go on."""
-    from tmca.experiments.snapshots import snapshot_pictures
+    from tmca.applications.pictures import snapshot_pictures
 
     written = [taken.save(target, overwrite=output.overwrite)]
     if output.figures:
-        written += (pictures or snapshot_pictures)(taken, target, overwrite=output.overwrite)
+        written += snapshot_pictures(taken, target, overwrite=output.overwrite)
     report: dict[str, Any] = {
         "snapshot": str(target),
         "size": list(taken.camera.snapshot_shape[1:]),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,10 +12,8 @@ from tmca.cli.options.bench import BenchOptions
 from tmca.cli.options.hardware import HardwareOptions
 from tmca.cli.options.numbers import numbers, size, whole
 from tmca.cli.options.output import OutputOptions, check_targets
-from tmca.cli.options.scenes import TruthOptions
 from tmca.cli.options.sensor import SensorOptions
 from tmca.cli.progress import progress_bar
-from tmca.cli.way_back import WayBack
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -191,38 +188,17 @@ def take(
     calibration: Path | None = None,
 ) -> tuple[Any, Path]:
     """A snapshot of a scene, and where it goes."""
+    from tmca.applications import simulate
+    from tmca.applications.pictures import snapshot_files
     from tmca.cameras.spectral_depth import PROBE
-    from tmca.experiments.spectral_depth.imaging import depth_snapshot_files, take_spectral_depth_snapshot
     from tmca.lab.calibration.apply import bench_of
 
     probe, faults = options.camera(sensor, bench, PROBE), hardware.faults()
     loaded = reading.load(scene, probe, size(crop, "--crop"))
     target = output.out or Path(f"{loaded.attrs['name']}_snapshot.nc")
-    check_targets(depth_snapshot_files(target, output.figures), output.overwrite, scene)
+    check_targets(snapshot_files(target, "spectral-depth", output.figures), output.overwrite, scene)
     camera = options.camera(sensor, bench, (loaded.sizes["y"], loaded.sizes["x"]))
     placed = bench_of(camera, calibration, [] if options.codes is None else [options.codes])
     with progress_bar(f"simulate: {target.name}") as progress:
-        taken = take_spectral_depth_snapshot(loaded, placed.camera, options.seed, progress, faults)
+        taken = simulate(loaded, placed.camera, seed=options.seed, hardware=faults, progress=progress)
     return placed.recorded(taken), target
-
-
-def refuse_reading(reading: TruthOptions, **others: Any) -> None:
-    """Raises SettingError for options that the spectral-depth camera does not have."""
-    for name, value in {**others, **vars(reading)}.items():
-        if value not in (None, "error"):
-            known = "none for spectrum and depth: the truth is read as the snapshot's scene was"
-            raise SettingError(f"--{name.replace('_', '-')}", str(value), known, "leave it out")
-
-
-def way_back(taken: Any, how: dict[str, Any]) -> WayBack:
-    """Cube and depth of a snapshot; ``how`` are options of the decoders."""
-    from tmca.experiments.spectral_depth.imaging import (
-        reconstruct_spectral_depth,
-        spectral_depth_files,
-        spectral_depth_pictures,
-    )
-    from tmca.experiments.spectral_depth.truth import true_spectral_depth
-
-    decode = partial(reconstruct_spectral_depth, taken, **how)
-    pictures = partial(spectral_depth_pictures, snapshot=taken)
-    return WayBack(spectral_depth_files, partial(true_spectral_depth, taken=taken), decode, pictures)

@@ -66,7 +66,7 @@ def load_spectral_depth(
     """
     by, ranged = None if reduce == 1 else reduce, near is not None and far is not None
     how = {"source": source, "reduce": reduce, "placed": placed, "from_rgb": from_rgb, "materials": materials}
-    how |= {"fitted": fitted and ranged, "seed": seed}
+    how |= {"fitted": fitted, "seed": seed}
     if not Path(source).exists() and source in rendered_names():
         _refuse(source, "a rendered scene, which has spectra and depth", placed=placed, from_rgb=from_rgb)
         rendered = rendered_scene(source, wavelengths=wavelengths, seed=seed)
@@ -87,7 +87,7 @@ def load_spectral_depth(
             raise
     if wavelengths is not None:
         scene = scene.drop_dims("wavelength").assign(radiance=at_bands(scene["radiance"], wavelengths))
-    if placed is None and how["fitted"]:
+    if placed is None and fitted and ranged:
         scene["depth"], about = fitted_depth(scene["depth"], near, far)  # type: ignore[arg-type]
         scene.attrs.update(about)
     scene = scene if size is None else middle_of(scene, size, source)

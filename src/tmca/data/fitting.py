@@ -45,12 +45,19 @@ def fit_views(scene: xr.DataArray, views: Size, size: Size, where: str = "scene"
 
 
 def fit_depth_scene(
-    scene: xr.Dataset, wavelengths: Sequence[float], size: Size, near: float, far: float, where: str = "scene"
+    scene: xr.Dataset,
+    wavelengths: Sequence[float],
+    size: Size,
+    near: float,
+    far: float,
+    where: str = "scene",
+    *,
+    mapped: bool = True,
 ) -> xr.Dataset:
     """A scene of ``radiance`` and ``depth`` at these bands, the middle (H, W) of it.
 
     Depth that reaches beyond ``near`` to ``far``, metres, is mapped onto it, evenly in inverse depth, unless attributes
-    of the scene say that it was mapped already.
+    of the scene say that it was mapped already, or it is not to be ``mapped``.
 
     Raises:
         DataError: no such scene, a smaller one, or one with other bands.
@@ -61,7 +68,7 @@ def fit_depth_scene(
     cube, attrs = at_bands(scene["radiance"], wavelengths), dict(scene.attrs)
     fitted = scene.drop_dims("wavelength").assign(radiance=cube).assign_attrs(attrs)
     metres = scene["depth"].values[np.isfinite(scene["depth"].values)]
-    if FITTED[0] not in attrs and metres.size and (metres.min() < near or metres.max() > far):
+    if mapped and FITTED[0] not in attrs and metres.size and (metres.min() < near or metres.max() > far):
         fitted["depth"], mapping = fitted_depth(scene["depth"], near, far)
         fitted.attrs.update(mapping)
     return middle_of(fitted, size, where)

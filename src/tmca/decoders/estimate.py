@@ -60,7 +60,7 @@ class Estimate:
         """
         import xarray as xr
 
-        attrs = {**self.notes, "decoder": self.decoder, "seconds": self.seconds}
+        attrs = {**self.notes, "camera": self.camera.kind, "decoder": self.decoder, "seconds": self.seconds}
         by = f"estimated by {self.decoder}"
         parts = {"estimate" if self.depth is None else "radiance": self._label(self.values, f"scene {by}")}
         if self.deviation is not None:

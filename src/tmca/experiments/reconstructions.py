@@ -1,4 +1,4 @@
-"""Reconstructions of any camera with their metrics, as files too."""
+"""Estimates with their metrics, as comparisons and studies take them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.applications import evaluate
+from tmca.applications.imaging import metric_notes
 from tmca.cameras import Snapshot
 from tmca.decoders import Estimate, decode, decoders_for, usual_decoder
 
@@ -16,38 +18,19 @@ if TYPE_CHECKING:
 
 @dataclass
 class Reconstruction:
-    """What a decoder made of a snapshot.
-
-    Args:
-        data: the estimate as `Estimate.to_xarray` labels it.
-        decoder: which one.
-        seconds: wall time.
-        metrics: against the truth, if it is given.
-        notes: settings and provenance, stored as attributes.
-    """
+    """An estimate as `Estimate.to_xarray` labels it, its decoder, wall time, and metrics if the truth is known."""
 
     data: xr.Dataset
     decoder: str
     seconds: float
     metrics: dict[str, float] = field(default_factory=dict)
-    notes: dict[str, Any] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, estimate: Estimate, metrics: dict[str, float] | None = None) -> Reconstruction:
-        """An estimate and how good it is."""
-        data = estimate.to_xarray()
-        notes = {name: value for name, value in data.attrs.items() if name not in ("decoder", "seconds")}
-        return cls(data, estimate.decoder, estimate.seconds, metrics or {}, notes)
 
     @property
     def cube(self) -> xr.DataArray:
         """The scene: (wavelength, y, x), or views."""
         return self.data["radiance" if "radiance" in self.data else "estimate"]
 
-    @property
-    def light_field(self) -> xr.DataArray:
-        """The scene of a light-field camera, (view_v, view_u, y, x), with colours first if there are any."""
-        return self.cube
+    light_field = cube
 
     @property
     def deviation(self) -> xr.DataArray | None:
@@ -59,24 +42,28 @@ class Reconstruction:
         """(y, x) metres."""
         return self.data["depth"]
 
-    @property
-    def confidence(self) -> xr.DataArray:
-        """(y, x) probability that the depth is right within one bin."""
-        return self.data["confidence"]
-
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write the parts to a NetCDF file, notes and metrics as its attributes.
+        """Write it as NetCDF, metrics as attributes too.
 
         Raises:
             OutputError: the file exists, or cannot be written.
         """
         from tmca.data import write_dataset
 
-        measured = {f"metric_{name}": value for name, value in self.metrics.items()}
-        attrs = {**self.notes, "decoder": self.decoder, "seconds": self.seconds, **measured}
-        stored = self.data.copy()
-        stored.attrs = attrs
-        return write_dataset(stored, path, overwrite=overwrite)
+        return write_dataset(self.data.assign_attrs(metric_notes(self.metrics)), path, overwrite=overwrite)
+
+
+def reconstruct(
+    snapshot: Snapshot[Any],
+    decoder: str | None = None,
+    *,
+    truth: xr.DataArray | xr.Dataset | None = None,
+    **how: Any,
+) -> Reconstruction:
+    """`decoded`, measured against a truth."""
+    estimate = decoded(snapshot, decoder, **how)
+    metrics = {} if truth is None else evaluate(estimate, truth)
+    return Reconstruction(estimate.to_xarray(), estimate.decoder, estimate.seconds, metrics)
 
 
 def decoded(

@@ -7,21 +7,9 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from tmca.applications.spectral import METRICS as METRICS
+from tmca.applications.spectral_depth import DEPTH_METRICS as DEPTH_METRICS
 from tmca.errors import OutputError, SettingError
-
-METRICS = (
-    ("psnr", "PSNR (dB)", ".2f"),
-    ("ssim", "SSIM", ".3f"),
-    ("uiqi", "UIQI", ".3f"),
-    ("sam", "SAM (°)", ".2f"),
-    ("ergas", "ERGAS", ".2f"),
-    ("dd", "DD", ".4f"),
-)
-DEPTH_METRICS = (
-    ("depth_mae", "depth MAE (m)", ".3f"),
-    ("depth_rmse", "depth RMSE (m)", ".3f"),
-    ("within_bin", "within a bin", ".0%"),
-)
 
 
 def check_new(files: Iterable[Path], overwrite: bool) -> None:

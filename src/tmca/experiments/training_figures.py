@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tmca.cameras import SpectralDepthCamera
+from tmca.applications import application_of
 from tmca.decoders import Weights
-from tmca.experiments.camera_figures import codes_figure, phase_codes_figure, psf_figure
 from tmca.plots.curves import training_figure
 from tmca.plots.style import save_figure
 from tmca.training.log import TrainingLog
@@ -20,15 +19,12 @@ _LOSSES = {
 
 
 def training_pictures(folder: Path) -> list[Path]:
-    """Write ``curve.png`` and ``codes.png`` into a run's folder, in the place of earlier ones."""
+    """Write ``curve.png``, ``codes.png`` and the camera's other pictures into a run's folder, in the place of earlier
+    ones."""
     weights = Weights.load(folder / "weights.safetensors")
-    depth = weights.kind == SpectralDepthCamera.kind
+    application = application_of(weights.kind)
     loss = _LOSSES.get(weights.card.get("training", {}).get("optimiser", {}).get("loss", ""), "mean loss")
-    drawings = {
-        "curve": training_figure(TrainingLog(folder / "log.csv").rows(), loss + (" and of depth" if depth else ""))
-    }
-    if depth:
-        drawings |= {"codes": phase_codes_figure(weights.camera), "psf": psf_figure(weights.camera)}
-    else:
-        drawings["codes"] = codes_figure(weights.camera)
+    loss += " and of depth" if "depth_mae" in {name for name, *_ in application.columns} else ""
+    curve = training_figure(TrainingLog(folder / "log.csv").rows(), loss)
+    drawings = {"curve": curve, **application.code_figures(weights.camera)}
     return [save_figure(figure, folder / f"{name}.png", overwrite=True) for name, figure in drawings.items()]

@@ -123,21 +123,7 @@ def _is_snapshot(source: Path) -> bool:
 
 def _scene(name: str, taken: Any) -> list[Any]:
     """Tensors of a scene, as a camera takes them."""
-    import numpy as np
-    import torch
+    from tmca.applications import application_of
 
-    application = taken.camera.kind
-    if application == "light-field":
-        from tmca.data.light_field_scenes import as_batch
-        from tmca.experiments.light_field.truth import true_light_field
-
-        return [as_batch(true_light_field(name, taken))[:1]]
-    if application == "spectral-depth":
-        from tmca.data.depth_scenes import depth_tensor
-        from tmca.experiments.spectral_depth.truth import true_spectral_depth
-
-        scene = true_spectral_depth(name, taken)
-        return [torch.from_numpy(np.array(scene["radiance"].values, np.float32))[None], depth_tensor(scene)]
-    from tmca.experiments.spectral.imaging import true_scene
-
-    return [torch.from_numpy(np.array(true_scene(name, taken).values, np.float32))[None]]
+    application = application_of(taken.camera)
+    return [part[:1] for part in application.tensors(application.truth(name, taken.camera, taken.notes))]

@@ -125,9 +125,9 @@ def join(
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
     """
+    from tmca.applications.file_pictures import picture_of
     from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
-    from tmca.experiments.pictures import picture_of
     from tmca.lab.ground_truth.join import DEPTH, SPECTRA, join_ground_truth, open_part
 
     check_figure(figure, overwrite)

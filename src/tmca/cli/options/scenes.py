@@ -15,6 +15,8 @@ from tmca.errors import SettingError
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tmca.applications import Application
+
 _SCENE = Group("Reading the scene", sort_key=0)
 _LENS = "ROWSxCOLUMNS of the views under a lens, such as 14x14"
 
@@ -69,35 +71,30 @@ class TruthOptions(ViewFilesOptions, SceneOptions):
     without it. Of a light field: whole number of pixels per axis that are averaged into one; what the snapshot's scene
     was read with, without it."""
 
-    def reading(self) -> dict[str, Any]:
-        """Arguments of ``load_scene``.
+    def of(self, application: Application) -> dict[str, Any]:
+        """What is given of the arguments of `Application.truth`.
 
         Raises:
-            SettingError: options that cubes do not have.
+            SettingError: options that scenes of this camera do not have.
         """
-        for name in ("pattern", "lens"):
-            if getattr(self, name) is not None:
-                raise SettingError(f"--{name}", getattr(self, name), "a light field", "leave it out")
-        return super().reading()
+        given = {name: value for name, value in vars(self).items() if value not in (None, "error")}
+        for name, value in given.items():
+            if name not in application.truth_options:
+                known = ", ".join(f"--{one}" for one in sorted(application.truth_options)) or "none"
+                raise SettingError(name, str(value), f"{known} for a {application.kind} camera's scene", "leave it out")
+        if "pattern" in application.truth_options and "scale" in given:
+            given["scale"] = self._whole_scale()
+        texts = {**SceneOptions.reading(self), **self.files()}
+        return {name: texts[name] if name in texts and name != "scale" else given[name] for name in given}
 
-    def views_reading(self) -> dict[str, Any]:
-        """``scale``, ``pattern`` and ``lens`` of ``load_light_field``.
-
-        Raises:
-            SettingError: options that light fields do not have.
-        """
-        for name, usual in (("wavelengths", None), ("variable", None), ("negative", "error")):
-            value = getattr(self, name)
-            if value != usual:
-                wanted = "--scale, --pattern or --lens of a light field"
-                raise SettingError(f"--{name}", str(value), wanted, "leave it out")
-        if self.scale is not None and not float(self.scale).is_integer():
-            found = f"{self.scale:g}"
-            raise SettingError("--scale", found, "a whole number of pixels that are averaged into one")
-        return {"scale": None if self.scale is None else int(self.scale), **self.files()}
+    def _whole_scale(self) -> int:
+        scale = float(self.scale or 1)
+        if not scale.is_integer():
+            raise SettingError("scale", f"{scale:g}", "a whole number of pixels that are averaged into one")
+        return int(scale)
 
 
-def assumed(cube: xr.DataArray) -> None:
+def assumed(cube: xr.DataArray | xr.Dataset) -> None:
     """Say on standard error what was taken for granted about a file."""
     origin, file = str(cube.attrs.get("wavelengths_from", "")), cube.attrs.get("source")
     if origin.startswith("known set"):

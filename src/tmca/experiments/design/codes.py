@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.applications.camera_figures import codes_figure
+from tmca.applications.report import Section, write_report
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.design import Advice, Candidate, Effort, Examples, SensorSheet, advise, decibels, measures
-from tmca.experiments.camera_figures import codes_figure
 from tmca.experiments.design.checks import check_search, check_size
 from tmca.experiments.design.words import code_advice
-from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure

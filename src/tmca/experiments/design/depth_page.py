@@ -7,12 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.applications.camera_figures import phase_codes_figure, psf_figure
+from tmca.applications.report import Section, write_report
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.design import MaskAdvice, MaskCandidate, MaskEffort, MaskTask
 from tmca.design.spectral_depth import bhattacharyya, confusion, drawn_error, kullback_leibler
-from tmca.experiments.camera_figures import phase_codes_figure, psf_figure
 from tmca.experiments.design.words import mask_advice
-from tmca.experiments.report import Section, write_report
 from tmca.experiments.results import repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import distances_figure, fisher_figure

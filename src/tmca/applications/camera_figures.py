@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
-from tmca.cameras import SpectralDepthCamera
 from tmca.plots import codes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tmca.cameras import Camera, CodedCamera
+    from tmca.cameras import CodedCamera, LightFieldCamera, Snapshot, SpectralDepthCamera
 
 _POINTS = 4
 
 
-def snapshot_figure(snapshot: np.ndarray, camera: Camera, title: str) -> Figure:
-    """The recorded image (H, W') and how its values fill the sensor's range."""
-    return codes.snapshot_figure(snapshot, camera.full_scale, camera.channel, title)
+def snapshot_figure(snapshot: Snapshot[Any], title: str) -> Figure:
+    """The recorded image, mean of its colours or channels, and how its values fill the sensor's range."""
+    camera = snapshot.camera
+    image = snapshot.values.mean((0, 1)).numpy(force=True)
+    return codes.snapshot_figure(image, camera.full_scale, camera.channel, title)
 
 
 def codes_figure(camera: CodedCamera, corner: int = codes.CORNER) -> Figure:
@@ -31,6 +32,12 @@ def codes_figure(camera: CodedCamera, corner: int = codes.CORNER) -> Figure:
     size = f"first {min(corner, camera.size[0])} × {min(corner, camera.size[1])} of {camera.size[0]} × {camera.size[1]}"
     title = f"{size} pixels, K = {camera.slots}, light throughput {camera.throughput():.1%}"
     return codes.codes_figure(aperture, shutter, code, camera.channel_names, title, corner)
+
+
+def rays_figure(camera: LightFieldCamera) -> Figure:
+    """What each mask point does to the rays that cross it."""
+    seen = camera.code_through_mask().detach().cpu().numpy()
+    return codes.sub_images_figure({f"code seen from the mask, K = {camera.slots}": seen})
 
 
 def phase_codes_figure(camera: SpectralDepthCamera) -> Figure:

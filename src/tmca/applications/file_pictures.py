@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.applications.camera_figures import snapshot_figure
 from tmca.cameras import Snapshot, holds_snapshot
 from tmca.data import (
     describe,
@@ -19,7 +20,6 @@ from tmca.data import (
 )
 from tmca.data.pixels import encoded
 from tmca.errors import DataError
-from tmca.experiments.camera_figures import snapshot_figure
 from tmca.plots.cube import cube_figure
 from tmca.plots.depth import rgbd_figure, scene_figure
 from tmca.plots.style import image_figure, save_figure
@@ -48,8 +48,7 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     found = describe(path, variable, **views)
     names = set(found.get("variables", {})) | set(found.get("coords", {}))
     if holds_snapshot(names):
-        snapshot = Snapshot.load(path)
-        return snapshot_figure(snapshot.values[0, 0].numpy(), snapshot.camera, path.name)
+        return snapshot_figure(Snapshot.load(path), path.name)
     if "covariance" in names or "autocovariance" in names:
         from tmca.priors import load_prior
 

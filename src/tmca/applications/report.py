@@ -23,16 +23,14 @@ class Section:
         text: paragraphs.
         table: rows of a table, dictionaries.
         columns: (key, heading, format) of the table's columns.
-        figures: caption → figure.
-        animations: caption → GIF file.
+        figures: caption → figure, or GIF file.
     """
 
     title: str
     text: Sequence[str] = ()
     table: Sequence[dict[str, Any]] = ()
     columns: Sequence[tuple[str, str, str]] = ()
-    figures: dict[str, Figure] = field(default_factory=dict)
-    animations: dict[str, Path] = field(default_factory=dict)
+    figures: dict[str, Figure | Path] = field(default_factory=dict)
 
 
 def write_report(path: str | Path, title: str, sections: Sequence[Section], *, overwrite: bool = False) -> Path:
@@ -46,7 +44,7 @@ def write_report(path: str | Path, title: str, sections: Sequence[Section], *, o
     from tmca import __version__
     from tmca.data import write_text
 
-    source = files("tmca.experiments").joinpath("report.html.j2").read_text(encoding="utf-8")
+    source = files("tmca.applications").joinpath("report.html.j2").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
     page = template.render(title=title, version=__version__, sections=[_rendered(section) for section in sections])
     return write_text(page, path, overwrite=overwrite)
@@ -62,18 +60,14 @@ def _rendered(section: Section) -> dict[str, Any]:
         "text": section.text,
         "headings": [heading for _, heading, _ in section.columns],
         "rows": rows,
-        "figures": [
-            *((caption, "image/png", _embedded(figure)) for caption, figure in section.figures.items()),
-            *((caption, "image/gif", _coded(file.read_bytes())) for caption, file in section.animations.items()),
-        ],
+        "figures": [(caption, *_embedded(figure)) for caption, figure in section.figures.items()],
     }
 
 
-def _embedded(figure: Figure) -> str:
+def _embedded(figure: Figure | Path) -> tuple[str, str]:
+    """Media type and content of a picture."""
+    if isinstance(figure, Path):
+        return "image/gif", base64.b64encode(figure.read_bytes()).decode()
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=110, format="png", facecolor="white")
-    return _coded(buffer.getvalue())
-
-
-def _coded(content: bytes) -> str:
-    return base64.b64encode(content).decode()
+    return "image/png", base64.b64encode(buffer.getvalue()).decode()

@@ -1,0 +1,71 @@
+"""Pictures of snapshots and estimates beside their files; each camera's application says which there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.applications.base import application_of
+from tmca.applications.camera_figures import snapshot_figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.cameras import Snapshot
+    from tmca.decoders import Estimate
+
+
+def snapshot_files(target: Path, kind: str, figures: bool = True) -> list[Path]:
+    """What the file of a snapshot and its pictures are called."""
+    endings = (".png", *(f"_{name}.png" for name in application_of(kind).codes))
+    return [target, *(_files(target, endings) if figures else [])]
+
+
+def estimate_files(target: Path, kind: str, figures: bool = True) -> list[Path]:
+    """What the file of an estimate and its pictures are called."""
+    return [target, *(_files(target, application_of(kind).pictures) if figures else [])]
+
+
+def _files(target: Path, endings: Iterable[str]) -> list[Path]:
+    return [target.with_name(f"{target.stem}{ending}") for ending in endings]
+
+
+def snapshot_pictures(snapshot: Snapshot[Any], target: Path, *, overwrite: bool = False) -> list[Path]:
+    """The recorded image, and what the camera showed meanwhile, as PNG beside the snapshot's file."""
+    camera = snapshot.camera
+    shown = application_of(camera).code_figures(camera)
+    drawings = [snapshot_figure(snapshot, f"{target.stem}: K = {camera.slots}"), *shown.values()]
+    files = snapshot_files(target, camera.kind)[1:]
+    return [save_picture(one, file, overwrite=overwrite) for one, file in zip(drawings, files, strict=True)]
+
+
+def estimate_pictures(
+    estimate: Estimate,
+    target: Path,
+    *,
+    truth: xr.DataArray | xr.Dataset | None = None,
+    snapshot: Snapshot[Any] | None = None,
+    overwrite: bool = False,
+) -> list[Path]:
+    """An estimate in pictures beside its file.
+
+    Args:
+        estimate: of a decoder.
+        target: the estimate's file.
+        truth: the scene, as `Application.truth` gives it.
+        snapshot: that was decoded.
+        overwrite: replace files.
+    """
+    application = application_of(estimate.camera)
+    drawn = application.figures(estimate.to_xarray(), estimate.camera, truth, snapshot, target.stem)
+    files = _files(target, drawn)
+    return [save_picture(one, file, overwrite=overwrite) for one, file in zip(drawn.values(), files, strict=True)]
+
+
+def save_picture(picture: Any, file: Path, *, overwrite: bool = False) -> Path:
+    """A figure, or for ``.gif`` views (V, U, H, W) as a walk over them, as a file."""
+    from tmca.plots.style import save_figure
+    from tmca.plots.views import views_gif
+
+    return (views_gif if file.suffix == ".gif" else save_figure)(picture, file, overwrite=overwrite)
