@@ -36,7 +36,7 @@ tmca prior learn coffee rocket --bands 2 --out p.nc
 = tmca prior expect p.nc --slots 2 --period 4 --read-noise 0.01
 tmca export s.nc --device dli4120 --no-figures --out e
 = tmca export check e
-tmca dbd simulate -M 7 -P 5 -J 1 --targets 1 --paths 1 --out o.nc
+tmca dbd simulate -M 9 -P 7 -J 2 --targets 1 --paths 1 --out o.nc
 = tmca dbd solve o.nc --no-certify
 """
 

@@ -1,6 +1,7 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
 from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
+from tmca.cameras.described import CodesWarning, camera_of
 from tmca.cameras.faults import LIMITS, PAIRS, PARTS, Hardware
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
@@ -16,6 +17,7 @@ __all__ = [
     "PARTS",
     "Camera",
     "CodedCamera",
+    "CodesWarning",
     "Hardware",
     "LightFieldCamera",
     "PhaseCodes",
@@ -23,6 +25,7 @@ __all__ = [
     "SomeCamera",
     "SpectralCamera",
     "SpectralDepthCamera",
+    "camera_of",
     "defective",
     "holds_snapshot",
     "imperfect",
