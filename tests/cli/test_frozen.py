@@ -73,7 +73,11 @@ def stated(argument):
 
 def options(command):
     """A row for every option."""
-    return sorted(stated(argument) for argument in command.assemble_argument_collection() if not argument.children)
+    return sorted(
+        stated(argument)
+        for argument in command.assemble_argument_collection(default_parameter=app.default_parameter)
+        if not argument.children
+    )
 
 
 def types(value):

@@ -159,7 +159,7 @@ def shear_of(bench: MaskPlaceSpec, spec: LightFieldSpec, views: tuple[int, int])
     return {"shear": shear.step, "mask_scale": shear.scale}
 
 
-def _geometry(bench: MaskPlaceSpec, views: tuple[int, int], shear: tuple[float, float] | None) -> MaskGeometry:
+def _geometry(bench: MaskPlaceSpec, views: tuple[int, int], shear: tuple[float, ...] | None) -> MaskGeometry:
     lengths: dict[str, Any] = {**bench.lengths(), "views": views[0]}
     if shear is not None and (bench.mask_distance is not None or bench.mask_pitch is not None):
         raise SettingError("shear", "beside --mask-distance or --mask-pitch", "one of them")

@@ -8,12 +8,13 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import READING
 from tmca.cli.options.output import check_figure, warned
-from tmca.cli.options.scenes import TruthOptions, assumed
-from tmca.cli.spectral_depth import refuse_reading
+from tmca.cli.options.scenes import assumed
+from tmca.specs import TruthReading
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
-_SCENE = TruthOptions()
+_SCENE = TruthReading()
 
 
 @app.default
@@ -22,7 +23,7 @@ def evaluate(
     truth: str,
     /,
     *,
-    reading: TruthOptions = _SCENE,
+    reading: Annotated[TruthReading, READING] = _SCENE,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -48,14 +49,16 @@ def evaluate(
     check_figure(figure, overwrite, estimate)
     about = describe(estimate)
     if "confidence" in about["variables"] and about.get("depth"):
-        refuse_reading(reading)
+        reading.of("spectral-depth")
         found = evaluate_spectral_depth(estimate, truth, figure=figure, overwrite=overwrite)
     elif about["kind"] == "light field":
         found = evaluate_light_field(
-            estimate, truth, figure=figure, overwrite=overwrite, told=warned, **reading.views_reading()
+            estimate, truth, figure=figure, overwrite=overwrite, told=warned, **reading.of("light-field")
         )
     else:
-        found = evaluate_files(estimate, truth, figure=figure, overwrite=overwrite, told=assumed, **reading.reading())
+        found = evaluate_files(
+            estimate, truth, figure=figure, overwrite=overwrite, told=assumed, **reading.of("spectral")
+        )
     if json:
         print(json_module.dumps(found, indent=1))
         return

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli import spectral_depth
-from tmca.cli.options.numbers import MaybeWhole
+from tmca.cli.cameras import READING
+from tmca.cli.options.numbers import MaybeWhole, On
 from tmca.cli.options.output import OutputOptions, check_targets, warned
-from tmca.cli.options.scenes import TruthOptions
 from tmca.cli.progress import progress_bar
-from tmca.cli.way_back import WayBack
 from tmca.errors import SettingError
+from tmca.specs import TruthReading
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
-_OUTPUT, _SCENE = OutputOptions(), TruthOptions()
+_OUTPUT, _READING = OutputOptions(), TruthReading()
 
 
 @app.default
@@ -27,16 +25,16 @@ def reconstruct(
     /,
     *,
     decoder: Annotated[str | None, Parameter(alias="-d")] = None,
+    truth: str | None = None,
     weights: str | None = None,
     prior: Path | None = None,
-    dictionary: Path | None = None,
-    truth: str | None = None,
-    tv_weight: float | None = None,
-    uncertainty: bool = True,
-    window: MaybeWhole = None,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     calibration: Path | None = None,
-    reading: TruthOptions = _SCENE,
+    dictionary: Path | None = None,
+    tv_weight: float | None = None,
+    uncertainty: On = True,
+    window: MaybeWhole = None,
+    reading: Annotated[TruthReading, READING] = _READING,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Recover the scene from SNAPSHOT, a file written by `tmca simulate`.
@@ -47,47 +45,53 @@ def reconstruct(
             dagger, network, …; of a spectral snapshot also lmmse-adapted (its prior refitted to the snapshot itself);
             of a light-field snapshot also dictionary, dictionary-omp. Of a spectral-depth snapshot likelihood: depth
             and spectrum by the likelihood of every plane under a patch prior; or network.
+        truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
+            was for the snapshot.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
             the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
             then kept).
-        dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
-        truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
-            was for the snapshot.
-        tv_weight: weight of the total variation; chosen from the noise level without it.
-        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
-        window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         set_: NAME=VALUE, any setting of the decoder; `tmca decoders` lists them. May be given several times.
         calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Snapshots
             in digital numbers need one.
+        dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
+        tv_weight: weight of the total variation; chosen from the noise level without it.
+        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
+        window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
     """
     from tmca.decoders import usual_decoder
     from tmca.lab.calibration.apply import load_snapshot
 
     taken = load_snapshot(snapshot, calibration)
     kind = taken.camera.kind
-    decoder = decoder or ("network" if weights else "dictionary" if dictionary else usual_decoder(kind))
-    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
-    how = {"prior": prior, "tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
-    how |= _settings(decoder, kind, set_ or [])
-    if dictionary is not None and kind != "light-field":
-        wanted = "none: only light fields are decoded by one"
-        raise SettingError("--dictionary", str(dictionary), wanted, "leave it out")
-    if kind == "light-field":
-        way = _light_field(taken, reading, how | {"dictionary": dictionary})
-    elif kind == "spectral-depth":
-        spectral_depth.refuse_reading(reading)
-        way = spectral_depth.way_back(taken, how)
-    else:
-        way = _spectral(taken, reading, how)
-    check_targets(way.files(target, output.figures), output.overwrite, snapshot)
-    scene = None if truth is None else way.truth(truth)
-    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        result = way.decode(decoder, truth=scene, progress=progress)
+    name = decoder or ("network" if weights else "dictionary" if dictionary else usual_decoder(kind))
+    _check_dictionary(dictionary, name, kind)
+    how: dict[str, Any] = {"prior": dictionary or prior, "tv_weight": tv_weight, "weights": weights}
+    how |= {"uncertainty": uncertainty, "window": window, **_settings(name, kind, set_ or [])}
+    asked = reading.of(kind)
+    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{name}.nc")
+    check_targets(_files(kind, target, output.figures), output.overwrite, snapshot)
+    scene = None if truth is None else _truth(truth, taken, asked)
+    with progress_bar(f"{name}: {snapshot.name}") as progress:
+        result = _decoded(taken, name, scene, how, progress)
     written = [result.save(target, overwrite=output.overwrite)]
     if output.figures:
-        written += way.pictures(result, target, truth=scene, overwrite=output.overwrite)
+        written += _pictures(result, taken, target, scene, output.overwrite)
     _say(result, target, written, output)
+
+
+for _camera in ("spectral", "light-field", "spectral-depth"):
+    app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")
+
+
+def _check_dictionary(dictionary: Path | None, decoder: str, kind: str) -> None:
+    from tmca.decoders import decoders
+
+    if dictionary is None:
+        return
+    if kind != "light-field" or decoder not in decoders() or decoders()[decoder].prior_kind != "dictionary":
+        wanted = "none: only dictionary and dictionary-omp, of light fields, use it"
+        raise SettingError("dictionary", f"one for {decoder}", wanted, "leave it out")
 
 
 def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
@@ -98,31 +102,56 @@ def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     pairs = [text.partition("=") for text in texts]
     for name, equals, _ in pairs:
         if not (name and equals):
-            raise SettingError("--set", repr(name), "NAME=VALUE, such as iterations=50")
+            raise SettingError("set", repr(name), "NAME=VALUE, such as iterations=50")
     named = {name.strip(): value.strip() for name, _, value in pairs}
     known = decoders_for(kind, moving=None)
     return checked_settings(known[decoder], named, texts=True) if decoder in known else dict(named)
 
 
-def _spectral(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:
-    from tmca.experiments.spectral.imaging import (
-        reconstruct_snapshot,
-        reconstruction_files,
-        reconstruction_pictures,
-        true_scene,
-    )
+def _decoded(taken: Any, decoder: str, scene: Any, how: dict[str, Any], progress: Any) -> Any:
+    """The estimate, with its metrics where the scene is known."""
+    from tmca.applications import application_of
+    from tmca.experiments.reconstructions import Reconstruction, decoded
 
-    truth = partial(true_scene, snapshot=taken, **reading.reading())
-    return WayBack(reconstruction_files, truth, partial(reconstruct_snapshot, taken, **how), reconstruction_pictures)
+    estimate = decoded(taken, decoder, progress=progress, **how)
+    if scene is None:
+        return Reconstruction.of(estimate)
+    parts = {"values": estimate.values.numpy(force=True)}
+    parts |= {} if estimate.depth is None else {"depth": estimate.depth[0, 0].numpy(force=True)}
+    return Reconstruction.of(estimate, application_of(taken.camera).metrics(parts, scene, taken.camera))
 
 
-def _light_field(taken: Any, reading: TruthOptions, how: dict[str, Any]) -> WayBack:
-    from tmca.experiments.light_field.imaging import light_field_files, light_field_pictures, reconstruct_light_field
+def _truth(source: str, taken: Any, reading: dict[str, Any]) -> Any:
+    """The scene of a snapshot, read as it was for it."""
     from tmca.experiments.light_field.truth import true_light_field
+    from tmca.experiments.spectral.imaging import true_scene
+    from tmca.experiments.spectral_depth.truth import true_spectral_depth
 
-    truth = partial(true_light_field, snapshot=taken, told=warned, **reading.views_reading())
-    pictures = partial(light_field_pictures, snapshot=taken)
-    return WayBack(light_field_files, truth, partial(reconstruct_light_field, taken, **how), pictures)
+    if taken.camera.kind == "light-field":
+        return true_light_field(source, taken, told=warned, **reading)
+    if taken.camera.kind == "spectral-depth":
+        return true_spectral_depth(source, taken)
+    return true_scene(source, taken, **reading)
+
+
+def _files(kind: str, target: Path, figures: bool) -> list[Path]:
+    """What an estimate and its pictures will be called."""
+    pictures = [target.with_suffix(".png")]
+    if kind == "light-field":
+        pictures += [target.with_name(f"{target.stem}_refocus.png"), target.with_suffix(".gif")]
+    return [target, *(pictures if figures else [])]
+
+
+def _pictures(result: Any, taken: Any, target: Path, scene: Any, overwrite: bool) -> list[Path]:
+    from tmca.experiments.light_field.imaging import light_field_pictures
+    from tmca.experiments.spectral.imaging import reconstruction_pictures
+    from tmca.experiments.spectral_depth.imaging import spectral_depth_pictures
+
+    if taken.camera.kind == "light-field":
+        return light_field_pictures(result, target, snapshot=taken, truth=scene, overwrite=overwrite)
+    if taken.camera.kind == "spectral-depth":
+        return spectral_depth_pictures(result, target, snapshot=taken, truth=scene, overwrite=overwrite)
+    return reconstruction_pictures(result, target, truth=scene, overwrite=overwrite)
 
 
 def _say(result: Any, target: Path, written: list[Path], output: OutputOptions) -> None:
@@ -139,7 +168,3 @@ def _say(result: Any, target: Path, written: list[Path], output: OutputOptions) 
     print(f"{target}: {result.decoder}, {result.seconds:.1f} s")
     for name, value in result.metrics.items():
         print(f"  {name:8s} {value:.4g}")
-
-
-for _camera in ("spectral", "light-field", "spectral-depth"):
-    app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")

@@ -11,15 +11,16 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole
-from tmca.cli.options.scenes import ViewFilesOptions
 from tmca.errors import SettingError
+from tmca.specs import ViewsReading
 
 app = App(
     name="train",
     help="Learn a camera's codes and its decoder together; or, with --from, fine-tune a trained decoder on captures.",
 )
-_VIEWS = ViewFilesOptions()
+_VIEWS = ViewsReading()
 
 
 @app.default
@@ -127,7 +128,7 @@ def light_field(
     config: Path | None = None,
     train: list[str] | None = None,
     validation: list[str] | None = None,
-    reading: ViewFilesOptions = _VIEWS,
+    reading: Annotated[ViewsReading, READING] = _VIEWS,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     steps: MaybeWhole = None,
     accelerator: str = "auto",
@@ -150,7 +151,7 @@ def light_field(
     """
     from tmca.experiments.face import training_of
 
-    files = {f"data.{name}": value for name, value in reading.files().items()}
+    files = {f"data.{name}": value for name, value in reading.given().items()}
     changes = _changes(set_, train, validation, steps, files)
     settings, engine, load = training_of("light-field", preset, config, changes)
     _run(engine, settings, out, load, accelerator, json)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from tmca.errors import SettingError, TmcaError
+from tmca.errors import DataError, SettingError, TmcaError
 
 SEEDS = 2**30
 """Seeds lie below."""
@@ -53,6 +54,25 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
         return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
     expected = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     return SettingError(where, repr(first["input"]), expected.partition(", unable")[0])
+
+
+def read_yaml(file: Path, expected: str) -> dict[str, Any]:
+    """Names and values of a YAML file.
+
+    Raises:
+        DataError: no such file, no YAML, or no names with values.
+    """
+    import yaml
+
+    try:
+        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(file, "no such file", expected) from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise DataError(file, f"no readable YAML ({error})", expected) from None
+    if not isinstance(found, dict):
+        raise DataError(file, f"a {type(found).__name__}", expected)
+    return found
 
 
 def _parts(value: Any) -> Any:
@@ -109,16 +129,18 @@ def _text(value: Any) -> Any:
 
 Numbers = Annotated[float | tuple[float, ...], BeforeValidator(_text)]
 """One number or several: ``1`` or ``0,1.5,3``."""
-Both = Annotated[tuple[float, float], BeforeValidator(lambda value: _both(_joined(value)))]
+_PAIR = Field(min_length=2, max_length=2)
+Both = Annotated[tuple[float, ...], BeforeValidator(lambda value: _both(_joined(value))), _PAIR]
 """Two numbers, or one that stands for both: ``1`` or ``1,0.5``."""
-Range = Annotated[tuple[float, float], BeforeValidator(_text)]
+Range = Annotated[tuple[float, ...], BeforeValidator(_text), _PAIR]
 """Two numbers: ``0.4,2``."""
 Words = Annotated[tuple[str, ...], BeforeValidator(_words)]
 """Words separated by commas."""
 Wholes = Annotated[tuple[int, ...], BeforeValidator(_words)]
 """Whole numbers separated by commas."""
-Side = Annotated[int, Field(ge=1)]
-Sides = Annotated[tuple[Side, Side], BeforeValidator(lambda value: _sides(_joined(value)))]
+Whole = Annotated[int, Field(ge=1)]
+"""1 or more."""
+Sides = Annotated[tuple[Whole, ...], BeforeValidator(lambda value: _sides(_joined(value))), _PAIR]
 """Two whole numbers: ``64x80``."""
 Metres = Annotated[tuple[float, ...], BeforeValidator(metres_of_nm)]
 """Wavelengths in metres, of texts in nm."""

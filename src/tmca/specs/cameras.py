@@ -8,12 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from tmca.errors import SettingError
-from tmca.specs.base import Both, Numbers, Range, Seed, Share, Spec
+from tmca.specs.base import Both, Numbers, Range, Seed, Share, Spec, Whole
 
 CAMERA_SPECS: dict[str, type[CameraSpec]] = {}
 """The spec of every kind of camera."""
-Slots = Annotated[int, Field(ge=1)]
-Pixels = Annotated[int, Field(ge=1)]
 
 
 class CameraSpec(Spec):
@@ -24,6 +22,7 @@ class CameraSpec(Spec):
 
     kind: ClassVar[str]
     sources: ClassVar[tuple[str, ...]] = ("preset", "codes", "weights")
+    shape: ClassVar[tuple[str, ...]] = ("size", "bands", "views")  # what a scene gives
 
     @classmethod
     def __pydantic_init_subclass__(cls, **arguments: Any) -> None:
@@ -44,7 +43,7 @@ class CameraSpec(Spec):
 class CodedSpec(CameraSpec):
     """Codes of a camera with an aperture and a shutter, and the exposure."""
 
-    slots: Slots = 8
+    slots: Whole = 8
     "Time slots K within the exposure; those of the patterns where a file is given."
     aperture: str = "random"
     "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns."
@@ -53,7 +52,7 @@ class CodedSpec(CameraSpec):
     preset: str | None = None
     """Start from a named camera: thesis, one-hot, and of the spectral camera cassi (static), of the light field clfp
     (static) and quick. Other options replace its values."""
-    period: Pixels | None = None
+    period: Whole | None = None
     "Tile of the codes in pixels; full frame without it."
     seed: Seed = 0
     "Of the codes and the noise."
@@ -105,10 +104,11 @@ class SpectralDepthSpec(CameraSpec):
     """The spectral-depth camera; what has no default is the preset's."""
 
     kind: ClassVar[str] = "spectral-depth"
+    shape: ClassVar[tuple[str, ...]] = ("size",)
 
     preset: str = "quick"
     "Start from a named camera: thesis, diffractive (its phase mask alone), quick, quick-diffractive."
-    slots: Slots | None = None
+    slots: Whole | None = None
     "Time slots K within the exposure."
     mask: str | None = None
     "Phase mask: flat, zernike, free-form, rotational or lens."
@@ -127,7 +127,7 @@ class SpectralDepthSpec(CameraSpec):
     "Colour filters over the pixels: clear, gaussian or rgbw."
     channels: str | None = None
     "Of the sensor: monochrome or rgb."
-    period: Pixels | None = None
+    period: Whole | None = None
     "Tile of shutter and filters, pixels."
     exposure: Literal["equal", "per-slot"] | None = None
     "equal: the slots share one exposure time; per-slot: each has its own."

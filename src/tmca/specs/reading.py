@@ -7,9 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from tmca.errors import SettingError
-from tmca.specs.base import Metres, Sides, Spec
-
-Whole = Annotated[int, Field(ge=1)]
+from tmca.specs.base import Metres, Sides, Spec, Whole
 
 
 class CubeReading(Spec):
@@ -41,6 +39,10 @@ class LightFieldsReading(ViewsReading):
     "n for the centre n×n views, odd."
     scale: Whole | None = None
     "Of light fields from files: whole number of pixels per axis that are averaged into one."
+
+    def files(self) -> dict[str, Any]:
+        """Arguments of `tmca.data.light_field_scenes.Reading`."""
+        return {"scale": self.scale, "pattern": self.pattern, "lens": self.lens}
 
 
 class MeasuredReading(LightFieldsReading):
