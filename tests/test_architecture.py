@@ -10,6 +10,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "tmca"
 FLOORS = {
     "errors": 0,
+    "specs": 0.5,
     "data": 1,
     "metrics": 1,
     "plots": 2,

@@ -60,6 +60,7 @@ _ROOMS = (
     "plots",
     "priors",
     "sensor",
+    "specs",
     "training",
 )
 

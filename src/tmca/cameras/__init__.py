@@ -1,13 +1,14 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
 from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
-from tmca.cameras.faults import LIMITS, PAIRS, PARTS, Hardware
+from tmca.cameras.described import CodesWarning, camera_of
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_scene, moving_scenes
 from tmca.cameras.snapshot import Snapshot, holds_snapshot
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
+from tmca.specs.hardware import LIMITS, PAIRS, PARTS, Hardware
 
 __all__ = [
     "CAMERAS",
@@ -16,6 +17,7 @@ __all__ = [
     "PARTS",
     "Camera",
     "CodedCamera",
+    "CodesWarning",
     "Hardware",
     "LightFieldCamera",
     "PhaseCodes",
@@ -23,6 +25,7 @@ __all__ = [
     "SomeCamera",
     "SpectralCamera",
     "SpectralDepthCamera",
+    "camera_of",
     "defective",
     "holds_snapshot",
     "imperfect",

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras.camera import Camera, CodedCamera
-from tmca.cameras.faults import Hardware
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
@@ -18,6 +17,7 @@ from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear, gaussian_spread
 from tmca.optics.zernike import noll, zernike_modes
 from tmca.sensor import Sensor
+from tmca.specs.hardware import Hardware
 
 COLOURED = ("misregistration", "magnification", "rotation", "dispersion_error", "hot_pixels", "dead_pixels")
 """Faults of a coloured aperture, which neither changes nor has a shutter."""

@@ -30,11 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
-        _leave(f"{' '.join(str(error).split())} Try `tmca --help`." if not tokens else " ".join(str(error).split()))
+        _leave(_misspelt(error, tokens))
     except TmcaError as error:
-        from tmca.cli.messages import in_options
-
-        _leave(in_options(error, tokens))
+        _leave(_in_options(error, tokens))
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "allocate" not in str(error):
             raise
@@ -49,6 +47,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
     except OSError as error:
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+
+
+def _misspelt(error: Exception, tokens: list[str]) -> str:
+    """What the command line cannot take, in one line; a value that a spec refuses like every other error."""
+    from pydantic import ValidationError
+
+    if isinstance(error.__cause__, ValidationError):
+        from tmca.specs import first_error
+
+        return _in_options(first_error(error.__cause__), tokens)
+    said = " ".join(str(error).split())
+    return said if tokens else f"{said} Try `tmca --help`."
+
+
+def _in_options(error: TmcaError, tokens: list[str]) -> str:
+    """The error's line; a field that the command has an option for is named by it."""
+    from tmca.cli.app import app
+
+    field, space, rest = error.where.partition(" ")
+    option = f"--{field.replace('_', '-')}"
+    command = app.parse_commands(tokens)[1][-1]
+    options = {name for argument in command.assemble_argument_collection() for name in argument.names}
+    known = error.where.isprintable() and option in options
+    return f"{option}{space}{rest}{str(error)[len(error.where) :]}" if known else str(error)
 
 
 def _lines_once() -> Callable[..., None]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from cyclopts import App
+from typing import Any
+
+from cyclopts import App, Parameter
 
 from tmca import __version__
 
@@ -35,10 +37,18 @@ COMMANDS = {
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }
 
+
+def _shown(default: Any) -> str | None:
+    """A default on a help page; what is off, or nothing, is not shown."""
+    several = isinstance(default, list | tuple)
+    return None if default in (None, False, "") else ",".join(map(str, default)) if several else str(default)
+
+
 app = App(
     name="tmca",
     help="Time-multiplexed coded aperture cameras: simulate, reconstruct, compare.",
     version=__version__,
+    default_parameter=Parameter(negative_bool="", negative_iterable="", show_default=_shown),
     suppress_keyboard_interrupt=False,
     help_epilogue="Start with `tmca demo`. Every command explains itself with --help.",
 )

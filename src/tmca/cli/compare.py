@@ -8,13 +8,14 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import READING
 from tmca.cli.options.grid import GridOptions
-from tmca.cli.options.light_field import MeasuredLightFieldsOptions
 from tmca.cli.options.numbers import Whole
 from tmca.cli.progress import cell_done
+from tmca.specs import MeasuredReading
 
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
-_GRID, _VIEWS = GridOptions(), MeasuredLightFieldsOptions()
+_GRID, _VIEWS = GridOptions(), MeasuredReading()
 
 
 @app.command
@@ -69,7 +70,7 @@ def light_field(
     decoders: str = "dictionary,lmmse,mixture",
     frame: str = "270x480",
     period: Whole = 16,
-    reading: MeasuredLightFieldsOptions = _VIEWS,
+    reading: Annotated[MeasuredReading, READING] = _VIEWS,
     atoms: Whole = 1024,
     seed: Whole = 0,
     seeds: Whole = 1,
@@ -97,6 +98,7 @@ def light_field(
         steps: optimiser steps of every network.
     """
     from tmca.cli.options.numbers import size
+    from tmca.data.light_field_scenes import Reading
     from tmca.experiments.light_field.comparison import compare_light_field
     from tmca.experiments.light_field.rows import Sizes
 
@@ -104,7 +106,7 @@ def light_field(
     assert middle is not None
     sizes = Sizes(views=reading.views, period=period, frame=middle)
     results = compare_light_field(
-        train, test, out, work, decoders=decoders.split(","), sizes=sizes, reading=reading.asked(),
+        train, test, out, work, decoders=decoders.split(","), sizes=sizes, reading=Reading(**reading.files()),
         test_scale=reading.test_scale, atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=cell_done,
         **grid.how(),
     )  # fmt: skip

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options.numbers import MaybeWhole, Whole
+from tmca.cli.options.numbers import MaybeWhole, On, Whole
 from tmca.cli.options.output import check_figure, check_targets
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import SettingError
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from tmca.dbd import Problem
 
 app = App(name="dbd", help="Dual blind deconvolution: radar targets and radio paths from one overlaid signal.")
-_Flag = Annotated[bool, Parameter(negative="")]
 
 
 @app.command
@@ -41,9 +40,9 @@ def simulate(
     lag: float = 0.0,
     late_samples: Whole = 0,
     separation: str | None = None,
-    known_waveforms: _Flag = False,
-    model_only: _Flag = False,
-    overwrite: _Flag = False,
+    known_waveforms: bool = False,
+    model_only: bool = False,
+    overwrite: bool = False,
 ) -> None:
     """Write overlaid samples of a radar and a communications transmitter, with the bases and the truth.
 
@@ -102,11 +101,11 @@ def solve(
     accuracy: float = 1e-5,
     weights: str | None = None,
     sigma: float | None = None,
-    unknown_noise: _Flag = False,
-    certify: Annotated[bool, Parameter(negative="--no-certify")] = True,
+    unknown_noise: bool = False,
+    certify: On = True,
     figure: Path | None = None,
-    overwrite: _Flag = False,
-    json: _Flag = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Find the targets, the paths and both signals in FILE.
 
@@ -167,10 +166,10 @@ def study(
     work: Path = Path("runs/dbd-study"),
     draws: Whole = 20,
     jobs: Whole = 1,
-    certify: _Flag = False,
+    certify: bool = False,
     tolerance: float | None = None,
-    overwrite: _Flag = False,
-    json: _Flag = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Phase transitions: how often recoveries succeed, `--vary L=1,2,3,4 --vary J=1,2,3`.
 
@@ -210,7 +209,7 @@ def report(
     work: Path = Path("runs/dbd-report"),
     draws: MaybeWhole = None,
     jobs: Whole = 1,
-    overwrite: _Flag = False,
+    overwrite: bool = False,
 ) -> None:
     """The results page of this package: fixed instances, limits, noise, extensions, phase transitions, cost.
 

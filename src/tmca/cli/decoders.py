@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json as jsons
-from typing import Annotated, Any
-
-from cyclopts import Parameter
+from typing import Any
 
 
 def table() -> list[dict[str, Any]]:
@@ -40,7 +38,7 @@ def markdown() -> str:
     return "\n".join(lines) + "\n"
 
 
-def decoders(*, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+def decoders(*, json: bool = False) -> None:
     """List every decoder: its name, the cameras it decodes, the prior it needs, and its settings.
 
     `tmca reconstruct`, `compare` and `sweep` take these names; settings go to `reconstruct --set NAME=VALUE`.

@@ -7,34 +7,48 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
-from tmca.cli.options.bench import BenchOptions
-from tmca.cli.options.light_field import LightFieldsOptions
-from tmca.cli.options.mask_search import MaskCameraOptions, MaskSearchOptions
-from tmca.cli.options.numbers import Whole
-from tmca.cli.options.scenes import SceneOptions
-from tmca.cli.options.sheets import SearchOptions, SheetOptions, whole_numbers
-from tmca.cli.progress import cell_done
+from tmca.cli.cameras import BENCH, READING, group
+from tmca.cli.options.numbers import Whole, size, whole_numbers
+from tmca.cli.options.output import check_figure
+from tmca.cli.progress import cell_done, progress_bar
+from tmca.errors import DataError, TmcaError
+from tmca.specs import (
+    CodeSearchSpec,
+    CubeReading,
+    LightFieldSpec,
+    LightFieldsReading,
+    MaskCameraSpec,
+    MaskSearchSpec,
+    PhaseBenchSpec,
+    SheetSpec,
+    SpectralSpec,
+    read_yaml,
+    spec_of,
+)
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
-_SCENE, _SHEET, _SEARCH = SceneOptions(), SheetOptions(), SearchOptions()
-_VIEWS, _BENCH, _MASKS = LightFieldsOptions(), MaskCameraOptions(), MaskSearchOptions()
-_OPTICS = BenchOptions()
+SHEET, SEARCH, MASKS = group("Sensor and modulator", 2), group("Search", 3), group("Camera", 1)
+_CUBE, _VIEWS, _SHEET, _BENCH = CubeReading(), LightFieldsReading(), SheetSpec(), PhaseBenchSpec()
+_SEARCH, _MASK_SEARCH, _MASK_CAMERA = CodeSearchSpec(), MaskSearchSpec(), MaskCameraSpec()
 
 
 @app.command
 def spectral(
     *scenes: str,
     out: Path = Path("tmca-design"),
-    sensor: SheetOptions = _SHEET,
+    sensor: Path | None = None,
+    split: Path | None = None,
     bands: Whole = 12,
     dispersion: str | None = None,
     disperser: str | None = None,
     period: Whole = 32,
-    search: SearchOptions = _SEARCH,
-    reading: SceneOptions = _SCENE,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    sheet: Annotated[SheetSpec, SHEET] = _SHEET,
+    search: Annotated[CodeSearchSpec, SEARCH] = _SEARCH,
+    reading: Annotated[CubeReading, READING] = _CUBE,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Recommend the number of slots and the codes of a spectral camera for a sensor and SCENES like those to come.
 
@@ -44,38 +58,34 @@ def spectral(
     Args:
         scenes: cubes or rendered scenes to design for, two at least to judge the gain; the rendered ones without any.
         out: folder of the results.
+        sensor: YAML file with the names of the sensor and modulator; options replace its values.
+        split: split file whose scenes are added.
         bands: nearest to even spacing from 400 to 700 nm.
         dispersion: pixels per band, or the displacement of every band separated by commas. [default: 1]
         disperser: single or dual. [default: single]
         period: tile of the codes, pixels.
+        overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.options.numbers import numbers
-    from tmca.cli.progress import progress_bar
     from tmca.experiments.design.spectral import design_spectral
 
-    camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}
-    if dispersion is not None:
-        camera["dispersion"] = numbers(dispersion, "--dispersion")
-    sheet, named = sensor.sheet(), search.scenes(scenes)
-    with progress_bar(f"design {out.name}") as progress:
-        _, found = design_spectral(
-            sheet, out, scenes=named, bands=bands, reading=reading.reading(), camera=camera, period=period,
-            progress=progress, **search.search(),
-        )  # fmt: skip
-    _say(found, out, json)
+    about = {"bands": bands, "reading": reading.given(), "camera": _optics(dispersion, disperser), "period": period}
+    _search_codes(design_spectral, out, sensor, sheet, _named(scenes, split), search, overwrite, json, about)
 
 
 @app.command
 def light_field(
     *scenes: str,
     out: Path = Path("tmca-design"),
-    sensor: SheetOptions = _SHEET,
-    reading: LightFieldsOptions = _VIEWS,
+    sensor: Path | None = None,
+    split: Path | None = None,
     shear: str | None = None,
     period: Whole = 16,
-    search: SearchOptions = _SEARCH,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    sheet: Annotated[SheetSpec, SHEET] = _SHEET,
+    search: Annotated[CodeSearchSpec, SEARCH] = _SEARCH,
+    reading: Annotated[LightFieldsReading, READING] = _VIEWS,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Recommend the number of slots and the codes of a light-field camera for a sensor and SCENES like those to come.
 
@@ -84,32 +94,32 @@ def light_field(
     Args:
         scenes: light fields to design for, two at least to judge the gain; the rendered ones without any.
         out: folder of the results.
+        sensor: YAML file with the names of the sensor and modulator; options replace its values.
+        split: split file whose scenes are added.
         shear: mask pixels per view, one number or ALONG_Y,ALONG_X. [default: 1]
         period: tile of the codes, pixels.
+        overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.options.cameras import shear_argument
-    from tmca.cli.progress import progress_bar
+    from tmca.data.light_field_scenes import Reading
     from tmca.experiments.design.light_field import design_light_field
 
-    sheet, named = sensor.sheet(), search.scenes(scenes)
-    with progress_bar(f"design {out.name}") as progress:
-        _, found = design_light_field(
-            sheet, out, scenes=named, views=reading.views, reading=reading.asked(), period=period, progress=progress,
-            camera={} if shear is None else {"shear": shear_argument(shear)}, **search.search(),
-        )  # fmt: skip
-    _say(found, out, json)
+    camera = {} if shear is None else spec_of(LightFieldSpec, {"shear": shear}).arguments()
+    about = {"views": reading.views, "reading": Reading(**reading.files()), "camera": camera, "period": period}
+    _search_codes(design_light_field, out, sensor, sheet, _named(scenes, split), search, overwrite, json, about)
 
 
 @app.command
 def spectral_depth(
     *scenes: str,
     out: Path = Path("tmca-design"),
-    sensor: SheetOptions = _SHEET,
-    camera: MaskCameraOptions = _BENCH,
-    bench: BenchOptions = _OPTICS,
-    search: MaskSearchOptions = _MASKS,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    sensor: Path | None = None,
+    sheet: Annotated[SheetSpec, SHEET] = _SHEET,
+    camera: Annotated[MaskCameraSpec, MASKS] = _MASK_CAMERA,
+    bench: Annotated[PhaseBenchSpec, BENCH] = _BENCH,
+    search: Annotated[MaskSearchSpec, SEARCH] = _MASK_SEARCH,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Recommend the number of slots and the phase masks that tell depths apart best, for a sensor and a bench.
 
@@ -119,40 +129,82 @@ def spectral_depth(
     Args:
         scenes: cubes or rendered scenes whose patches the scenes to come are like; the rendered ones without any.
         out: folder of the results.
+        sensor: YAML file with the names of the sensor and modulator; options replace its values.
+        overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.progress import progress_bar
+    from tmca.design import MaskEffort
     from tmca.experiments.design.depth_page import COLUMNS
     from tmca.experiments.design.spectral_depth import design_spectral_depth
-    from tmca.experiments.results import markdown_table
 
+    how = {**camera.arguments(), **search.arguments(), "effort": MaskEffort(search.starts, search.steps)}
+    how |= {"bench": bench.arguments(), "overwrite": overwrite, "command": ["tmca", *sys.argv[1:]]}
     with progress_bar(f"design {out.name}") as progress:
-        _, found = design_spectral_depth(
-            sensor.sheet(),
-            out,
-            scenes=scenes,
-            progress=progress,
-            bench=bench.changes(),
-            **camera.described(),
-            **search.search(),
-        )
-    if json:
-        print(json_module.dumps(found, indent=1))
-        return
-    print(markdown_table(found["designs"], COLUMNS))
-    print(f"{found['advice']}\nopen {out / 'design.html'}")
+        _, found = design_spectral_depth(_sheet(sensor, sheet), out, scenes=scenes, progress=progress, **how)
+    _say(found, found["designs"], COLUMNS, out, json)
 
 
-def _say(found: dict[str, Any], out: Path, json: bool) -> None:
-    """The advice as a table and a sentence, or as JSON."""
+def _search_codes(
+    design: Any,
+    out: Path,
+    sensor: Path | None,
+    sheet: SheetSpec,
+    scenes: list[str],
+    search: CodeSearchSpec,
+    overwrite: bool,
+    json: bool,
+    about: dict[str, Any],
+) -> None:
+    """Search codes of a camera with an aperture and a shutter, and say what was found."""
     from tmca.experiments.design.codes import COLUMNS
+
+    how = {**search.model_dump(), "kinds": list(search.kinds), "overwrite": overwrite, **about}
+    with progress_bar(f"design {out.name}") as progress:
+        _, found = design(
+            _sheet(sensor, sheet), out, scenes=scenes, progress=progress, command=["tmca", *sys.argv[1:]], **how
+        )
+    rows = [found["static"], *([found["chosen"]] if found["chosen"] else []), *found["surveyed"]]
+    _say(found, rows, COLUMNS, out, json)
+
+
+def _named(scenes: tuple[str, ...], split: Path | None) -> list[str]:
+    """Scenes that are named, and those of a split."""
+    from tmca.data import read_split
+
+    return [*scenes, *(map(str, read_split(split)) if split else ())]
+
+
+def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
+    """Arguments of the spectral camera that were given."""
+    given = {"dispersion": dispersion, "disperser": disperser}
+    return spec_of(SpectralSpec, {name: value for name, value in given.items() if value is not None}).arguments()
+
+
+def _sheet(file: Path | None, options: SheetSpec) -> Any:
+    """The sensor's sheet of a YAML file, its values replaced by options.
+
+    Raises:
+        DataError: a file that cannot be read.
+        SettingError: a value that is impossible.
+    """
+    from tmca.design import SensorSheet
+
+    stored = {} if file is None else read_yaml(file, "YAML with names and values, such as full_well: 10000")
+    try:
+        described = spec_of(SheetSpec, {name: value for name, value in stored.items() if value is not None})
+    except TmcaError as error:
+        raise DataError(file or "sensor", f"{error.where} = {error.found}", error.expected, error.remedy) from error
+    return SensorSheet(**{**described.given(), **options.given()})
+
+
+def _say(found: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:
+    """The advice as a table and a sentence, or as JSON."""
     from tmca.experiments.results import markdown_table
 
     if json:
         print(json_module.dumps(found, indent=1))
         return
-    rows = [found["static"], *([found["chosen"]] if found["chosen"] else []), *found["surveyed"]]
-    print(markdown_table(rows, COLUMNS))
+    print(markdown_table(rows, columns))
     print(f"{found['advice']}\nopen {out / 'design.html'}")
 
 
@@ -165,10 +217,11 @@ def judge(
     dispersion: str | None = None,
     disperser: str | None = None,
     prior: Path | None = None,
-    sensor: SheetOptions = _SHEET,
+    sensor: Path | None = None,
+    sheet: Annotated[SheetSpec, SHEET] = _SHEET,
     figure: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Judge codes without a decoder: light, contrast and levels, likeness of bands, singular values, coherence.
 
@@ -178,20 +231,17 @@ def judge(
         dispersion: for codes.nc: pixels per band, or the displacement of every band separated by commas. [default: 1]
         disperser: for codes.nc: single or dual. [default: single]
         prior: file of `tmca prior learn`: also say the expected PSNR under it, for the sensor or that of the snapshot.
+        sensor: YAML file with the names of the sensor and modulator; options replace its values.
         figure: write levels, correlations and singular values as a picture (PNG).
         overwrite: replace the picture if it exists.
         json: print JSON, with all levels, correlations and singular values.
     """
-    from tmca.cli.options.numbers import numbers
-    from tmca.cli.options.output import check_figure
     from tmca.experiments.design.judged import judge_codes
 
     check_figure(figure, overwrite, codes)
-    camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}
-    if dispersion is not None:
-        camera["dispersion"] = numbers(dispersion, "--dispersion")
-    sheet = sensor.sheet() if any(value is not None for value in vars(sensor).values()) else None
-    found = judge_codes(codes, bands=bands, prior=prior, sheet=sheet, camera=camera, figure=figure, overwrite=overwrite)
+    known = _sheet(sensor, sheet) if sensor is not None or sheet.given() else None
+    camera = _optics(dispersion, disperser)
+    found = judge_codes(codes, bands=bands, prior=prior, sheet=known, camera=camera, figure=figure, overwrite=overwrite)
     if json:
         print(json_module.dumps(found, indent=1))
         return
@@ -220,8 +270,8 @@ def study(
     steps: Whole = 0,
     seeds: Whole = 1,
     jobs: Whole = 1,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Where time multiplexing pays: designed and random codes over read noise, full well and number of slots.
 
@@ -244,17 +294,13 @@ def study(
         overwrite: replace results that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.options.numbers import size
-    from tmca.data import read_split
     from tmca.experiments.codes import study_codes
 
     tile = size(period, "--period") or (16, 24)
-    examples, scenes, checked = (
-        list(map(str, read_split(split))) if split else [] for split in (train, test, validation)
-    )
+    examples, scenes, checked = (_named((), split) for split in (train, test, validation))
     found = study_codes(
-        examples, scenes, out, work, bands=bands, slots=whole_numbers(slots) or [], period=tile, test_slots=test_slots,
-        validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite, progress=cell_done,
-        command=["tmca", *sys.argv[1:]],
+        examples, scenes, out, work, bands=bands, slots=whole_numbers(slots, "--slots"), period=tile,
+        test_slots=test_slots, validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite,
+        progress=cell_done, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
     print(json_module.dumps(found, indent=1) if json else (out / "codes.md").read_text())

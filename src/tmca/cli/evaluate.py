@@ -8,12 +8,14 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import READING
 from tmca.cli.options.output import check_figure
-from tmca.cli.options.scenes import TruthOptions, assumed
+from tmca.cli.options.scenes import assumed
 from tmca.errors import SettingError
+from tmca.specs import TruthReading
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
-_SCENE = TruthOptions()
+_SCENE = TruthReading()
 
 
 @app.default
@@ -22,7 +24,7 @@ def evaluate(
     truth: str,
     /,
     *,
-    reading: TruthOptions = _SCENE,
+    reading: Annotated[TruthReading, READING] = _SCENE,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -47,7 +49,7 @@ def evaluate(
     if figure is not None and estimate.resolve() == figure.resolve():
         raise SettingError("figure", str(figure), "another file than the estimate")
     application = application_for(estimate)
-    evaluation = evaluation_of(estimate, truth, application, **reading.of(application))
+    evaluation = evaluation_of(estimate, truth, application, **reading.of(application.kind))
     assumed(evaluation.truth)
     found = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
     if figure is not None:

@@ -6,12 +6,11 @@ import json as json_module
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Parameter
-
+from tmca.cli.cameras import READING
 from tmca.cli.options.output import check_figure
-from tmca.cli.options.scenes import ViewFilesOptions
+from tmca.specs import ViewsReading
 
-_VIEWS = ViewFilesOptions()
+_VIEWS = ViewsReading()
 
 
 def inspect(
@@ -19,11 +18,11 @@ def inspect(
     /,
     *,
     variable: str | None = None,
-    conditioning: Annotated[bool, Parameter(negative="")] = False,
+    conditioning: bool = False,
     figure: Path | None = None,
-    reading: ViewFilesOptions = _VIEWS,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    reading: Annotated[ViewsReading, READING] = _VIEWS,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Say what FILE holds: variables, size, wavelengths or views, range of values, and for a snapshot its camera.
 
@@ -39,7 +38,7 @@ def inspect(
     from tmca.data import describe
 
     check_figure(figure, overwrite, file)
-    found = describe(file, variable, **reading.files())
+    found = describe(file, variable, **reading.given())
     if conditioning:
         from tmca.cameras import Snapshot
         from tmca.experiments.corner import corner_conditioning
@@ -48,7 +47,7 @@ def inspect(
     if figure is not None:
         from tmca.applications.file_pictures import picture_of
 
-        picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.files())
+        picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.given())
         found["figure"] = str(figure)
     if json:
         print(json_module.dumps(found, indent=1))

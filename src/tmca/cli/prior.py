@@ -6,34 +6,31 @@ import json as json_module
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
-from tmca.cli.options.cameras import SpectralOptions
-from tmca.cli.options.light_field import LightFieldsOptions
+from tmca.cli.cameras import CAMERA, READING, SENSOR
 from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.cli.options.output import check_figure
-from tmca.cli.options.scenes import SceneOptions
-from tmca.cli.options.sensor import SensorOptions
 from tmca.errors import SettingError
+from tmca.specs import CubeReading, LightFieldsReading, SensorSpec, SpectralSpec
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
-_CAMERA, _SENSOR, _SCENE = SpectralOptions(), SensorOptions(), SceneOptions()
-_VIEWS = LightFieldsOptions()
+_CAMERA, _SENSOR, _CUBE, _VIEWS = SpectralSpec(), SensorSpec(), CubeReading(), LightFieldsReading()
 
 
 @app.command
 def learn(
     *scenes: str,
     out: Path,
-    mixture: Annotated[bool, Parameter(negative="")] = False,
+    mixture: bool = False,
     split: Path | None = None,
     bands: Whole = 12,
-    all_bands: Annotated[bool, Parameter(negative="")] = False,
+    all_bands: bool = False,
     spread: MaybeWhole = None,
     like: Path | None = None,
-    reading: SceneOptions = _SCENE,
+    reading: Annotated[CubeReading, READING] = _CUBE,
     figure: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: bool = False,
     seed: Whole = 0,
 ) -> None:
     """Learn a prior from SCENES: cube files, or names of rendered scenes.
@@ -64,7 +61,7 @@ def learn(
             bands=None if all_bands else bands,
             spread=spread,
             like=like,
-            reading=reading.reading(),
+            reading=reading.given(),
             seed=seed,
             figure=figure,
             overwrite=overwrite,
@@ -79,13 +76,13 @@ def learn(
 def learn_views(
     *light_fields: str,
     out: Path,
-    dictionary: Annotated[bool, Parameter(negative="")] = False,
+    dictionary: bool = False,
     atoms: Whole = 1024,
     split: Path | None = None,
-    mixture: Annotated[bool, Parameter(negative="")] = False,
-    reading: LightFieldsOptions = _VIEWS,
+    mixture: bool = False,
+    reading: Annotated[LightFieldsReading, READING] = _VIEWS,
     figure: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: bool = False,
     seed: Whole = 0,
 ) -> None:
     """Learn a prior of LIGHT_FIELDS, or a dictionary of their patches: folders of views, files, or rendered scenes.
@@ -102,6 +99,7 @@ def learn_views(
         seed: of the patches that a dictionary or a mixture learns from.
     """
     from tmca.cli.progress import progress_bar
+    from tmca.data.light_field_scenes import Reading
     from tmca.experiments.light_field.priors import learn_views_to_file
 
     check_figure(figure, overwrite)
@@ -110,8 +108,8 @@ def learn_views(
     kind = "dictionary" if dictionary else "mixture" if mixture else "gaussian"
     with progress_bar(f"prior {out.name}") as progress:
         found = learn_views_to_file(
-            light_fields, out, split=split, views=reading.views, reading=reading.asked(), kind=kind, atoms=atoms,
-            seed=seed, figure=figure, overwrite=overwrite, progress=progress,
+            light_fields, out, split=split, views=reading.views, reading=Reading(**reading.files()), kind=kind,
+            atoms=atoms, seed=seed, figure=figure, overwrite=overwrite, progress=progress,
         )  # fmt: skip
     channels, rows, columns = found.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}
@@ -119,9 +117,7 @@ def learn_views(
 
 
 @app.command
-def show(
-    prior: Path, /, *, out: Path | None = None, overwrite: Annotated[bool, Parameter(negative="")] = False
-) -> None:
+def show(prior: Path, /, *, out: Path | None = None, overwrite: bool = False) -> None:
     """Draw PRIOR: leading eigen-blocks, eigenvalues, mean spectrum.
 
     Args:
@@ -139,9 +135,9 @@ def expect(
     prior: Path,
     /,
     *,
-    camera: SpectralOptions = _CAMERA,
-    sensor: SensorOptions = _SENSOR,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    camera: Annotated[SpectralSpec, CAMERA] = _CAMERA,
+    sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    json: bool = False,
 ) -> None:
     """The error that a code is expected to leave, under PRIOR, before anything is captured.
 
@@ -151,7 +147,7 @@ def expect(
     """
     from tmca.experiments.priors import expected
 
-    found = expected(prior, camera.preset, camera.chosen(), vars(sensor))
+    found = expected(prior, camera, sensor)
     if json:
         print(json_module.dumps(found, indent=1))
         return

@@ -8,14 +8,15 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options.numbers import MaybeWhole
+from tmca.cli.cameras import READING
+from tmca.cli.options.numbers import MaybeWhole, On
 from tmca.cli.options.output import OutputOptions, check_targets
-from tmca.cli.options.scenes import TruthOptions
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
+from tmca.specs import TruthReading
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
-_OUTPUT, _SCENE = OutputOptions(), TruthOptions()
+_OUTPUT, _READING = OutputOptions(), TruthReading()
 
 
 @app.default
@@ -24,16 +25,16 @@ def reconstruct(
     /,
     *,
     decoder: Annotated[str | None, Parameter(alias="-d")] = None,
+    truth: str | None = None,
     weights: str | None = None,
     prior: Path | None = None,
-    dictionary: Path | None = None,
-    truth: str | None = None,
-    tv_weight: float | None = None,
-    uncertainty: bool = True,
-    window: MaybeWhole = None,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     calibration: Path | None = None,
-    reading: TruthOptions = _SCENE,
+    dictionary: Path | None = None,
+    tv_weight: float | None = None,
+    uncertainty: On = True,
+    window: MaybeWhole = None,
+    reading: Annotated[TruthReading, READING] = _READING,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Recover the scene from SNAPSHOT, a file written by `tmca simulate`.
@@ -44,19 +45,19 @@ def reconstruct(
             dagger, network, …; of a spectral snapshot also lmmse-adapted (its prior refitted to the snapshot itself);
             of a light-field snapshot also dictionary, dictionary-omp. Of a spectral-depth snapshot likelihood: depth
             and spectrum by the likelihood of every plane under a patch prior; or network.
+        truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
+            was for the snapshot.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
             the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
             then kept).
-        dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
-        truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
-            was for the snapshot.
-        tv_weight: weight of the total variation; chosen from the noise level without it.
-        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
-        window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         set_: NAME=VALUE, any setting of the decoder; `tmca decoders` lists them. May be given several times.
         calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Snapshots
             in digital numbers need one.
+        dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
+        tv_weight: weight of the total variation; chosen from the noise level without it.
+        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
+        window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
     """
     from tmca.applications import application_of, evaluate
     from tmca.applications.imaging import metric_notes
@@ -71,7 +72,7 @@ def reconstruct(
     how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
     settings = _given(decoder, camera.kind, how) | _settings(decoder, camera.kind, set_ or [])
     known = _prior(decoder, camera.kind, prior, dictionary)
-    asked = reading.of(application)
+    asked = reading.of(application.kind)
     check_targets(estimate_files(target, camera.kind, output.figures), output.overwrite, snapshot)
     scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
@@ -106,6 +107,10 @@ def _prior(decoder: str, kind: str, prior: Path | None, dictionary: Path | None)
     return dictionary
 
 
+for _camera in ("spectral", "light-field", "spectral-depth"):
+    app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")
+
+
 def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     """Settings of a decoder from ``NAME=VALUE``."""
     from tmca.decoders import decoders_for
@@ -114,7 +119,7 @@ def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     pairs = [text.partition("=") for text in texts]
     for name, equals, _ in pairs:
         if not (name and equals):
-            raise SettingError("--set", repr(name), "NAME=VALUE, such as iterations=50")
+            raise SettingError("set", repr(name), "NAME=VALUE, such as iterations=50")
     named = {name.strip(): value.strip() for name, _, value in pairs}
     known = decoders_for(kind, moving=None)
     return checked_settings(known[decoder], named, texts=True) if decoder in known else dict(named)
@@ -134,7 +139,3 @@ def _say(result: Any, metrics: dict[str, float], target: Path, written: list[Pat
     print(f"{target}: {result.decoder}, {result.seconds:.1f} s")
     for name, value in metrics.items():
         print(f"  {name:8s} {value:.4g}")
-
-
-for _camera in ("spectral", "light-field", "spectral-depth"):
-    app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")

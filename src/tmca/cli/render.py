@@ -25,7 +25,7 @@ def render(
     views: Annotated[int | None, Parameter(converter=whole)] = None,
     disparity: str | None = None,
     figure: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: bool = False,
 ) -> None:
     """Write a rendered SCENE: radiance and reflectance in 31 bands of 400–700 nm, illuminant, depth.
 

@@ -3,42 +3,51 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
-from tmca.cli.options.bench import BenchOptions
-from tmca.cli.options.cameras import LightFieldOptions, SpectralOptions, light_field_camera, spectral_camera
-from tmca.cli.options.hardware import HardwareOptions
-from tmca.cli.options.light_field import LightFieldSceneOptions
-from tmca.cli.options.light_field_bench import LightFieldBenchOptions
+from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, Faults, camera_for, code_files
 from tmca.cli.options.numbers import Whole, pair, size
 from tmca.cli.options.output import OutputOptions, check_targets
-from tmca.cli.options.scenes import SceneOptions, assumed, centre_assumed
-from tmca.cli.options.sensor import SensorOptions
-from tmca.cli.spectral_depth import DepthSceneOptions, SpectralDepthOptions, take
+from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
+from tmca.specs import (
+    CameraSpec,
+    CubeReading,
+    DepthReading,
+    Hardware,
+    LightFieldReading,
+    LightFieldSpec,
+    MaskPlaceSpec,
+    PhaseBenchSpec,
+    SensorSpec,
+    Spec,
+    SpectralDepthSpec,
+    SpectralSpec,
+)
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
-_OUTPUT, _CAMERA, _SENSOR, _SCENE = OutputOptions(), SpectralOptions(), SensorOptions(), SceneOptions()
-_VIEWS, _MASK, _PLACED = LightFieldSceneOptions(), LightFieldOptions(), LightFieldBenchOptions()
-_DEPTH, _BENCH, _OPTICS = DepthSceneOptions(), SpectralDepthOptions(), BenchOptions()
-_HARDWARE = HardwareOptions()
+_OUTPUT, _SENSOR = OutputOptions(), SensorSpec()
+_CUBE, _VIEWS, _DEPTH = CubeReading(), LightFieldReading(), DepthReading()
+_SPECTRAL, _LIGHT_FIELD, _SPECTRAL_DEPTH = SpectralSpec(), LightFieldSpec(), SpectralDepthSpec()
+_PLACE, _BENCH = MaskPlaceSpec(), PhaseBenchSpec()
 
 
 @app.command
 def spectral(
     *scenes: str,
-    bands: Whole = 12,
-    all_bands: Annotated[bool, Parameter(negative="")] = False,
     crop: str | None = None,
+    bands: Whole = 12,
+    all_bands: bool = False,
     motion: str | None = None,
-    reading: SceneOptions = _SCENE,
-    camera: SpectralOptions = _CAMERA,
-    sensor: SensorOptions = _SENSOR,
     calibration: Path | None = None,
-    hardware: HardwareOptions = _HARDWARE,
+    reading: Annotated[CubeReading, READING] = _CUBE,
+    camera: Annotated[SpectralSpec, CAMERA] = _SPECTRAL,
+    sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Take a snapshot of SCENES with the spectral camera: one scene, or one for each slot of the exposure.
@@ -48,30 +57,21 @@ def spectral(
 
     Args:
         scenes: a cube (.mat, ENVI, TIFF, .npy, NetCDF, HDF5, Zarr, CAVE folder) or a rendered scene such as coffee.
+        crop: HEIGHTxWIDTH, the middle of the scene.
         bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the file instead.
-        crop: HEIGHTxWIDTH, the middle of the scene.
         motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.applications import simulate
-    from tmca.applications.pictures import snapshot_files
-    from tmca.data.scenes import load_scene
+    from tmca.cli.options.scenes import assumed
 
-    kept = None if all_bands else bands
     if not scenes:
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
-    cubes = [load_scene(scene, bands=kept, size=size(crop, "--crop"), **reading.reading()) for scene in scenes]
-    cube, moved, faults = cubes[0], pair(motion, "--motion"), hardware.faults()
-    assumed(cube)
-    known = spectral_camera(cube, camera, sensor)
-    target = output.out or Path(f"{cube.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, "spectral", output.figures), output.overwrite, scenes[0])
-    bench = _bench_of(known, calibration, camera.files())
-    taken = bench.recorded(simulate(cubes, bench.camera, seed=camera.seed, motion=moved, hardware=faults))
-    how = " -d admm-tv" if taken.camera.blurred else ""
-    _write(taken, target, output, {"bands": taken.camera.bands}, f"{taken.camera.bands} bands", how)
+    how = {"bands": None if all_bands else bands, "size": size(crop, "--crop"), **reading.given()}
+    moved = pair(motion, "--motion")
+    taken = _taken(camera, sensor, None, how, scenes, calibration, hardware, output, assumed, motion=moved)
+    _write(*taken, output, {"bands": taken[0].camera.bands}, f"{taken[0].camera.bands} bands")
 
 
 @app.command
@@ -80,12 +80,12 @@ def light_field(
     /,
     *,
     crop: str | None = None,
-    reading: LightFieldSceneOptions = _VIEWS,
-    camera: LightFieldOptions = _MASK,
-    bench: LightFieldBenchOptions = _PLACED,
-    sensor: SensorOptions = _SENSOR,
     calibration: Path | None = None,
-    hardware: HardwareOptions = _HARDWARE,
+    reading: Annotated[LightFieldReading, READING] = _VIEWS,
+    camera: Annotated[LightFieldSpec, CAMERA] = _LIGHT_FIELD,
+    bench: Annotated[MaskPlaceSpec, BENCH] = _PLACE,
+    sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Take a snapshot of SCENE with the light-field camera: a coded mask in front of the sensor.
@@ -99,19 +99,12 @@ def light_field(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.applications import simulate
-    from tmca.applications.pictures import snapshot_files
-    from tmca.data.light_field_scenes import load_light_field
+    from tmca.cli.options.scenes import centre_assumed
 
-    field = load_light_field(scene, size=size(crop, "--crop"), **reading.reading())
-    centre_assumed(field)
-    target = output.out or Path(f"{field.attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, "light-field", output.figures), output.overwrite, scene)
-    known = light_field_camera(field, camera, bench, sensor)
-    placed = _bench_of(known, calibration, camera.files())
-    taken = placed.recorded(simulate(field, placed.camera, seed=camera.seed, hardware=hardware.faults()))
-    views = list(taken.camera.views)
-    _write(taken, target, output, {"views": views}, f"{views[0]}×{views[1]} views", "")
+    how = {**reading.model_dump(), "size": size(crop, "--crop")}
+    taken = _taken(camera, sensor, bench, how, (scene,), calibration, hardware, output, centre_assumed)
+    views = list(taken[0].camera.views)
+    _write(*taken, output, {"views": views}, f"{views[0]}×{views[1]} views")
 
 
 @app.command
@@ -120,12 +113,12 @@ def spectral_depth(
     /,
     *,
     crop: str | None = None,
-    reading: DepthSceneOptions = _DEPTH,
-    camera: SpectralDepthOptions = _BENCH,
-    bench: BenchOptions = _OPTICS,
-    sensor: SensorOptions = _SENSOR,
     calibration: Path | None = None,
-    hardware: HardwareOptions = _HARDWARE,
+    reading: Annotated[DepthReading, READING] = _DEPTH,
+    camera: Annotated[SpectralDepthSpec, CAMERA] = _SPECTRAL_DEPTH,
+    bench: Annotated[PhaseBenchSpec, BENCH] = _BENCH,
+    sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
     """Take a snapshot of SCENE with the spectral-depth camera: a phase mask that changes within the exposure.
@@ -141,14 +134,47 @@ def spectral_depth(
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.applications.unknown_depth import TOTAL, said_unknown
+    from tmca.cameras.spectral_depth import PROBE
 
-    taken, target = take(scene, crop, reading, camera, bench, sensor, hardware, output, calibration)
+    probe = camera_for(camera, sensor, bench, size=PROBE)
+    planes = {"near": probe.planes.near, "far": probe.planes.far, "wavelengths": probe.wavelengths}
+    how = {**reading.arguments(), **planes, "size": size(crop, "--crop")}
+    taken, target = _taken(camera, sensor, bench, how, (scene,), calibration, hardware, output)
     counts = {name: count for name, count in taken.notes.items() if name.startswith("unknown_")}
-    about, (height, width) = {"bands": taken.camera.bands, **counts}, taken.camera.size
+    height, width = taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
     channels += f", {said_unknown(counts, height * width)}" if counts[TOTAL] else ""
-    channels += _mapped(taken)
-    _write(taken, target, output, about, channels, "")
+    _write(taken, target, output, {"bands": taken.camera.bands, **counts}, channels + _mapped(taken))
+
+
+def _taken(
+    spec: CameraSpec,
+    sensor: SensorSpec,
+    bench: Spec | None,
+    reading: dict[str, Any],
+    names: tuple[str, ...],
+    calibration: Path | None,
+    hardware: str | None,
+    output: OutputOptions,
+    say: Callable[[Any], None] = lambda scene: None,
+    **how: Any,
+) -> tuple[Any, Path]:
+    """A snapshot of scenes, and the file it goes to."""
+    from tmca.applications import application_of, simulate
+    from tmca.applications.pictures import snapshot_files
+    from tmca.lab.calibration.apply import bench_of
+
+    application, faults = application_of(spec.kind), Hardware.read(hardware)
+    scenes = [application.read(name, **reading) for name in names]
+    say(scenes[0])
+    target = output.out or Path(f"{scenes[0].attrs['name']}_snapshot.nc")
+    check_targets(snapshot_files(target, spec.kind, output.figures), output.overwrite, names[0])
+    shape = {name: value for name, value in application.parts(scenes[0]).items() if name in spec.shape}
+    placed = bench_of(camera_for(spec, sensor, bench, **shape), calibration, code_files(spec))
+    seed = getattr(spec, "seed", 0)
+    with progress_bar(f"simulate: {target.name}") as progress:
+        taken = simulate(scenes, placed.camera, seed=seed, hardware=faults, progress=progress, **how)
+    return placed.recorded(taken), target
 
 
 def _mapped(taken: Any) -> str:
@@ -163,20 +189,7 @@ def _mapped(taken: Any) -> str:
     return f", depths of {own[0]:.3g} to {own[1]:.3g} m mapped onto {kept}"
 
 
-def _bench_of(camera: Any, calibration: Path | None, codes: list[Path]) -> Any:
-    from tmca.lab.calibration.apply import bench_of
-
-    return bench_of(camera, calibration, codes)
-
-
-def _write(
-    taken: Any,
-    target: Path,
-    output: OutputOptions,
-    about: dict[str, Any],
-    channels: str,
-    how: str,
-) -> None:
+def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str) -> None:
     """Write a snapshot with its pictures, and say what it is and how to go on."""
     from tmca.applications.pictures import snapshot_pictures
 
@@ -199,8 +212,8 @@ def _write(
         print(json.dumps(report, indent=1))
         return
     print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}")
-    if "hardware" in taken.notes:
-        print(f"taken with faults that decoders are not told of: {taken.notes['hardware']}")
-    if "simulated_calibration" in taken.notes:
-        how += f" --calibration {taken.notes['simulated_calibration']}"
+    if report["hardware"]:
+        print(f"taken with faults that decoders are not told of: {report['hardware']}")
+    how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
+    how += f" --calibration {report['calibration']}" if report["calibration"] else ""
     print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")

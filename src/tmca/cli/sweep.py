@@ -11,14 +11,15 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import READING
 from tmca.cli.options.grid import GridOptions
-from tmca.cli.options.light_field import MeasuredLightFieldsOptions
 from tmca.cli.options.numbers import Whole
 from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
+from tmca.specs import MeasuredReading
 
 app = App(name="sweep", help="Every combination of some settings, over test scenes.")
-_GRID, _VIEWS = GridOptions(), MeasuredLightFieldsOptions()
+_GRID, _VIEWS = GridOptions(), MeasuredReading()
 
 
 @app.command
@@ -84,7 +85,7 @@ def light_field(
     train: Path | None = None,
     decoder: str = "lmmse",
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
-    reading: MeasuredLightFieldsOptions = _VIEWS,
+    reading: Annotated[MeasuredReading, READING] = _VIEWS,
     crop: str | None = None,
     grid: GridOptions = _GRID,
 ) -> None:
@@ -108,14 +109,14 @@ def light_field(
     """
     from tmca.cli.options.numbers import size
     from tmca.data import read_split, split_rendered_light_fields
-    from tmca.data.light_field_scenes import check_light_fields
+    from tmca.data.light_field_scenes import Reading, check_light_fields
     from tmca.experiments.light_field.sweep import sweep_light_field
 
     given = [*scenes, *(map(str, read_split(test)) if test else ())]
     named = given or sorted(split_rendered_light_fields()["test"])
     axes, fixed = _axes(vary, set_)
     examples = [str(path) for path in read_split(train)] if train else []
-    asked, middle = reading.asked(), size(crop, "--crop")
+    asked, middle = Reading(**reading.files()), size(crop, "--crop")
     measured_as = replace(asked, scale=reading.test_scale)
     check = partial(check_light_fields, examples, named, reading.views, asked, measured_as, middle)
     found = sweep_light_field(

@@ -10,15 +10,16 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole
-from tmca.cli.options.scenes import ViewFilesOptions
 from tmca.errors import SettingError
+from tmca.specs import ViewsReading
 
 app = App(
     name="train",
     help="Learn a camera's codes and its decoder together; or, with --from, fine-tune a trained decoder on captures.",
 )
-_VIEWS = ViewFilesOptions()
+_VIEWS = ViewsReading()
 
 
 @app.default
@@ -123,7 +124,7 @@ def light_field(
     config: Path | None = None,
     train: list[str] | None = None,
     validation: list[str] | None = None,
-    reading: ViewFilesOptions = _VIEWS,
+    reading: Annotated[ViewsReading, READING] = _VIEWS,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     steps: MaybeWhole = None,
     accelerator: str = "auto",
@@ -144,7 +145,7 @@ def light_field(
         accelerator: auto, cpu or cuda.
         json: print the result as JSON.
     """
-    files = {f"data.{name}": value for name, value in reading.files().items()}
+    files = {f"data.{name}": value for name, value in reading.given().items()}
     changes = _changes(set_, train, validation, steps, files)
     _run("light-field", (preset, config, changes), out, accelerator, json)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tmca.cameras import Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.cameras import Snapshot, SpectralDepthCamera, camera_of
 from tmca.data.fitting import at_bands
 from tmca.data.scenes import load_scene
 from tmca.decoders.likelihood import usual_window
@@ -14,7 +14,7 @@ from tmca.errors import OutputError, SettingError
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior
 from tmca.priors.spectral_depth import needed_block
-from tmca.sensor import Sensor
+from tmca.specs import SensorSpec, SpectralSpec
 
 _FRAME = 128
 
@@ -79,7 +79,7 @@ def _needed(like: Path, mixture: bool, spread: int | None) -> tuple[tuple[float,
     return camera.wavelengths, needed_block(usual_window(camera), camera.bench.window)
 
 
-def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: dict[str, Any]) -> dict[str, float]:
+def expected(prior: Path, spec: SpectralSpec, sensor: SensorSpec) -> dict[str, float]:
     """Expected PSNR and light throughput of a camera under a prior, mean over blocks of a 128-pixel frame.
 
     Raises:
@@ -88,8 +88,7 @@ def expected(prior: Path, preset: str | None, settings: dict[str, Any], sensor: 
     """
     known = GaussianPrior.load(prior)
     size = (max(_FRAME, known.block[1]), max(_FRAME, known.block[2]))
-    settings = settings | {"bands": known.wavelengths or known.block[0], "size": size, "sensor": Sensor(**sensor)}
-    camera = SpectralCamera.from_preset(preset, **settings) if preset else SpectralCamera(**settings)
+    camera = camera_of(spec, sensor, bands=known.wavelengths or known.block[0], size=size)
     noise = camera.noise
     value = expected_psnr(known, camera.taps(), noise)
     return {"expected_psnr": value, "throughput": camera.throughput(), "read_noise": noise.read, "shot": noise.shot}

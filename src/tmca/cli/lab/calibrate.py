@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
@@ -32,8 +32,6 @@ app.command(
     help="Every step whose frames are in a folder, in order.",
 )
 
-Flag = Annotated[bool, Parameter(negative="")]
-
 
 @app.default
 def guide() -> None:
@@ -45,7 +43,7 @@ def guide() -> None:
 
 @app.command
 def patterns(
-    folder: Path, /, *, device: str = "64x80", count: Whole = 2, seed: Whole = 0, overwrite: Flag = False
+    folder: Path, /, *, device: str = "64x80", count: Whole = 2, seed: Whole = 0, overwrite: bool = False
 ) -> None:
     """Write the patterns to show into FOLDER: open, dark and random ones, a PNG each.
 
@@ -72,7 +70,7 @@ def render(
     slots: Whole = 4,
     snr: float = 40.0,
     seed: Whole = 0,
-    overwrite: Flag = False,
+    overwrite: bool = False,
 ) -> None:
     """Write a rendered bench into FOLDER: captures for every step, a raw snapshot, and the hidden truth.
 
@@ -95,7 +93,7 @@ def render(
 
 
 @app.command
-def show(calibration: Path, /, *, json: Flag = False) -> None:
+def show(calibration: Path, /, *, json: bool = False) -> None:
     """Say what CALIBRATION holds: of which camera, when measured, with which residuals, from what.
 
     Args:
@@ -116,8 +114,8 @@ def proof(
     snr: float = 40.0,
     out: Path | None = None,
     figure: Path | None = None,
-    overwrite: Flag = False,
-    json: Flag = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Calibrate rendered benches from their captures alone, and hold what was found against their hidden truth.
 

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from tmca.cli.cameras import Faults
 from tmca.cli.lab.bench import AskedBench, known_camera
 from tmca.cli.lab.calibrate_words import CalibrationOptions, finished, started
-from tmca.cli.options.hardware import HardwareOptions
 from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.errors import SettingError
+from tmca.specs import Hardware
 
 if TYPE_CHECKING:
     from tmca.lab.calibration.shots import Asked
 
 _BENCH = Group("Simulated bench", sort_key=1)
-_HARDWARE, _USUAL = HardwareOptions(), CalibrationOptions()
+_USUAL = CalibrationOptions()
 _APART = 100_000
 """Frames between two steps of a simulated bench, whose noise is counted by frames."""
 
@@ -42,7 +43,7 @@ def capture(
     bits: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     seed: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     stops_after: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
-    hardware: HardwareOptions = _HARDWARE,
+    hardware: Faults = None,
 ) -> None:
     """Take the frames of STEP on the bench that EXPORT is to be captured on, and say how to measure them.
 
@@ -76,7 +77,7 @@ def capture(
     if device == "folder":
         refuse_recorded(device)
     taken = known_camera(export, like)
-    asked = AskedBench(device, set_ or [], bits, seed, stops_after, hardware.faults(), None, timeout)
+    asked = AskedBench(device, set_ or [], bits, seed, stops_after, Hardware.read(hardware), None, timeout)
     waves = _wavelengths(wavelength, taken.camera, device)
     wanted = Asked(frames, waves, _depths(depth, taken.camera, device), pattern, count, reflectance)
     manifest = read_manifest(export)

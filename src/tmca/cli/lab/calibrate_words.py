@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from tmca.cli.options.numbers import On
+
 if TYPE_CHECKING:
     from tmca.lab.calibration.file import Calibration
 
@@ -59,7 +61,7 @@ class CalibrationOptions:
     "Name of the camera, kept in the file; that of --onto, or of --out, without it."
     saturation: Annotated[float | None, Parameter(group=_OUTPUT)] = None
     "Value from which on a pixel is saturated; an integer type's maximum without it."
-    figures: Annotated[bool, Parameter(group=_OUTPUT)] = True
+    figures: Annotated[On, Parameter(group=_OUTPUT)] = True
     "Write a picture beside the file."
     json: Annotated[bool, Parameter(group=_OUTPUT, negative="")] = False
     "Print JSON instead of text."

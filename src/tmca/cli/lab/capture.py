@@ -8,15 +8,15 @@ from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
+from tmca.cli.cameras import Faults
 from tmca.cli.lab.bench import AskedBench, known_camera
-from tmca.cli.options.hardware import HardwareOptions
 from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
+from tmca.specs import Hardware
 
 app = App(name="capture", help="Show an export on a bench, keep every frame, join them into a snapshot.")
 _BENCH = Group("Simulated bench", sort_key=1)
-_HARDWARE = HardwareOptions()
 _OF_ITS_OWN = ("noise_seed", "hardware", "motion_pixels", "values", "codes_date", "simulated_calibration")
 """Notes of a simulated snapshot that a capture of the same camera does not share; how scenes are read it does."""
 
@@ -33,13 +33,13 @@ def capture(
     repeat: Whole = 1,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     timeout: float | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: bool = False,
     scene: Annotated[str | None, Parameter(group=_BENCH)] = None,
     bits: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     seed: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
     stops_after: Annotated[MaybeWhole, Parameter(group=_BENCH)] = None,
-    hardware: HardwareOptions = _HARDWARE,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    hardware: Faults = None,
+    json: bool = False,
 ) -> None:
     """Capture EXPORT, a folder of `tmca export`: a dark frame, then one a slot, or one exposure of a coded shutter.
 
@@ -75,7 +75,7 @@ def capture(
         from tmca.errors import OutputError
 
         raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
-    faults = hardware.faults()
+    faults = Hardware.read(hardware)
     if device == "simulated" and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene, timeout)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from tmca.cli.options.numbers import size
 from tmca.cli.options.output import check_targets
 
 app = App(name="decoder", help="Trained decoders as files that need no tmca: torch.export and ONNX.")
-Flag = Annotated[bool, Parameter(negative="")]
 
 
 @app.command
@@ -24,8 +23,8 @@ def export(
     formats: str = "torch,onnx",
     frame: str | None = None,
     noise: float | None = None,
-    overwrite: Flag = False,
-    json: Flag = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Write the network of RUN, with its codes and optics, as decoder.pt2 and decoder.onnx, each checked when written.
 
@@ -46,7 +45,7 @@ def export(
 
 
 @app.command
-def check(folder: Path, /, *, run: Path, json: Flag = False) -> None:
+def check(folder: Path, /, *, run: Path, json: bool = False) -> None:
     """Compare the files in FOLDER with the network that they were made from, on random input.
 
     Args:
@@ -60,7 +59,7 @@ def check(folder: Path, /, *, run: Path, json: Flag = False) -> None:
 
 
 @app.command
-def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", overwrite: Flag = False) -> None:
+def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", overwrite: bool = False) -> None:
     """Decode SNAPSHOT with an exported decoder of FOLDER.
 
     Args:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
-from tmca.cli.options.numbers import size
+from tmca.cli.options.numbers import On, size
 from tmca.errors import SettingError
 
 app = App(name="export", help="Codes as files that devices show, with a manifest.")
@@ -30,9 +30,9 @@ def export(
     offset: Annotated[str | None, Parameter(group=_DEVICE)] = None,
     lut: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
     calibration: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
-    figures: bool = True,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    figures: On = True,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Write what devices show of SOURCE: a file of `tmca design`, a run or weights of `tmca train`, or a snapshot.
 
@@ -109,7 +109,7 @@ def _described(name: str, changes: dict[str, Any]) -> Any:
 
 
 @app.command
-def check(folder: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+def check(folder: Path, /, *, json: bool = False) -> None:
     """Read the export in FOLDER back: every file there, unchanged and in order, and the very codes in them.
 
     Args:

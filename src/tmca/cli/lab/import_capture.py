@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from tmca.cli.options.output import check_targets
 
@@ -23,9 +22,9 @@ def import_(
     mask: Path | None = None,
     name: str | None = None,
     noise: float | None = None,
-    withhold_saturated: Annotated[bool, Parameter(negative="")] = False,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    withhold_saturated: bool = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Write CAPTURE with its codes, optics, levels and noise to a snapshot file for `tmca reconstruct`.
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 import json as json_module
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import check_figure, check_targets, warned
 from tmca.cli.progress import progress_bar
 
 app = App(name="real", help="Real captures: mask in register, frames behind a pixel shutter, a report of all.")
-Flag = Annotated[bool, Parameter(negative="")]
 
 
 @app.command
@@ -26,7 +25,7 @@ def register(
     mask: Path | None = None,
     name: str | None = None,
     shift: str | None = None,
-    json: Flag = False,
+    json: bool = False,
 ) -> None:
     """Find where the mask lies in CAPTURES: its scale and shift along y, or the place of a pixel shutter and its start.
 
@@ -96,7 +95,7 @@ def movie(
     threshold: float | None = None,
     iterations: Whole | None = None,
     figure: Path | None = None,
-    overwrite: Flag = False,
+    overwrite: bool = False,
 ) -> None:
     """Frames of a scene that changed during the exposure of SNAPSHOT, a file of `tmca import` or `tmca simulate`.
 
@@ -158,7 +157,7 @@ def report(
     decoders: str = "admm-tv,pnp,network",
     control: list[str] | None = None,
     keep: Path = Path("real-estimates"),
-    overwrite: Flag = False,
+    overwrite: bool = False,
 ) -> None:
     """Decode and judge the public captures of TSA-Net and of the shuffled rolling shutter: a page, JSON and pictures.
 

@@ -21,8 +21,6 @@ for name, text in {
 }.items():
     app.command(f"tmca.cli.lab.scan_spectra:{name}", name=name, help=text)
 
-Flag = Annotated[bool, Parameter(negative="")]
-
 
 @app.command
 def fringes(
@@ -33,7 +31,7 @@ def fringes(
     fringes: str = "1,4,16,64",
     steps: Whole = 4,
     across: Literal["x", "y"] = "x",
-    overwrite: Flag = False,
+    overwrite: bool = False,
 ) -> None:
     """Write the fringes to project into FOLDER: a PNG per frame, and fringes.json that names them in order.
 
@@ -71,8 +69,8 @@ def depth(
     neighbours: Annotated[int, Parameter(converter=whole)] = 6,
     truth: Path | None = None,
     figure: Path | None = None,
-    overwrite: Flag = False,
-    json: Flag = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Metric depth from CAPTURES of projected fringes, with its standard deviation and a mask of confidence.
 
@@ -125,7 +123,7 @@ def render(
     snr: float = 30.0,
     fringes: str = "1,4,16,64",
     seed: Whole = 0,
-    overwrite: Flag = False,
+    overwrite: bool = False,
 ) -> None:
     """Write a rendered table into FOLDER: captures of fringes, a spectral scan, calibration, references, truth.
 

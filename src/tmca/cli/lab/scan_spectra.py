@@ -9,8 +9,7 @@ from cyclopts import Parameter
 
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import check_figure, check_targets
-
-Flag = Annotated[bool, Parameter(negative="")]
+from tmca.specs.base import metres_of_nm
 
 
 def spectra(
@@ -26,8 +25,8 @@ def spectra(
     read_noise: float | None = None,
     gain: float = 0.0,
     figure: Path | None = None,
-    overwrite: Flag = False,
-    json: Flag = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Reflectance of SCENE from frames under each wavelength of a tunable source, with its standard deviation.
 
@@ -47,14 +46,13 @@ def spectra(
         json: print JSON instead of text.
     """
     from tmca.cli.lab.scan_words import said_spectra
-    from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
     from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, reflectance_figure, white_of
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
     check_targets([out], overwrite, scene)
-    asked = None if wavelengths is None else metres(wavelengths)
+    asked = metres_of_nm(wavelengths)
     scan = read_scan(scene, dark, white, wavelengths=asked, saturation=saturation)
     rho = white_of(white_reflectance, scan.nm)
     measured = measure_reflectance(scan, white_reflectance=rho, read_noise=read_noise, gain=gain)
@@ -74,8 +72,8 @@ def compare(
     bandwidth: float = 0.0,
     filters: Path | None = None,
     figure: Path | None = None,
-    overwrite: Flag = False,
-    json: Flag = False,
+    overwrite: bool = False,
+    json: bool = False,
 ) -> None:
     """Spectral angle between points of SPECTRA and what a spectrometer measured there.
 
@@ -113,7 +111,7 @@ def join(
     out: Path,
     wavelengths: str | None = None,
     figure: Path | None = None,
-    overwrite: Flag = False,
+    overwrite: bool = False,
 ) -> None:
     """Join SPECTRA and DEPTH of one camera into the scene file that the spectral-depth camera reads.
 
@@ -126,7 +124,6 @@ def join(
         overwrite: replace files that exist.
     """
     from tmca.applications.file_pictures import picture_of
-    from tmca.cli.options.wavelengths import metres
     from tmca.data import write_dataset
     from tmca.lab.ground_truth.join import DEPTH, SPECTRA, join_ground_truth, open_part
 
@@ -134,7 +131,7 @@ def join(
     for source in (spectra, depth):
         check_targets([out], overwrite, source)
     parts = open_part(spectra, SPECTRA, "tmca scan spectra"), open_part(depth, DEPTH, "tmca scan depth")
-    scene = join_ground_truth(*parts, name=out.stem, wavelengths=None if wavelengths is None else metres(wavelengths))
+    scene = join_ground_truth(*parts, name=out.stem, wavelengths=metres_of_nm(wavelengths))
     write_dataset(scene, out, overwrite=overwrite)
     if figure is not None:
         picture_of(out, figure, overwrite=overwrite)

@@ -23,6 +23,8 @@ def whole(type_: Any, tokens: Sequence[Any]) -> int:
 
 
 Whole = Annotated[int, Parameter(converter=whole)]
+On = Annotated[bool, Parameter(negative_bool="no-")]
+"""A flag that is on; ``--no-NAME`` switches it off."""
 MaybeWhole = Annotated[int | None, Parameter(converter=whole)]
 
 
@@ -54,3 +56,11 @@ def size(
     except ValueError:
         raise SettingError(option, repr(text), expected) from None
     return height, width
+
+
+def whole_numbers(text: str, option: str) -> list[int]:
+    """Whole numbers separated by commas."""
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise SettingError(option, repr(text), "whole numbers separated by commas") from None

@@ -6,27 +6,25 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from cyclopts import Group, Parameter
 
+from tmca.cli.options.numbers import On
 from tmca.errors import SettingError
 
-_OUTPUT = Group("Output", sort_key=3)
 
-
-@Parameter(name="*")
+@Parameter(name="*", group=Group("Output", sort_key=6))
 @dataclass(frozen=True)
 class OutputOptions:
     """Where results go."""
 
-    out: Annotated[Path | None, Parameter(group=_OUTPUT)] = None
+    out: Path | None = None
     "File to write; a name made from the input's, in the current folder, without it."
-    overwrite: Annotated[bool, Parameter(group=_OUTPUT, negative="")] = False
+    overwrite: bool = False
     "Replace files that exist."
-    figures: Annotated[bool, Parameter(group=_OUTPUT)] = True
+    figures: On = True
     "Write pictures beside the file."
-    json: Annotated[bool, Parameter(group=_OUTPUT, negative="")] = False
+    json: bool = False
     "Print JSON instead of text."
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from math import inf, isfinite
+from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
+from tmca.specs.base import read_yaml
 
 Pair = tuple[float, float]
 
@@ -120,6 +122,21 @@ class Hardware:
                 raise SettingError("hardware", repr(name), f"one of {', '.join(LIMITS)}")
         return cls(**{name: _stored(name, value) for name, value in values.items()})  # type: ignore[arg-type]
 
+    @classmethod
+    def read(cls, text: str | None) -> Hardware:
+        """Faults of a text ``NAME=VALUE,…``, or of a YAML file of them; none without.
+
+        Raises:
+            SettingError, DataError: unknown or impossible ones, a text of another form, a file that cannot be read.
+        """
+        if text is None:
+            return cls()
+        return cls.of(
+            _named(text)
+            if "=" in text
+            else read_yaml(Path(text), "NAME=VALUE,…, or a YAML file of lines NAME: VALUE (docs/hardware.md)")
+        )
+
     @property
     def shift(self) -> Pair:
         """Rows and columns of the misregistration, pixels."""
@@ -168,3 +185,14 @@ def _numbers(name: str, value: Any) -> tuple[float, ...]:
 def _stored(name: str, value: Any) -> float | Pair:
     numbers = _numbers(name, value)
     return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
+
+
+def _named(text: str) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for part in text.split(","):
+        name, sign, value = (word.strip() for word in part.partition("="))
+        if not (sign and name and value) or name in found:
+            expected = "NAME=VALUE,NAME=VALUE, such as contrast_ratio=50,delay=0.1"
+            raise SettingError("hardware", repr(text), expected)
+        found[name] = value
+    return found

@@ -1,0 +1,221 @@
+"""Cameras from their specs: presets, files of codes and patterns, benches in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import prod
+from pathlib import Path
+from typing import Any
+from warnings import warn
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
+from tmca.cameras.phase_codes import read_phase_codes
+from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.codes import FAMILIES
+from tmca.codes.files import read_codes
+from tmca.data import read_array
+from tmca.errors import SettingError, TmcaError
+from tmca.optics import Dispersion, MaskGeometry, changed_bench
+from tmca.sensor import Sensor
+from tmca.specs import (
+    CameraSpec,
+    CodedSpec,
+    LightFieldSpec,
+    MaskPlaceSpec,
+    PhaseBenchSpec,
+    SensorSpec,
+    Spec,
+    SpectralDepthSpec,
+    SpectralSpec,
+)
+
+_MOST_CODES = 2**33
+"""Bytes of codes that a machine may hold."""
+_PLANES = ("aperture", "shutter")
+
+
+class CodesWarning(UserWarning):
+    """Something about codes that a user should know."""
+
+
+def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | None = None, **shape: Any) -> Any:
+    """The camera that a spec describes; weights of learned codes are `tmca.decoders.Weights`' matter.
+
+    Args:
+        spec: of its kind.
+        sensor: an ideal one without.
+        bench: `MaskPlaceSpec` of a light-field camera, `PhaseBenchSpec` of a spectral-depth camera.
+        shape: what a scene gives: ``size``, and ``bands`` or ``views``.
+
+    Raises:
+        SettingError, ShapeError: what makes no camera; ``where`` is a field of the spec.
+        DataError: a file that cannot be read.
+
+    Warns:
+        CodesWarning: patterns whose middle is taken, a tile larger than the scene.
+    """
+    kind: Any = CAMERAS[spec.kind]
+    preset = getattr(spec, "preset", None)
+    _check_memory(getattr(spec, "slots", None) or 1, shape)
+    with_files = _ARGUMENTS.get(spec.kind, lambda spec, bench, shape: spec.arguments())(spec, bench, shape)
+    arguments = {**shape, **with_files, "sensor": Sensor(**(sensor or SensorSpec()).model_dump())}
+    try:
+        camera: Camera = kind.from_preset(preset, **arguments) if preset else kind(**arguments)
+    except TmcaError as error:
+        codes = getattr(spec, "codes", None)
+        if codes is None or error.where not in _PLANES:
+            raise
+        raise type(error)(f"codes {codes}", error.found, error.expected, error.remedy) from error
+    if isinstance(camera, CodedCamera) and camera.throughput() == 0:
+        expected = "some open pixels in aperture and shutter together"
+        raise SettingError("aperture", "none that let light through", expected)
+    return camera
+
+
+def _coded(spec: CodedSpec, shape: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of any camera with an aperture and a shutter."""
+    arguments = spec.arguments()
+    if spec.codes is not None:
+        arguments |= _alone(spec, read_codes(spec.codes).settings(), arguments, ("preset", "weights", "coloured"))
+    for plane in _PLANES:
+        if isinstance(arguments.get(plane), str) and arguments[plane] not in FAMILIES:
+            arguments[plane] = read_patterns(arguments[plane], plane)
+    patterns = [arguments[plane] for plane in _PLANES if isinstance(arguments.get(plane), Tensor)]
+    if patterns and patterns[0].ndim == 3:
+        arguments.setdefault("slots", len(patterns[0]))
+    if spec.period and "size" in shape and spec.period > min(shape["size"]):
+        text = f"a period of {spec.period} pixels is larger than the scene: the codes do not repeat"
+        warn(text, CodesWarning, stacklevel=3)
+    return arguments
+
+
+def _spectral(spec: SpectralSpec, bench: Spec | None, shape: dict[str, Any]) -> dict[str, Any]:
+    arguments = _coded(spec, shape)
+    for plane in _PLANES:
+        if isinstance(arguments.get(plane), Tensor) and not arguments.get("period"):
+            arguments[plane] = _middle(arguments[plane], plane, arguments, shape)
+    if spec.coloured is not None:
+        arguments["coloured"] = read_transmittance(spec.coloured)
+    return arguments
+
+
+def _light_field(spec: LightFieldSpec, bench: Spec | None, shape: dict[str, Any]) -> dict[str, Any]:
+    arguments = _coded(spec, shape)
+    if spec.vignetting is not None:
+        arguments["vignetting"] = read_array(spec.vignetting).copy()
+    if isinstance(bench, MaskPlaceSpec) and bench.given():
+        return {**arguments, **shear_of(bench, spec, shape["views"])}
+    return arguments
+
+
+def _spectral_depth(spec: SpectralDepthSpec, bench: Spec | None, shape: dict[str, Any]) -> dict[str, Any]:
+    arguments = spec.arguments()
+    changes = bench.arguments() if isinstance(bench, PhaseBenchSpec) else {}
+    if changes:
+        arguments["bench"] = changed_bench(SpectralDepthCamera.preset(spec.preset)["bench"], changes)
+    if spec.codes is not None:
+        arguments |= _alone(spec, read_phase_codes(spec.codes), arguments, ("rms", "modes"))
+    return arguments
+
+
+_ARGUMENTS: dict[str, Callable[..., dict[str, Any]]] = {
+    "spectral": _spectral,
+    "light-field": _light_field,
+    "spectral-depth": _spectral_depth,
+}
+
+
+def _alone(spec: CameraSpec, found: dict[str, Any], given: dict[str, Any], others: tuple[str, ...]) -> dict[str, Any]:
+    """Arguments of a file of codes, beside which nothing else may say the same."""
+    also = [name for name in others if name in given or spec.has(name)]
+    beside = [*(name for name in given if name in found and name != "slots"), *(n for n in also if n != "preset")]
+    beside += ["preset"] if "preset" in also else []
+    if beside:
+        raise SettingError("codes", f"{beside[0]} beside it", "one of them")
+    if given.get("slots", found["slots"]) != found["slots"]:
+        raise SettingError("slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
+    return found
+
+
+def shear_of(bench: MaskPlaceSpec, spec: LightFieldSpec, views: tuple[int, int]) -> dict[str, Any]:
+    """``shear`` and ``mask_scale`` of a bench, which are said as a warning.
+
+    Raises:
+        SettingError: a length that is missing or impossible, or beside another that says the same.
+    """
+    if spec.has("mask_scale"):
+        raise SettingError("mask_scale", "beside a bench", "one of them", "leave it out: the bench says it")
+    geometry = _geometry(bench, views, spec.shear if spec.has("shear") else None)
+    shear, pitch = geometry.shear(bench.mask_pitch), bench.mask_pitch or geometry.mask_pitch
+    warn(
+        f"mask of pitch {pitch * 1e6:.5g} µm at {geometry.mask_distance * 1e3:.5g} mm from the sensor: "
+        f"{shear.step[0]:.5g} mask pixels per view, {shear.scale:.6g} per sensor pixel",
+        CodesWarning, stacklevel=2,
+    )  # fmt: skip
+    return {"shear": shear.step, "mask_scale": shear.scale}
+
+
+def _geometry(bench: MaskPlaceSpec, views: tuple[int, int], shear: tuple[float, ...] | None) -> MaskGeometry:
+    lengths: dict[str, Any] = {**bench.lengths(), "views": views[0]}
+    if shear is not None and (bench.mask_distance is not None or bench.mask_pitch is not None):
+        raise SettingError("shear", "beside --mask-distance or --mask-pitch", "one of them")
+    if bench.mask_distance is not None:
+        return MaskGeometry(bench.mask_distance, **lengths)
+    if bench.mask_pitch is not None:
+        return MaskGeometry.for_pitch(bench.mask_pitch, **lengths)
+    if shear is not None and shear[0] != shear[1]:
+        raise SettingError("shear", f"{shear[0]:g},{shear[1]:g}", "one number beside a bench")
+    return MaskGeometry.for_shear(1.0 if shear is None else shear[0], **lengths)
+
+
+def read_patterns(file: str, plane: str) -> Tensor:
+    """(K, H, W) patterns of a file, shares of light; MATLAB's (H, W, K) too; whole numbers over their type's maximum.
+
+    Raises:
+        SettingError: neither a family nor a file, or values outside [0, 1].
+    """
+    if not Path(file).suffix:
+        raise SettingError(plane, repr(file), f"one of {', '.join(FAMILIES)}, or a file of patterns")
+    patterns = _shares(read_array(file), plane, file)
+    turned = patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2])
+    return patterns.movedim(2, 0).contiguous() if turned else patterns
+
+
+def read_transmittance(file: str | Path) -> Tensor:
+    """(L, H, W) of a static coloured aperture; whole numbers over their type's maximum."""
+    return _shares(np.squeeze(read_array(file)), "coloured", str(file))
+
+
+def _shares(stored: np.ndarray, where: str, file: str) -> Tensor:
+    scale = float(np.iinfo(stored.dtype).max) if stored.dtype.kind in "ui" and stored.max() > 1 else 1.0
+    values = torch.from_numpy(stored.astype("float32") / scale)
+    low, high = float(values.min()), float(values.max())
+    if not 0 <= low <= high <= 1:
+        remedy = "divide them by the largest, or store whole numbers as such"
+        raise SettingError(f"{where} {file}", f"values from {low:g} to {high:g}", "0 = closed to 1 = open", remedy)
+    return values
+
+
+def _middle(patterns: Tensor, plane: str, arguments: dict[str, Any], shape: dict[str, Any]) -> Tensor:
+    """Patterns larger than the plane they are for: their middle."""
+    wide = plane == ("shutter" if arguments.get("disperser", "single") == "single" else "aperture")
+    count = shape["bands"] if isinstance(shape["bands"], int) else len(shape["bands"])
+    wider = Dispersion.of(arguments.get("dispersion", 1.0), count).spread if wide else 0
+    rows, columns = shape["size"][0], shape["size"][1] + wider
+    height, width = patterns.shape[-2:]
+    if (height, width) == (rows, columns) or height < rows or width < columns:
+        return patterns
+    top, left = (height - rows) // 2, (width - columns) // 2
+    warn(f"{plane}: the middle {rows}×{columns} of {height}×{width} pixels", CodesWarning, stacklevel=4)
+    return patterns[..., top : top + rows, left : left + columns].contiguous()
+
+
+def _check_memory(slots: int, shape: dict[str, Any]) -> None:
+    needed = 8.0 * slots * prod(shape.get("size", (1, 1)))
+    if needed > _MOST_CODES:
+        found = f"{slots}: codes of {needed / 2**30:.0f} GiB"
+        raise SettingError("slots", found, f"at most {_MOST_CODES / 2**30:.0f} GiB")

@@ -1,0 +1,52 @@
+"""Specs: what cameras, sensors and readings are described by, declared once, without torch.
+
+Options of the command line, YAML, ``--set`` and the axes of sweeps come from the fields of these models: names, types,
+defaults, bounds and help. `tmca.cameras.camera_of` and `tmca.data` make of them what they describe.
+"""
+
+from tmca.specs.base import Spec, first_error, read_yaml, spec_of
+from tmca.specs.cameras import CAMERA_SPECS, CameraSpec, CodedSpec, LightFieldSpec, SpectralDepthSpec, SpectralSpec
+from tmca.specs.design import CodeSearchSpec, MaskCameraSpec, MaskSearchSpec
+from tmca.specs.hardware import LIMITS, PAIRS, PARTS, Hardware
+from tmca.specs.optics import MaskPlaceSpec, PhaseBenchSpec
+from tmca.specs.reading import (
+    CubeReading,
+    DepthReading,
+    LightFieldReading,
+    LightFieldsReading,
+    MeasuredReading,
+    TruthReading,
+    ViewsReading,
+)
+from tmca.specs.sensor import SensorSpec, SheetSpec
+
+__all__ = [
+    "CAMERA_SPECS",
+    "LIMITS",
+    "PAIRS",
+    "PARTS",
+    "CameraSpec",
+    "CodeSearchSpec",
+    "CodedSpec",
+    "CubeReading",
+    "DepthReading",
+    "Hardware",
+    "LightFieldReading",
+    "LightFieldSpec",
+    "LightFieldsReading",
+    "MaskCameraSpec",
+    "MaskPlaceSpec",
+    "MaskSearchSpec",
+    "MeasuredReading",
+    "PhaseBenchSpec",
+    "SensorSpec",
+    "SheetSpec",
+    "Spec",
+    "SpectralDepthSpec",
+    "SpectralSpec",
+    "TruthReading",
+    "ViewsReading",
+    "first_error",
+    "read_yaml",
+    "spec_of",
+]

@@ -1,0 +1,150 @@
+"""What every spec is, and the types of fields that are written as text: lists, sizes, wavelengths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from tmca.errors import DataError, SettingError, TmcaError
+
+SEEDS = 2**30
+"""Seeds lie below."""
+S = TypeVar("S", bound="Spec")
+
+
+class Spec(BaseModel):
+    """Names, types, defaults, bounds and help of what something is described by; unknown names are refused."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False, protected_namespaces=()
+    )
+
+    def given(self, *left_out: str) -> dict[str, Any]:
+        """Fields that were given, without some."""
+        return {name: getattr(self, name) for name in type(self).model_fields if self.has(name, left_out)}
+
+    def has(self, name: str, left_out: tuple[str, ...] = ()) -> bool:
+        """Whether a field was given."""
+        return name in self.model_fields_set and name not in left_out and getattr(self, name) is not None
+
+
+def spec_of(kind: type[S], values: Mapping[str, Any]) -> S:
+    """A checked spec of names and values, the values of their types or texts of them.
+
+    Raises:
+        SettingError: the first field that is wrong.
+    """
+    try:
+        return kind.model_validate(dict(values))
+    except ValidationError as error:
+        raise first_error(error, tuple(kind.model_fields)) from None
+
+
+def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaError:
+    """The first thing that is wrong, what a validator raised or a field with pydantic's words."""
+    first = error.errors()[0]
+    raised = first.get("ctx", {}).get("error")
+    if isinstance(raised, TmcaError):
+        return raised
+    where = next((str(part) for part in first["loc"] if isinstance(part, str)), "settings")
+    if first["type"] == "extra_forbidden":
+        return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
+    expected = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return SettingError(where, repr(first["input"]), expected.partition(", unable")[0])
+
+
+def read_yaml(file: Path, expected: str) -> dict[str, Any]:
+    """Names and values of a YAML file.
+
+    Raises:
+        DataError: no such file, no YAML, or no names with values.
+    """
+    import yaml
+
+    try:
+        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(file, "no such file", expected) from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise DataError(file, f"no readable YAML ({error})", expected) from None
+    if not isinstance(found, dict):
+        raise DataError(file, f"a {type(found).__name__}", expected)
+    return found
+
+
+def _parts(value: Any) -> Any:
+    """A text of numbers separated by commas as a list; one number as it is."""
+    parts = value.split(",") if isinstance(value, str) else value
+    return parts[0] if isinstance(parts, list) and len(parts) == 1 and isinstance(value, str) else parts
+
+
+def _words(value: Any) -> Any:
+    """Words separated by commas."""
+    words = [value] if isinstance(value, str) else value
+    texts = isinstance(words, list | tuple) and all(isinstance(word, str) for word in words)
+    return [word.strip() for word in ",".join(words).split(",") if word.strip()] if texts else value
+
+
+def _both(value: Any) -> Any:
+    """One number or two, separated by commas, as two."""
+    parts = _parts(value)
+    return parts if isinstance(parts, list | tuple) or parts is None else [parts, parts]
+
+
+def _sides(value: Any) -> Any:
+    """``HEIGHTxWIDTH`` as two numbers."""
+    return value.lower().replace("×", "x").split("x") if isinstance(value, str) else value
+
+
+def _joined(value: Any) -> Any:
+    """The texts that a command line hands over one by one, as one."""
+    return ",".join(value) if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value) else value
+
+
+def metres_of_nm(text: Any) -> Any:
+    """``400:700:31`` (first, last, number of bands) or ``400,410,…`` in nm → metres; other values as they are.
+
+    Raises:
+        SettingError: neither of the two.
+    """
+    text = _joined(text)
+    if not isinstance(text, str):
+        return text
+    try:
+        if ":" in text:
+            first, last, count = text.split(":")
+            step = (float(last) - float(first)) / max(int(count) - 1, 1)
+            return [(float(first) + step * band) * 1e-9 for band in range(int(count))]
+        return [float(part) * 1e-9 for part in text.split(",")]
+    except ValueError:
+        raise SettingError("wavelengths", repr(text), "FIRST:LAST:COUNT or one wavelength per band, in nm") from None
+
+
+def _text(value: Any) -> Any:
+    return _parts(_joined(value))
+
+
+Numbers = Annotated[float | tuple[float, ...], BeforeValidator(_text)]
+"""One number or several: ``1`` or ``0,1.5,3``."""
+_PAIR = Field(min_length=2, max_length=2)
+Both = Annotated[tuple[float, ...], BeforeValidator(lambda value: _both(_joined(value))), _PAIR]
+"""Two numbers, or one that stands for both: ``1`` or ``1,0.5``."""
+Range = Annotated[tuple[float, ...], BeforeValidator(_text), _PAIR]
+"""Two numbers: ``0.4,2``."""
+Words = Annotated[tuple[str, ...], BeforeValidator(_words)]
+"""Words separated by commas."""
+Wholes = Annotated[tuple[int, ...], BeforeValidator(_words)]
+"""Whole numbers separated by commas."""
+Whole = Annotated[int, Field(ge=1)]
+"""1 or more."""
+Sides = Annotated[tuple[Whole, ...], BeforeValidator(lambda value: _sides(_joined(value))), _PAIR]
+"""Two whole numbers: ``64x80``."""
+Metres = Annotated[tuple[float, ...], BeforeValidator(metres_of_nm)]
+"""Wavelengths in metres, of texts in nm."""
+Seed = Annotated[int, Field(ge=0, lt=SEEDS)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Length = Annotated[float, Field(gt=0)]
+"""Metres."""

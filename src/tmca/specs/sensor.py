@@ -1,0 +1,33 @@
+"""Specs of sensors: of a camera, and as a data sheet gives them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from tmca.specs.base import Spec
+
+
+class SensorSpec(Spec):
+    """The sensor."""
+
+    read_noise: Annotated[float, Field(ge=0)] = 0.0
+    "Standard deviation in snapshot units (1 = one band or view of a white scene)."
+    full_well: Annotated[float, Field(gt=0)] | None = None
+    "Electrons at full scale; switches shot noise on."
+    read_noise_electrons: Annotated[float, Field(ge=0)] = 0.0
+    "Read noise in electrons, standard deviation; needs --full-well."
+    bits: Annotated[int, Field(ge=1, le=32)] | None = None
+    "Bits of the analogue-to-digital converter."
+
+
+class SheetSpec(SensorSpec):
+    """A sensor and its modulator as their data sheets give them."""
+
+    exposure: Annotated[float, Field(gt=0)] | None = None
+    "Time of a snapshot, seconds."
+    pattern_rate: Annotated[float, Field(gt=0)] | None = None
+    "Most patterns per second of aperture (mask) and shutter, Hz."
+    slot_time: Annotated[float, Field(gt=0)] | None = None
+    "Shortest time a pattern may be shown, seconds."
