@@ -52,7 +52,7 @@ def spectral(
     """
     from tmca.cli.options.numbers import numbers
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.design.spectral import design_spectral
+    from tmca.reports.cameras import design_spectral
 
     camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}
     if dispersion is not None:
@@ -90,7 +90,7 @@ def light_field(
     """
     from tmca.cli.options.cameras import shear_argument
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.design.light_field import design_light_field
+    from tmca.reports.cameras import design_light_field
 
     sheet, named = sensor.sheet(), search.scenes(scenes)
     with progress_bar(f"design {out.name}") as progress:
@@ -122,9 +122,9 @@ def spectral_depth(
         json: print JSON instead of text.
     """
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.design.depth_page import COLUMNS
-    from tmca.experiments.design.spectral_depth import design_spectral_depth
     from tmca.experiments.results import markdown_table
+    from tmca.reports.mask_page import COLUMNS
+    from tmca.reports.masks import design_spectral_depth
 
     with progress_bar(f"design {out.name}") as progress:
         _, found = design_spectral_depth(
@@ -145,8 +145,8 @@ def spectral_depth(
 
 def _say(found: dict[str, Any], out: Path, json: bool) -> None:
     """The advice as a table and a sentence, or as JSON."""
-    from tmca.experiments.design.codes import COLUMNS
     from tmca.experiments.results import markdown_table
+    from tmca.reports.codes import COLUMNS
 
     if json:
         print(json_module.dumps(found, indent=1))
@@ -184,7 +184,7 @@ def judge(
     """
     from tmca.cli.options.numbers import numbers
     from tmca.cli.options.output import check_figure
-    from tmca.experiments.design.judged import judge_codes
+    from tmca.reports.judged import judge_codes
 
     check_figure(figure, overwrite, codes)
     camera: dict[str, Any] = {} if disperser is None else {"disperser": disperser}
@@ -245,14 +245,14 @@ def study(
         json: print JSON instead of text.
     """
     from tmca.cli.options.numbers import size
+    from tmca.cli.studies import study_module
     from tmca.data import read_split
-    from tmca.experiments.codes import study_codes
 
     tile = size(period, "--period") or (16, 24)
     examples, scenes, checked = (
         list(map(str, read_split(split))) if split else [] for split in (train, test, validation)
     )
-    found = study_codes(
+    found = study_module("codes.study").study_codes(
         examples, scenes, out, work, bands=bands, slots=whole_numbers(slots) or [], period=tile, test_slots=test_slots,
         validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite, progress=cell_done,
         command=["tmca", *sys.argv[1:]],

@@ -11,7 +11,7 @@ from typing import Any
 def run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
     """Fine-tune, draw how it went, and say what came out."""
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.tuning.pictures import tuning_pictures
+    from tmca.tuning.pictures import tuning_pictures
 
     local, rank = int(os.environ.get("LOCAL_WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
     with progress_bar(f"tune {out.name}") as bar:

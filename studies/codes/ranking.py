@@ -1,0 +1,169 @@
+"""What decoders make of codes on test scenes: the order of many codes, and networks behind designed and random ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NotRequired, TypedDict
+
+import tmca
+from studies.codes.records import Code, CodeCell, Correlation, Figures, RankedRow
+from studies.codes.searches import mean, sensor_of, task_of
+from tmca.cameras import CodedCamera
+from tmca.codes import write_codes
+from tmca.data import load_scene, make_folder, split_rendered
+from tmca.decoders import Weights
+from tmca.design import MixtureMse, Task, TileMse, decibels, on_frame
+from tmca.metrics import psnr
+from tmca.priors import GaussianMixturePrior, GaussianPrior
+from tmca.training import settings_from, train_spectral
+
+RANKED: dict[str, Code] = {
+    **{f"static, {share:.0%} open": Code(1, settings={"shutter": "open", "transmittance": share})
+       for share in (0.2, 0.5, 0.8)},
+    "static, blue noise": Code(1, settings={"aperture": "blue-noise", "shutter": "open"}),
+    "static, designed": Code(1, "static"),
+    **{f"random K = {k}": Code(k) for k in (2, 4, 8, 16)},
+    **{f"random K = {k}, 80% open": Code(k, settings={"transmittance": 0.8, "duty": 0.8}) for k in (2, 8)},
+    **{f"random K = {k}, 20% open": Code(k, settings={"transmittance": 0.4, "duty": 0.5}) for k in (2, 8)},
+    **{f"one-hot K = {k}": Code(k, settings={"shutter": "one-hot"}) for k in (2, 4, 8)},
+    **{f"one-hot K = {k}, designed": Code(k, "one-hot") for k in (2, 4)},
+    **{f"free K = {k}, designed": Code(k, "free") for k in (2, 4, 8)},
+    "complementary K = 4": Code(4, settings={"aperture": "complementary", "shutter": "complementary"}),
+    "blue noise K = 4": Code(4, settings={"aperture": "blue-noise", "shutter": "blue-noise"}),
+    "S-matrix K = 7": Code(7, settings={"shutter": "s-matrix"}),
+    "static aperture, random shutter K = 4": Code(4, settings={"aperture": "static"}),
+}  # fmt: skip
+"""Codes of every family, light and number of slots, random and designed."""
+_FROZEN, _RATE = 0.9, 0.1
+"""Share of a training after which codes are fixed, and their learning rate."""
+
+
+class Ranked(TypedDict):
+    """One code: expected PSNR, and that of decoders by scene, dB."""
+
+    expected: float
+    throughput: float
+    expected_mixture: float
+    lmmse: Figures
+    unrolled: NotRequired[Figures]
+
+
+def networks(slots: int) -> dict[str, Code]:
+    """Codes that networks are trained for at the corners of the study."""
+    return {
+        "static, random": Code(1, settings={"shutter": "open"}),
+        "static, designed": Code(1, "static"),
+        "static, tuned with the network": Code(1, "static", "aperture"),
+        f"random K = {slots}": Code(slots),
+        f"free K = {slots}, designed": Code(slots, "free"),
+        f"free K = {slots}, tuned with the network": Code(slots, "free", "both"),
+    }
+
+
+def ranking(cell: CodeCell) -> Ranked:
+    """Expected PSNR of one code, and what decoders make of it on the middle of the test scenes."""
+    task = task_of(cell)
+    camera, weights = coded(task, cell.code), None
+    if cell.training.steps:
+        weights = _trained(task, cell, camera)
+        camera = Weights.load(weights).camera_for(task.period)  # tuned codes are others than it began with
+    prior = GaussianMixturePrior.load(cell.mixture)
+    error = MixtureMse.of(prior, task.examples.model, task.noise.read, task.noise.shot)
+    found: Ranked = {
+        "expected": task.psnr(camera),
+        "throughput": camera.throughput(),
+        "expected_mixture": decibels(TileMse(error).whole(camera)),
+        "lmmse": _measured(task, cell, camera, "lmmse", prior=GaussianPrior.load(cell.prior)),
+    }
+    if weights:
+        found["unrolled"] = _measured(task, cell, camera, "network", weights=weights)
+    return found
+
+
+def ranked_there(cell: Any) -> dict[str, Figures]:
+    """Expected PSNR of every ranked code, the examples dimmed to the mean irradiance of the test scenes."""
+    task, there = task_of(cell), task_of(cell, cell.light)
+    return {"expected_there": {name: there.psnr(coded(task, code)) for name, code in RANKED.items()}}
+
+
+def coded(task: Task, code: Code) -> CodedCamera:
+    """A camera of one period with a code of ``RANKED``."""
+    if code.design:
+        return task.design(code.design, code.slots).camera
+    size = task.period
+    return tmca.SpectralCamera(
+        bands=task.bands, size=size, period=size, seed=task.seed, slots=code.slots, **code.settings
+    )
+
+
+def _measured(task: Task, cell: CodeCell, camera: CodedCamera, decoder: str, **how: Any) -> Figures:
+    """PSNR on the middle of each test scene."""
+    values = {}
+    for path in cell.test:
+        scene = load_scene(path, bands=cell.bands, size=cell.size)
+        frame = on_frame(camera, task.camera, cell.size, sensor_of(cell))
+        estimate = tmca.reconstruct(tmca.simulate(scene, frame, seed=cell.seed), decoder, **how)
+        values[Path(path).stem] = float(psnr(estimate.values[0].numpy(), scene.values))
+    return values
+
+
+def _trained(task: Task, cell: CodeCell, camera: CodedCamera) -> Path:
+    """Weights of an unrolled network trained for these codes and this noise alone, with the codes if they are tuned."""
+    folder, codes, training = make_folder(Path(cell.folder)), camera.codes, cell.training
+    file = folder / "codes.nc"
+    write_codes(file, codes.aperture.tile(), codes.shutter.tile(), task.period, overwrite=True)
+    static = {"shutter": "open"} if camera.slots == 1 else {}
+    coded_aperture = {"size": _frame(task.period), "period": list(task.period), "slots": camera.slots, **static}
+    scenes = {
+        "train": [*training.scenes * 3, *sorted(split_rendered()["train"])],  # given ones outnumber the rendered ones
+        "prior": list(training.scenes),
+        "validation": list(training.validation),
+    }
+    described = {
+        "camera": {**coded_aperture, "learn": cell.code.tune},
+        "noise": [cell.sensor],
+        "codes": {"start": str(file), "frozen": _FROZEN, "slope": [2.0, 40.0]},
+        "decoder": {"kind": "unrolled", "start": "lmmse"},
+        "data": {"bands": cell.bands, **scenes, "pool": 512},
+        "optimiser": {"steps": training.steps, "loss": "log", "code_rate": _RATE},
+        "seed": cell.seed,
+        "validate_every": max(1, training.steps // 4),
+    }
+    settings = settings_from(None, None, described)
+    return train_spectral(settings, folder / "run", lambda name: load_scene(name, bands=cell.bands)).weights
+
+
+def _frame(period: Sequence[int]) -> list[int]:
+    """A frame of whole periods that holds a patch at every place of the tile."""
+    return [side * -(-160 // side) for side in period]
+
+
+def correlations(rows: Sequence[RankedRow]) -> list[Correlation]:
+    """Spearman's rank correlation of expected PSNR, by the examples as they are and dimmed and under a mixture, with
+    each decoder's mean over the test scenes."""
+    found: list[Correlation] = []
+    for noise in dict.fromkeys(row["noise"] for row in rows):
+        chosen = [row for row in rows if row["noise"] == noise]
+        networks = [row for row in chosen if "unrolled" in row]
+        for decoder, known, measured in (
+            ("lmmse", chosen, [row["lmmse"] for row in chosen]),
+            ("unrolled", networks, [row["unrolled"] for row in networks]),
+        ):
+            if len(known) > 2:
+                found.append(_correlation(noise, decoder, known, [mean(by) for by in measured]))
+    return found
+
+
+def _correlation(noise: str, decoder: str, rows: Sequence[RankedRow], means: Sequence[float]) -> Correlation:
+    from scipy.stats import spearmanr
+
+    def rank(values: Sequence[float]) -> float:
+        return float(spearmanr(values, means).statistic)
+
+    return {
+        "noise": noise, "decoder": decoder, "codes": len(rows),
+        "rank_correlation": rank([row["expected"] for row in rows]),
+        "rank_correlation_there": rank([row["expected_there"] for row in rows]),
+        "mixture_rank_correlation": rank([row["expected_mixture"] for row in rows]),
+    }  # fmt: skip
