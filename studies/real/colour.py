@@ -41,11 +41,12 @@ def srgb_picture(
         cube, wavelengths, lamp: as for `linear_srgb`.
         level: linear value shown as full; the 99.8 % quantile without it.
     """
-    from tmca.data.pixels import encoded
+    import colour
 
     linear = linear_srgb(cube, wavelengths, lamp)
     top = shown_level(linear) if level is None else level
-    return np.moveaxis(encoded(np.clip(linear / top, 0, 1).astype(np.float32)), 0, -1)
+    shown = np.clip(linear / top, 0, 1).astype(np.float32)
+    return np.moveaxis(np.asarray(colour.cctf_encoding(shown, function="sRGB"), dtype=np.float32), 0, -1)
 
 
 def shown_level(linear: Array) -> float:

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import torch
-from tmca.experiments.real.kept import kept_estimate
-from tmca.experiments.real.merit import foretelling_error, neighbours_error, part_of, withheld
-from tmca.experiments.real.study import Told, first_capture
 from torch import Tensor
 
+from studies.bench import scene_at
+from studies.real.decoding import stored_estimate
+from studies.real.merit import neighbours_error, part_of, prediction_error, withheld
+from studies.real.records import ControlRow
+from studies.real.study import Told, first_capture
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Weights
 from tmca.errors import DataError
-from tmca.experiments.spectral.own_camera import scene_at
 from tmca.metrics import psnr, sam
 
 _LARGEST = 256
@@ -66,7 +66,7 @@ def study_control(
     weights: Weights | None,
     keep: Path,
     told: Told,
-) -> list[dict[str, Any]]:
+) -> list[ControlRow]:
     """A row per decoder: errors against the truth, and what withheld pixels say of them.
 
     Args:
@@ -81,16 +81,15 @@ def study_control(
     scene = known_scene(name, capture.camera)
     taken, stem = image_behind(capture, scene), Path(name).stem
     operator, (blind, hidden) = taken.camera.operator(), withheld(taken)
-    rows = []
+    rows: list[ControlRow] = []
     for decoder in decoders:
-        cube, _ = kept_estimate(keep, f"{stem}_{decoder}", taken, decoder, weights)
-        guess, _ = kept_estimate(keep, f"{stem}_{decoder}_withheld", blind, decoder, weights)
-        rows.append(
-            {
-                "scene": stem, "decoder": decoder, "psnr": float(psnr(cube, scene)), "sam": float(sam(cube, scene)),
-                "withheld": foretelling_error(operator, guess, taken.values, hidden),
-                "truth": foretelling_error(operator, scene, taken.values, hidden),
-                "neighbours": neighbours_error(taken.values, hidden),
-            }
-        )  # fmt: skip
+        cube, _ = stored_estimate(keep, f"{stem}_{decoder}", taken, decoder, weights)
+        guess, _ = stored_estimate(keep, f"{stem}_{decoder}_withheld", blind, decoder, weights)
+        row: ControlRow = {
+            "scene": stem, "decoder": decoder, "psnr": float(psnr(cube, scene)), "sam": float(sam(cube, scene)),
+            "withheld": prediction_error(operator, guess, taken.values, hidden),
+            "truth": prediction_error(operator, scene, taken.values, hidden),
+            "neighbours": neighbours_error(taken.values, hidden),
+        }  # fmt: skip
+        rows.append(row)
     return rows

@@ -6,14 +6,15 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tmca.experiments.real.colour import linear_srgb, shown_level, srgb_picture
 
-from tmca.plots.style import bare, grid, image, plain_axes
+from studies.real.colour import linear_srgb, shown_level, srgb_picture
+from studies.real.records import Geometry
+from tmca.plots import BLUE, COLOURS, RED, bare, grid, image, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COLOURS = ("#d1495b", "#00798c", "#edae49", "#66a182")
+_COLOURS = (RED, BLUE, *COLOURS[2:])
 _STYLES = ("-", "--", "-.", ":")
 
 
@@ -89,7 +90,7 @@ def around(cube: np.ndarray, place: tuple[int, int], reach: int = 6) -> np.ndarr
     return part.mean((1, 2))
 
 
-def geometry_figure(found: Mapping[str, Any], blocks: Mapping[str, np.ndarray], size: int) -> Figure:
+def geometry_figure(found: Geometry, blocks: Mapping[str, np.ndarray], size: int) -> Figure:
     """Where light falls behind the mask, and how far the mask is displaced from row to row."""
     figure, axes = grid(1, 2, width=5.2, aspect=0.6)
     axes[0, 0].plot(found["offsets"], found["light"], ".-", color=_COLOURS[1])

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from tmca.experiments.real.merit import brightest_rows, foretelling_error, reprojection_error, withheld
 
+from studies.bench import explained, fine_part, flattened
+from studies.real.merit import brightest_rows, prediction_error, reprojection_error, withheld
+from studies.real.records import OrderErrors
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import admm_tv, default_weight
-from tmca.lab.registering import explained, fine_part, flattened
 
 Array = NDArray[np.floating]
 _SIDE = 72

@@ -67,8 +67,8 @@ def neighbours_error(snapshot: Tensor, hidden: Tensor) -> float:
     return float((mean - snapshot)[0, 0][hidden].norm() / snapshot[0, 0][hidden].norm())
 
 
-def agreement(one: np.ndarray, other: np.ndarray, lit: float = 0.1) -> dict[str, float]:
-    """PSNR and spectral angle between two estimates (L, H, W), the scale of the first taken for both.
+def agreement(one: np.ndarray, other: np.ndarray, lit: float = 0.1) -> tuple[float, float]:
+    """PSNR in dB and spectral angle in degrees between two estimates (L, H, W), the scale of the first taken for both.
 
     Args:
         one, other: estimates of the same scene.
@@ -77,10 +77,8 @@ def agreement(one: np.ndarray, other: np.ndarray, lit: float = 0.1) -> dict[str,
     top = float(np.quantile(one, 0.999))
     level = one.mean(0)
     bright = level > lit * float(np.quantile(level, 0.99))
-    return {
-        "psnr": float(psnr(one / top, other / top)),
-        "sam": float(sam(one[:, bright][..., None], other[:, bright][..., None])),
-    }
+    angle = sam(one[:, bright][..., None], other[:, bright][..., None])
+    return float(psnr(one / top, other / top)), float(angle)
 
 
 def brightest_rows(snapshot: Snapshot[SpectralCamera], rows: int) -> Snapshot[SpectralCamera]:

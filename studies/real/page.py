@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-from tmca.experiments.real.study import SCENES, single_disperser
+from studies.real.records import ControlRow, Geometry, Network, Results
+from studies.real.study import SCENES, single_disperser
+from studies.tables import Column, table
 
-from tmca.experiments.results import markdown_table
-
-_SCENE_COLUMNS = (
-    ("scene", "scene", ""), ("decoder", "decoder", ""), ("reprojection", "re-projection", ".2%"),
-    ("withheld", "withheld pixels", ".2%"), ("neighbours", "mean of neighbours", ".2%"),
-    ("seconds", "CPU seconds", ".0f"),
-)  # fmt: skip
-_PAIR_COLUMNS = (
-    ("scene", "scene", ""), ("one", "one", ""), ("other", "other", ""), ("psnr", "PSNR (dB)", ".1f"),
-    ("sam", "SAM (°)", ".1f"),
-)  # fmt: skip
-_CONTROL_COLUMNS = (
-    ("scene", "scene", ""), ("decoder", "decoder", ""), ("psnr", "PSNR (dB)", ".1f"), ("sam", "SAM (°)", ".1f"),
-    ("withheld", "withheld pixels", ".2%"), ("truth", "the truth", ".2%"), ("neighbours", "mean of neighbours", ".2%"),
-)  # fmt: skip
+_SCENE, _DECODER = Column("scene"), Column("decoder")
+_PSNR, _SAM = Column("psnr", "PSNR (dB)", ".1f"), Column("sam", "SAM (°)", ".1f")
+_REPROJECTION, _WITHHELD = Column("reprojection", "re-projection", ".2%"), Column("withheld", "withheld pixels", ".2%")
+_NEIGHBOURS, _SECONDS = Column("neighbours", "mean of neighbours", ".2%"), Column("seconds", "CPU seconds", ".0f")
+_SCENE_COLUMNS = (_SCENE, _DECODER, _REPROJECTION, _WITHHELD, _NEIGHBOURS, _SECONDS)
+_PAIR_COLUMNS = (_SCENE, Column("one"), Column("other"), _PSNR, _SAM)
+_CONTROL_COLUMNS = (_SCENE, _DECODER, _PSNR, _SAM, _WITHHELD, Column("truth", "the truth", ".2%"), _NEIGHBOURS)
 _MOVIE_COLUMNS = (
-    ("capture", "code", ""), ("decoder", "decoder", ""), ("reprojection", "re-projection", ".2%"),
-    ("withheld", "withheld", ".2%"), ("neighbours", "mean of neighbours", ".2%"),
-    ("withheld_moving", "withheld, moving", ".2%"), ("neighbours_moving", "neighbours, moving", ".2%"),
-    ("seconds", "CPU seconds", ".0f"), ("agreement_psnr", "agreement (dB)", ".1f"),
+    Column("capture", "code"), _DECODER, _REPROJECTION, Column("withheld", "withheld", ".2%"), _NEIGHBOURS,
+    Column("withheld_moving", "withheld, moving", ".2%"), Column("neighbours_moving", "neighbours, moving", ".2%"),
+    _SECONDS, Column("agreement_psnr", "agreement (dB)", ".1f"),
 )  # fmt: skip
 
 
-def page(results: dict[str, Any], name: str) -> str:
+def page(results: Results, name: str) -> str:
     """The page of some results; pictures are named after it."""
     prototype = single_disperser()
     pictures = "\n".join(f"![{prototype.scenes[one]}]({name}_{one}.png)\n" for one in SCENES)
@@ -49,12 +41,12 @@ def page(results: dict[str, Any], name: str) -> str:
 
 256 slots, each pixel open in one of them; 16 frames of 16 slots each.
 
-{markdown_table(results["movies"], _MOVIE_COLUMNS)}
+{table(results["movies"], _MOVIE_COLUMNS)}
 ![Frames behind the designed and the random code]({name}_wine.png)
 """
 
 
-def _scenes_text(results: dict[str, Any]) -> str:
+def _scenes_text(results: Results) -> str:
     """Tables of decoders and of their agreement."""
     return f"""\
 Errors are shares of the snapshot's norm. *Re-projection* is that of the whole estimate; *withheld pixels* is over 5 %
@@ -62,14 +54,14 @@ of the sensor pixels of the 200 brightest rows, which the decoder was not shown;
 pixels around them say without any decoder. CPU seconds are those of one whole capture of 660 × 714 pixels on one
 thread.
 
-{markdown_table(results["rows"], _SCENE_COLUMNS)}
+{table(results["rows"], _SCENE_COLUMNS)}
 How far two decoders agree (PSNR over the brightest value, spectral angle where the scene is lit):
 
-{markdown_table(results["pairs"], _PAIR_COLUMNS)}
+{table(results["pairs"], _PAIR_COLUMNS)}
 {_network_text(results["network"])}{_control_text(results["control"])}"""
 
 
-def _control_text(rows: Sequence[dict[str, Any]]) -> str:
+def _control_text(rows: Sequence[ControlRow]) -> str:
     if not rows:
         return ""
     return f"""
@@ -78,10 +70,10 @@ def _control_text(rows: Sequence[dict[str, Any]]) -> str:
 Scenes that are known, behind the middle of this mask and with the noise of {SCENES[0]}. *The truth* is how far it is
 from the withheld pixels: their noise.
 
-{markdown_table(rows, _CONTROL_COLUMNS)}"""
+{table(rows, _CONTROL_COLUMNS)}"""
 
 
-def _geometry_text(found: dict[str, Any]) -> str:
+def _geometry_text(found: Geometry) -> str:
     shares = ", ".join(f"{way} {share:.2f}" for way, share in found["explained"].items())
     scale, shift = found["registration"]["scale"][0], found["registration"]["shift"][0]
     order = "; ".join(
@@ -99,7 +91,7 @@ def _geometry_text(found: dict[str, Any]) -> str:
 """
 
 
-def _network_text(found: dict[str, Any] | None) -> str:
+def _network_text(found: Network | None) -> str:
     if found is None:
         return ""
     best = found["best"] or {}

@@ -5,13 +5,15 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from tmca.experiments.real.control import check_known, study_control
-from tmca.experiments.real.decoding import REAL_DECODERS, check_real_decoders
-from tmca.experiments.real.figures import geometry_figure, movie_figure, scene_figure
-from tmca.experiments.real.page import page
-from tmca.experiments.real.study import (
+from studies.grid import check_new, repository_commit
+from studies.real.control import check_known, study_control
+from studies.real.decoding import check_real_decoders
+from studies.real.figures import geometry_figure, scene_figure
+from studies.real.page import page
+from studies.real.records import Network, Results
+from studies.real.study import (
     SCENES,
     Scene,
     Told,
@@ -21,12 +23,13 @@ from tmca.experiments.real.study import (
     study_movies,
     study_scene,
 )
-
+from studies.tables import write_results
 from tmca.data import make_folder
 from tmca.decoders import Weights
-from tmca.errors import SettingError
-from tmca.experiments.results import check_new, repository_commit, write_table
-from tmca.plots.style import save_figure
+from tmca.plots import frames_figure, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def report_files(out: Path) -> list[Path]:
@@ -68,8 +71,6 @@ def write_report(
         DataError, SettingError, OutputError: captures that are missing, decoders that cannot run, results that exist.
     """
     folder, files = captures_folder(data), report_files(out)
-    if not decoders:
-        raise SettingError("--decoders", "none", f"some of {', '.join(REAL_DECODERS)}")
     check_real_decoders(decoders, weights)
     check_new(files, overwrite)
     check_known(control, folder)
@@ -81,17 +82,21 @@ def write_report(
     first = scenes[0].snapshot
     known = [row for name in control for row in study_control(first, name, decoders, trained, keep, told)]
     rows, frames, captures = study_movies(folder, told)
-    results = {
+    results: Results = {
         "command": shlex.join(command), "commit": repository_commit(), "geometry": geometry,
         "network": _network(trained), "rows": [row for scene in scenes for row in scene.rows],
         "pairs": [pair for scene in scenes for pair in scene.pairs], "control": known, "movies": rows,
     }  # fmt: skip
-    _pictures(scenes, geometry, blocks, frames, captures, out, overwrite)
-    write_table(results, page(results, out.name), files[:2], overwrite)
+    drawings = {scene.name: _drawn(scene) for scene in scenes}
+    drawings |= {"geometry": geometry_figure(geometry, blocks, first.camera.size[0])}
+    drawings |= {"wine": frames_figure(frames, captures)}
+    for name, drawing in drawings.items():
+        save_figure(drawing, out.with_name(f"{out.name}_{name}.png"), overwrite=overwrite)
+    write_results(results, page(results, out.name), files[0], overwrite)
     return files
 
 
-def _network(weights: Weights | None) -> dict[str, Any] | None:
+def _network(weights: Weights | None) -> Network | None:
     """How the network learned."""
     if weights is None:
         return None
@@ -100,17 +105,9 @@ def _network(weights: Weights | None) -> dict[str, Any] | None:
             "best": card.get("best"), "steps": card.get("training", {}).get("optimiser", {}).get("steps")}  # fmt: skip
 
 
-def _pictures(
-    scenes: Sequence[Scene], geometry: Any, blocks: Any, frames: Any, captures: Any, out: Path, overwrite: bool
-) -> None:
-    prototype = single_disperser()
-    for scene in scenes:
-        camera = scene.snapshot.camera
-        drawing = scene_figure(
-            scene.snapshot.values[0, 0].numpy(), scene.estimates, camera.wavelengths,
-            prototype.points.get(scene.name, {}), scene.mask_spectra, prototype.turned,
-        )  # fmt: skip
-        save_figure(drawing, out.with_name(f"{out.name}_{scene.name}.png"), overwrite=overwrite)
-    size = scenes[0].snapshot.camera.size[0]
-    save_figure(geometry_figure(geometry, blocks, size), out.with_name(f"{out.name}_geometry.png"), overwrite=overwrite)
-    save_figure(movie_figure(frames, captures), out.with_name(f"{out.name}_wine.png"), overwrite=overwrite)
+def _drawn(scene: Scene) -> Figure:
+    prototype, snapshot = single_disperser(), scene.snapshot
+    return scene_figure(
+        snapshot.values[0, 0].numpy(), scene.estimates, snapshot.camera.wavelengths,
+        prototype.points.get(scene.name, {}), scene.mask_spectra, prototype.turned,
+    )  # fmt: skip

@@ -6,29 +6,40 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from tmca.experiments.real.geometry import geometry, order_evidence
-from tmca.experiments.real.kept import kept_estimate
-from tmca.experiments.real.merit import (
+
+from studies.bench import (
+    PixelShutter,
+    SingleDisperser,
+    block_shifts,
+    explained,
+    fine_part,
+    flattened,
+    import_capture,
+    load_prototype,
+    register_mask,
+    registered,
+)
+from studies.real.decoding import stored_estimate
+from studies.real.geometry import explained_share, light_by_offset, mask_evidence, order_evidence
+from studies.real.merit import (
     agreement,
     brightest_rows,
-    foretelling_error,
     neighbours_error,
+    prediction_error,
     reprojection_error,
     withheld,
 )
-from tmca.experiments.real.movies import study_movie
-
+from studies.real.movies import study_movie
+from studies.real.records import Geometry, MovieRow, PairRow, SceneRow
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_array
 from tmca.decoders import Weights
 from tmca.errors import DataError
-from tmca.lab.importing import import_capture
-from tmca.lab.prototype import PixelShutter, SingleDisperser, load_prototype
-from tmca.lab.registering import block_shifts, explained, fine_part, flattened, register_mask, registered
 
+Spectra = dict[str, np.ndarray]
+"""Arrays by the name of a decoder, of a point, of a capture."""
 MASK, SCENES, WINE = "tsa/mask_660_real.mat", ("real_scene1", "real_scene2", "real_scene3"), "pixel_shutter_wine"
 _ROWS = 200
 Told = Callable[[str], None]
@@ -49,10 +60,10 @@ class Scene:
 
     name: str
     snapshot: Snapshot[SpectralCamera]
-    estimates: dict[str, np.ndarray] = field(default_factory=dict)
-    rows: list[dict[str, Any]] = field(default_factory=list)
-    pairs: list[dict[str, Any]] = field(default_factory=list)
-    mask_spectra: dict[str, np.ndarray] = field(default_factory=dict)
+    estimates: Spectra = field(default_factory=dict)
+    rows: list[SceneRow] = field(default_factory=list)
+    pairs: list[PairRow] = field(default_factory=list)
+    mask_spectra: Spectra = field(default_factory=dict)
 
 
 def captures_folder(data: Path) -> Path:
@@ -82,40 +93,35 @@ def first_capture(folder: Path) -> Snapshot[SpectralCamera]:
 def study_scene(
     folder: Path, name: str, decoders: Sequence[str], weights: Weights | None, keep: Path, told: Told
 ) -> Scene:
-    """Decode one capture with every decoder, whole and without the pixels that it has to foretell."""
+    """Decode one capture with every decoder, whole and without the pixels that it has to predict."""
     prototype = single_disperser()
     scene = Scene(name, import_capture(folder / f"tsa/{name}.mat", prototype, folder / MASK))
-    operator, values = scene.snapshot.camera.operator(), scene.snapshot.values
-    part = brightest_rows(scene.snapshot, _ROWS)
+    operator, part = scene.snapshot.camera.operator(), brightest_rows(scene.snapshot, _ROWS)
     blind, hidden = withheld(part)
     for decoder in decoders:
         told(f"{name}: {decoder}")
-        cube, seconds = kept_estimate(keep, f"{name}_{decoder}", scene.snapshot, decoder, weights)
-        guess, _ = kept_estimate(keep, f"{name}_{decoder}_withheld", blind, decoder, weights)
+        cube, seconds = stored_estimate(keep, f"{name}_{decoder}", scene.snapshot, decoder, weights)
+        guess, _ = stored_estimate(keep, f"{name}_{decoder}_withheld", blind, decoder, weights)
         scene.estimates[decoder] = cube.numpy()[0]
-        scene.rows.append(
-            {
-                "scene": name, "decoder": decoder, "seconds": seconds,
-                "reprojection": reprojection_error(operator, cube, values),
-                "withheld": foretelling_error(part.camera.operator(), guess, part.values, hidden),
-                "neighbours": neighbours_error(part.values, hidden),
-            }
-        )  # fmt: skip
+        row: SceneRow = {
+            "scene": name, "decoder": decoder, "seconds": seconds,
+            "reprojection": reprojection_error(operator, cube, scene.snapshot.values),
+            "withheld": prediction_error(part.camera.operator(), guess, part.values, hidden),
+            "neighbours": neighbours_error(part.values, hidden),
+        }  # fmt: skip
+        scene.rows.append(row)
     for one, other in combinations(decoders, 2):
-        scene.pairs.append({"scene": name, "one": one, "other": other, **_agreement(scene, one, other)})
+        psnr, sam = agreement(scene.estimates[one], scene.estimates[other])
+        scene.pairs.append({"scene": name, "one": one, "other": other, "psnr": psnr, "sam": sam})
     scene.mask_spectra = _mask_spectra(folder, scene, prototype)
     return scene
 
 
-def _agreement(scene: Scene, one: str, other: str) -> dict[str, float]:
-    return agreement(scene.estimates[one], scene.estimates[other])
-
-
-def _mask_spectra(folder: Path, scene: Scene, prototype: SingleDisperser) -> dict[str, np.ndarray]:
+def _mask_spectra(folder: Path, scene: Scene, prototype: SingleDisperser) -> Spectra:
     """Spectral density around the points by regression on the mask's copies alone."""
     capture = read_array(folder / f"tsa/{scene.name}.mat", prototype.capture_key)
     mask = fine_part(registered(read_array(folder / MASK, prototype.mask_key), prototype.registration))
-    flat, found = fine_part(flattened(capture, prototype.black)), {}
+    flat, found = fine_part(flattened(capture, prototype.black)), Spectra()
     step, bands = int(prototype.pixels_per_band), len(prototype.wavelengths_nm)
     offsets = range(0, step * bands, step)
     for name, (row, column) in prototype.points.get(scene.name, {}).items():
@@ -125,33 +131,41 @@ def _mask_spectra(folder: Path, scene: Scene, prototype: SingleDisperser) -> dic
     return found
 
 
-def study_geometry(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def study_geometry(folder: Path) -> tuple[Geometry, Spectra]:
     """What the captures say of mask, displacement and order, and the blocks behind the registration."""
     prototype = single_disperser()
     captures = [read_array(folder / f"tsa/{name}.mat", prototype.capture_key).astype(float) for name in SCENES]
     mask = read_array(folder / MASK, prototype.mask_key).astype(float)
+    in_register = registered(mask, prototype.registration)
     step, bands, black = int(prototype.pixels_per_band), len(prototype.wavelengths_nm), prototype.black
-    offsets = range(0, step * bands, step)
-    found = geometry(captures, mask, registered(mask, prototype.registration), bands, step, black)
+    offsets, wide = range(0, step * bands, step), list(range(-8, bands * step + 10, step))
     registration, deviation = register_mask(captures, mask, offsets, black=black)
-    found |= {"registration": registration.model_dump(), "deviation": deviation}
     blocks = {name: block_shifts(one, mask, offsets, black=black) for name, one in zip(SCENES, captures, strict=True)}
-    found["order"] = {
-        name: order_evidence(import_capture(folder / f"tsa/{name}.mat", prototype, folder / MASK)) for name in SCENES
+    found: Geometry = {
+        "explained": mask_evidence(captures, mask, offsets, black),
+        "explained_registered": explained_share(captures, in_register, offsets, black),
+        "offsets": wide,
+        "light": light_by_offset(captures, in_register, wide, black).tolist(),
+        "registration": registration.model_dump(),
+        "deviation": deviation,
+        "order": {
+            name: order_evidence(import_capture(folder / f"tsa/{name}.mat", prototype, folder / MASK))
+            for name in SCENES
+        },
     }
     return found, blocks
 
 
-def study_movies(folder: Path, told: Told) -> tuple[list[dict[str, Any]], dict[str, np.ndarray], dict[str, np.ndarray]]:
+def study_movies(folder: Path, told: Told) -> tuple[list[MovieRow], Spectra, Spectra]:
     """Rows, frames and captures behind the pixel shutter."""
     prototype = load_prototype("pixel-shutter-wine")
     assert isinstance(prototype, PixelShutter)
-    rows, frames, captures = [], {}, {}
+    rows, frames, captures = list[MovieRow](), Spectra(), Spectra()
     for name in prototype.captures:
         told(f"wine, {name}")
         taken = import_capture(folder / WINE / "wine.mat", prototype, name=name)
-        own, movies = study_movie(taken)
-        rows += [{"capture": name, **row} for row in own]
+        movie_rows, movies = study_movie(taken, name)
+        rows += movie_rows
         for method, movie in movies.items():
             frames[f"{name}, {method}"] = movie
             captures[f"{name}, {method}"] = taken.values[0, 0].numpy()
