@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Column(NamedTuple):
@@ -19,6 +22,12 @@ class Column(NamedTuple):
     key: str
     heading: str = ""
     spec: str = ""
+
+
+def records(frame: pd.DataFrame) -> list[dict[str, object]]:
+    """Rows of a table; None where a value is not known."""
+    rows: list[dict[str, object]] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+    return rows
 
 
 def table(rows: Sequence[Mapping[str, object]], columns: Sequence[Column], missing: str = "") -> str:

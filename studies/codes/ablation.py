@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TypedDict
 
-from studies.codes.records import Cell, IngredientRow
+from studies.codes.records import AblationRow, Cell, IngredientRow
 from studies.codes.searches import mean, task_of
 from tmca.cameras import CodedCamera
 from tmca.design import Descent, Examples, MixtureMse, Task, TileMse, descend, load_examples
@@ -17,13 +16,7 @@ from tmca.sensor import Noise
 Made = Callable[[Task, Cell], CodedCamera]
 
 
-class Ablation(TypedDict):
-    """Every ingredient under one noise."""
-
-    rows: list[IngredientRow]
-
-
-def ablation(cell: Cell) -> Ablation:
+def ablation(cell: Cell) -> list[AblationRow]:
     """Gain over the static design of codes that lack or add one ingredient, expected and under other scenes' prior."""
     task = task_of(cell)
     static = task.design("static", 1).camera
@@ -33,7 +26,7 @@ def ablation(cell: Cell) -> Ablation:
         camera = made(task, cell)
         gain, held_out = task.psnr(camera) - base, mean(task.left_out(camera)) - base_left
         rows.append({"ingredient": name, "gain": gain, "held_out": held_out, "throughput": camera.throughput()})
-    return {"rows": rows}
+    return [{"noise": cell.noise, "rows": rows}]
 
 
 def _slots(kind: str, cell: Cell) -> int:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from studies.codes.records import RankedRow, Results
-from studies.codes.tables import GridLine, grid_rows, network_rows, test_rows
+from studies.codes.tables import grid_rows, network_rows, test_rows
 from tmca.plots import add_bar, grid, plain_axes, save_figure
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -35,21 +36,16 @@ def study_figures(found: Results, out: Path, *, overwrite: bool = False) -> list
     return [save_figure(one, file, overwrite=overwrite) for one, file in zip(figures, files_of(out), strict=False)]
 
 
-def gain_maps(rows: Sequence[GridLine], noises: Sequence[str], label: str) -> Figure:
+def gain_maps(rows: pd.DataFrame, noises: Sequence[str], label: str) -> Figure:
     """Gain over the static design of one-hot and free codes: expected, and under the prior of the other scenes."""
-    slots = sorted({row["slots"] for row in rows if row["slots"] > 1})
-    noises = [noise for noise in noises if any(row["noise"] == noise for row in rows)]
+    rows, meanings = rows[rows.slots > 1], {"gain": "expected", "held_out": "prior of the other scenes"}
+    slots, noises = sorted(rows.slots.unique()), [noise for noise in noises if noise in set(rows.noise)]
     figure, axes = grid(2, 2, width=4.6, aspect=0.75)
-    top = max((max(abs(row["gain"]), abs(row["held_out"])) for row in rows), default=1.0) or 1.0
-    for line, held_out in zip(axes, (False, True), strict=True):
-        meaning = "prior of the other scenes" if held_out else "expected"
+    top = float(rows[[*meanings]].abs().max(axis=None)) or 1.0
+    for line, (key, meaning) in zip(axes, meanings.items(), strict=True):
         for axis, kind in zip(line, ("one-hot", "free"), strict=True):
-            known = {
-                (row["noise"], row["slots"]): row["held_out" if held_out else "gain"]
-                for row in rows
-                if row["kind"] == kind
-            }
-            values = np.array([[known.get((noise, k), np.nan) for k in slots] for noise in noises])
+            known = rows[rows.kind == kind].pivot(index="noise", columns="slots", values=key)
+            values = known.reindex(index=noises, columns=slots).to_numpy()
             shown = axis.imshow(values, cmap="RdBu", vmin=-top, vmax=top, aspect="auto")
             for (y, x), value in np.ndenumerate(values):
                 colour = "white" if abs(value) > 0.6 * top else "black"
@@ -67,19 +63,20 @@ def _short(noise: str) -> str:
 
 def gains_figure(found: Results) -> Figure:
     """Gain of designed time-multiplexed codes over the static design: said beforehand, and measured on test scenes."""
-    rows, networks = test_rows(found["test"], found["light"]), network_rows(found["network"])
+    rows, order = test_rows(found["test"], found["light"]), dict.fromkeys(row["noise"] for row in found["grid"])
+    networks = network_rows(found["network"]) if found["network"] else None
     figure, axes = grid(1, 2, width=6.6, aspect=0.52)
     for axis, kind in zip(axes[0], ("free", "one-hot"), strict=True):
-        own = {row["noise"]: row for row in rows if row["codes"] == f"{kind}, designed"}
-        designed = f"{kind} K = {found['slots']}, designed"
+        designed = rows[rows.codes == f"{kind}, designed"].set_index("noise")
         bars = {
-            "expected": {noise: row["expected"] for noise, row in own.items()},
-            "prior of the other scenes": {noise: row["predicted"] for noise, row in own.items()},
-            "the same, examples dimmed to each scene": {noise: row["there"] for noise, row in own.items()},
-            "LMMSE, test scenes": {noise: row["gain"] for noise, row in own.items()},
-            "unrolled, test scenes": {row["noise"]: row["gain"] for row in networks if row["codes"] == designed},
+            "expected": designed.expected.to_dict(),
+            "prior of the other scenes": designed.predicted.to_dict(),
+            "the same, examples dimmed to each scene": designed.there.to_dict(),
+            "LMMSE, test scenes": designed.gain.to_dict(),
         }
-        order = dict.fromkeys(row["noise"] for row in found["grid"])
+        if networks is not None:
+            trained = networks[networks.codes == f"{kind} K = {found['slots']}, designed"]
+            bars["unrolled, test scenes"] = trained.set_index("noise").gain.to_dict()
         _draw_bars(axis, {name: values for name, values in bars.items() if values}, list(order))
         plain_axes(axis, f"{kind} codes, K = {found['slots']}", "", "gain over the static design (dB)")
     return figure

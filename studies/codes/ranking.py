@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NotRequired, TypedDict
+from typing import Any
 
 import tmca
-from studies.codes.records import Code, CodeCell, Correlation, Figures, RankedRow
+from studies.codes.records import Cell, Code, Correlation, Figures, RankedRow
 from studies.codes.searches import mean, sensor_of, task_of
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
@@ -35,18 +35,10 @@ RANKED: dict[str, Code] = {
     "static aperture, random shutter K = 4": Code(4, settings={"aperture": "static"}),
 }  # fmt: skip
 """Codes of every family, light and number of slots, random and designed."""
+SIZE = (256, 256)
+"""(H, W) of the middles of test scenes that codes are ranked on, pixels."""
 _FROZEN, _RATE = 0.9, 0.1
 """Share of a training after which codes are fixed, and their learning rate."""
-
-
-class Ranked(TypedDict):
-    """One code: expected PSNR, and that of decoders by scene, dB."""
-
-    expected: float
-    throughput: float
-    expected_mixture: float
-    lmmse: Figures
-    unrolled: NotRequired[Figures]
 
 
 def networks(slots: int) -> dict[str, Code]:
@@ -61,30 +53,29 @@ def networks(slots: int) -> dict[str, Code]:
     }
 
 
-def ranking(cell: CodeCell) -> Ranked:
+def ranking(cell: Cell) -> list[RankedRow]:
     """Expected PSNR of one code, and what decoders make of it on the middle of the test scenes."""
+    assert cell.code is not None
     task = task_of(cell)
     camera, weights = coded(task, cell.code), None
-    if cell.training.steps:
-        weights = _trained(task, cell, camera)
+    if cell.steps:
+        weights = _trained(task, cell, cell.code, camera)
         camera = Weights.load(weights).camera_for(task.period)  # tuned codes are others than it began with
+    lmmse = _measured(task, cell, camera, "lmmse", prior=GaussianPrior.load(cell.prior))
+    row: RankedRow = {
+        "noise": cell.noise, "codes": cell.codes, "expected": task.psnr(camera), "lmmse": lmmse,
+        "throughput": camera.throughput(),
+    }  # fmt: skip
+    if weights:
+        row["unrolled"] = _measured(task, cell, camera, "network", weights=weights)
+    if cell.kind == "network":
+        row["seed"] = cell.seed
+        return [row]
     prior = GaussianMixturePrior.load(cell.mixture)
     error = MixtureMse.of(prior, task.examples.model, task.noise.read, task.noise.shot)
-    found: Ranked = {
-        "expected": task.psnr(camera),
-        "throughput": camera.throughput(),
-        "expected_mixture": decibels(TileMse(error).whole(camera)),
-        "lmmse": _measured(task, cell, camera, "lmmse", prior=GaussianPrior.load(cell.prior)),
-    }
-    if weights:
-        found["unrolled"] = _measured(task, cell, camera, "network", weights=weights)
-    return found
-
-
-def ranked_there(cell: Any) -> dict[str, Figures]:
-    """Expected PSNR of every ranked code, the examples dimmed to the mean irradiance of the test scenes."""
-    task, there = task_of(cell), task_of(cell, cell.light)
-    return {"expected_there": {name: there.psnr(coded(task, code)) for name, code in RANKED.items()}}
+    row["expected_mixture"] = decibels(TileMse(error).whole(camera))
+    row["expected_there"] = task_of(cell, cell.light).psnr(coded(task, cell.code))
+    return [row]
 
 
 def coded(task: Task, code: Code) -> CodedCamera:
@@ -97,38 +88,38 @@ def coded(task: Task, code: Code) -> CodedCamera:
     )
 
 
-def _measured(task: Task, cell: CodeCell, camera: CodedCamera, decoder: str, **how: Any) -> Figures:
+def _measured(task: Task, cell: Cell, camera: CodedCamera, decoder: str, **how: Any) -> Figures:
     """PSNR on the middle of each test scene."""
     values = {}
     for path in cell.test:
-        scene = load_scene(path, bands=cell.bands, size=cell.size)
-        frame = on_frame(camera, task.camera, cell.size, sensor_of(cell))
+        scene = load_scene(path, bands=cell.bands, size=SIZE)
+        frame = on_frame(camera, task.camera, SIZE, sensor_of(cell))
         estimate = tmca.reconstruct(tmca.simulate(scene, frame, seed=cell.seed), decoder, **how)
         values[Path(path).stem] = float(psnr(estimate.values[0].numpy(), scene.values))
     return values
 
 
-def _trained(task: Task, cell: CodeCell, camera: CodedCamera) -> Path:
+def _trained(task: Task, cell: Cell, code: Code, camera: CodedCamera) -> Path:
     """Weights of an unrolled network trained for these codes and this noise alone, with the codes if they are tuned."""
-    folder, codes, training = make_folder(Path(cell.folder)), camera.codes, cell.training
+    folder, codes = make_folder(Path(cell.folder)), camera.codes
     file = folder / "codes.nc"
     write_codes(file, codes.aperture.tile(), codes.shutter.tile(), task.period, overwrite=True)
     static = {"shutter": "open"} if camera.slots == 1 else {}
     coded_aperture = {"size": _frame(task.period), "period": list(task.period), "slots": camera.slots, **static}
     scenes = {
-        "train": [*training.scenes * 3, *sorted(split_rendered()["train"])],  # given ones outnumber the rendered ones
-        "prior": list(training.scenes),
-        "validation": list(training.validation),
+        "train": [*cell.train * 3, *sorted(split_rendered()["train"])],  # given ones outnumber the rendered ones
+        "prior": list(cell.train),
+        "validation": list(cell.validation),
     }
     described = {
-        "camera": {**coded_aperture, "learn": cell.code.tune},
+        "camera": {**coded_aperture, "learn": code.tune},
         "noise": [cell.sensor],
         "codes": {"start": str(file), "frozen": _FROZEN, "slope": [2.0, 40.0]},
         "decoder": {"kind": "unrolled", "start": "lmmse"},
         "data": {"bands": cell.bands, **scenes, "pool": 512},
-        "optimiser": {"steps": training.steps, "loss": "log", "code_rate": _RATE},
+        "optimiser": {"steps": cell.steps, "loss": "log", "code_rate": _RATE},
         "seed": cell.seed,
-        "validate_every": max(1, training.steps // 4),
+        "validate_every": max(1, cell.steps // 4),
     }
     settings = settings_from(None, None, described)
     return train_spectral(settings, folder / "run", lambda name: load_scene(name, bands=cell.bands)).weights

@@ -12,64 +12,6 @@ Figures = dict[str, float]
 """Figures of merit, or one of them scene by scene."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cell:
-    """One piece of work; all designs of a study share what stands first.
-
-    Args:
-        examples: folder of what was learned of the given scenes.
-        wide: the same with the rendered ones.
-        mixture: file of a Gaussian mixture of the given scenes.
-        designs: folder where designs are kept.
-        bands: number of bands from 400 to 700 nm.
-        period: (rows, columns) of the tile, pixels.
-        effort: of every search.
-        source: digest of the source of the numbers.
-        kind: name in `studies.codes.study.KINDS`.
-        name: that progress shows.
-        noise: its name.
-        sensor: arguments of ``tmca.Sensor``.
-        slots: numbers of slots K.
-        seed: of searches, random codes and noise.
-        exposures: that are accumulated before one readout.
-        light: mean irradiance of the test scenes, share of white.
-        prior: file of the decoder's prior.
-    """
-
-    examples: str
-    wide: str
-    mixture: str
-    designs: str
-    bands: int
-    period: tuple[int, int]
-    effort: dict[str, int]
-    source: str
-    kind: str = ""
-    name: str = ""
-    noise: str = ""
-    sensor: dict[str, float] = field(default_factory=dict)
-    slots: tuple[int, ...] = ()
-    seed: int = 0
-    exposures: int = 1
-    light: float | None = None
-    prior: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SceneCell(Cell):
-    """Designs on one test scene.
-
-    Args:
-        scene: its name.
-        path: of its file.
-        checksum: of the file, None of a rendered scene.
-    """
-
-    scene: str
-    path: str
-    checksum: str | None
-
-
 @dataclass(frozen=True)
 class Code:
     """Codes that are ranked.
@@ -87,57 +29,70 @@ class Code:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Training:
-    """Networks behind the codes.
-
-    Args:
-        scenes: that they learn from.
-        validation: that choose the best step.
-        checksums: of both.
-        steps: of the optimiser; no network is trained with 0.
-    """
-
-    scenes: tuple[str, ...]
-    validation: tuple[str, ...]
-    checksums: tuple[str | None, ...]
-    steps: int
-
-
 @dataclass(frozen=True, kw_only=True)
-class CodeCell(Cell):
-    """One code on the middles of the test scenes.
+class Cell:
+    """One piece of work; all of a study share what stands first.
 
     Args:
-        codes: name of the code.
-        code: the code.
-        test: files of the test scenes.
-        checksums: of these.
-        size: (H, W) of their middles, pixels.
-        training: of a network for this code.
+        examples: folder of what was learned of the given scenes; ``wide``: the same with the rendered ones.
+        mixture: file of a Gaussian mixture of the given scenes.
+        prior: file of the decoder's prior.
+        designs: folder where designs are kept.
+        bands: number of bands from 400 to 700 nm.
+        period: (rows, columns) of the tile, pixels.
+        effort: of every search.
+        source: digest of the source of the numbers.
+        light: mean irradiance of the test scenes, share of white.
+        kind: name in `studies.codes.study.KINDS`.
+        name: that progress shows.
+        noise: its name; ``sensor``: arguments of ``tmca.Sensor``.
+        slots: numbers of slots K.
+        seed: of searches, random codes and noise.
+        exposures: that are accumulated before one readout.
+        test: files of test scenes; ``checksums``: of these.
+        codes: name of ``code``, which is ranked on the middles of the test scenes.
+        train, validation: scenes that its network learns from, and that choose the best step.
+        steps: of the optimiser; no network is trained with 0.
         folder: of the network.
     """
 
-    codes: str
-    code: Code
-    test: tuple[str, ...]
-    checksums: tuple[str | None, ...]
-    size: tuple[int, int]
-    training: Training
+    examples: str
+    wide: str
+    mixture: str
+    prior: str = ""
+    designs: str
+    bands: int
+    period: tuple[int, int]
+    effort: dict[str, int]
+    source: str
+    light: float | None = None
+    kind: str = ""
+    name: str = ""
+    noise: str = ""
+    sensor: dict[str, float] = field(default_factory=dict)
+    slots: tuple[int, ...] = ()
+    seed: int = 0
+    exposures: int = 1
+    test: tuple[str, ...] = ()
+    checksums: tuple[str | None, ...] = ()
+    codes: str = ""
+    code: Code | None = None
+    train: tuple[str, ...] = ()
+    validation: tuple[str, ...] = ()
+    steps: int = 0
     folder: str = ""
 
-
-def cell_of(settings: Settings) -> Cell:
-    """The cell that ``dataclasses.asdict`` made these settings of."""
-    if "code" in settings:
-        parts = {"code": Code(**settings["code"]), "training": Training(**settings["training"])}
-        return CodeCell(**{**settings, **parts})
-    return SceneCell(**settings) if "scene" in settings else Cell(**settings)
+    @classmethod
+    def of(cls, settings: Settings) -> Cell:
+        """The cell that ``dataclasses.asdict`` made these settings of."""
+        return cls(**{**settings, "code": Code(**settings["code"]) if settings["code"] else None})
 
 
-class DesignRow(TypedDict):
+class GridRow(TypedDict):
     """A design of the grid; PSNR and gains in dB, gains over the static design."""
 
+    noise: str
+    exposures: int
     kind: str
     slots: int
     psnr: float
@@ -148,13 +103,6 @@ class DesignRow(TypedDict):
     held_out_gains: Figures
     throughput: float
     seconds: float
-
-
-class GridRow(DesignRow):
-    """The same with its noise and the exposures that are accumulated."""
-
-    noise: str
-    exposures: int
 
 
 class TestRow(TypedDict):
@@ -178,28 +126,17 @@ class LightRow(TestRow):
 
 
 class RankedRow(TypedDict):
-    """One code: expected PSNR, and that of decoders by scene, in dB."""
+    """One code: expected PSNR, and that of decoders by scene, dB; of networks at the corners with their seed."""
 
     noise: str
     codes: str
+    seed: NotRequired[int]
     expected: float
-    expected_mixture: float
+    expected_mixture: NotRequired[float]
     lmmse: Figures
     unrolled: NotRequired[Figures]
     throughput: float
     expected_there: NotRequired[float]
-
-
-class NetworkRow(TypedDict):
-    """A network behind one code: PSNR in dB, of decoders by scene."""
-
-    noise: str
-    codes: str
-    seed: int
-    expected: float
-    lmmse: Figures
-    unrolled: Figures
-    throughput: float
 
 
 class IngredientRow(TypedDict):
@@ -245,6 +182,6 @@ class Results(TypedDict):
     test: list[TestRow]
     light: list[LightRow]
     ranking: list[RankedRow]
-    network: list[NetworkRow]
+    network: list[RankedRow]
     ablation: list[AblationRow]
     rank_correlation: list[Correlation]

@@ -10,21 +10,8 @@ from typing import Any, cast
 from studies.codes.ablation import ablation
 from studies.codes.figures import files_of, study_figures
 from studies.codes.learned import examples_folder, mixture_file, prior_file
-from studies.codes.ranking import RANKED, correlations, networks, ranked_there, ranking
-from studies.codes.records import (
-    AblationRow,
-    Cell,
-    Code,
-    CodeCell,
-    LightRow,
-    NetworkRow,
-    RankedRow,
-    Results,
-    SceneCell,
-    TestRow,
-    Training,
-    cell_of,
-)
+from studies.codes.ranking import RANKED, correlations, networks, ranking
+from studies.codes.records import Cell, RankedRow, Results
 from studies.codes.searches import design_ahead, grid, in_the_light, on_test_scene
 from studies.codes.tables import study_markdown
 from studies.grid import Grid, Settings, Timed, cell_key, check_new, repository_commit, source
@@ -37,14 +24,14 @@ SLOTS = (2, 4, 8, 16)
 READ_NOISES = (0.0, 0.001, 0.00316, 0.01, 0.0316, 0.1, 0.316)
 """Standard deviations in snapshot units, those of the thesis' tables 5 and 6 among them."""
 FULL_WELLS = (1e3, 3e3, 1e4, 3e4, 1e5)
-_RANKED_NOISES, _RANKED_SIZE = ("σ = 0.001", "σ = 0.01"), (256, 256)
+_RANKED_NOISES = ("σ = 0.001", "σ = 0.01")
 _NETWORK_NOISE = _RANKED_NOISES[1]
 """Where every ranked code gets a network."""
-KINDS: dict[str, Callable[[Any], Mapping[str, Any]]] = {
+KINDS: dict[str, Callable[[Cell], Sequence[Mapping[str, Any]]]] = {
     "grid": grid, "test": on_test_scene, "ranking": ranking, "network": ranking, "ablation": ablation,
-    "design": design_ahead, "light": in_the_light, "there": ranked_there,
+    "design": design_ahead, "light": in_the_light,
 }  # fmt: skip
-"""What computes a cell."""
+"""What computes the rows of a cell."""
 
 
 def sensors() -> dict[str, dict[str, float]]:
@@ -120,18 +107,18 @@ def study_codes(
     if test:
         _run(engine, _design_cells(first, test_slots, seeds))
         first = replace(first, prior=str(prior_file(train, work, bands)), light=light)
-        checksums = tuple(identity_of(name) for name in (*train, *validation))
-        training = Training(tuple(train), tuple(validation), checksums, steps)
-        cells += _cells_on_tests(first, test, test_slots, seeds)
-        cells += _ranking_cells(first, test, training, work)
-        cells += _network_cells(first, test, training, work, test_slots, seeds)
+        cells += _test_cells(first, test, test_slots, seeds)
+        ranked = replace(first, **_ranked_on(train, validation, test), steps=steps)
+        cells += _ranking_cells(ranked, work) + _network_cells(ranked, work, test_slots, seeds)
     measured += _run(engine, cells)
     engine.failures.check()
     split = {name: [Path(n).name for n in names] for name, names in (("train", train), ("test", test))}
+    rows = {kind: [row for cell in measured if cell["kind"] == kind for row in cell["rows"]] for kind in KINDS}
+    rows.pop("design")
     found = {
         "command": " ".join(command), "commit": repository_commit(), "effort": first.effort, "steps": steps,
-        "period": list(period), "slots": test_slots, "mean_irradiance": light,
-        "split": split, **_rows(measured),
+        "period": list(period), "slots": test_slots, "mean_irradiance": light, "split": split, **rows,
+        "rank_correlation": correlations(cast(list[RankedRow], rows["ranking"])),
     }  # fmt: skip
     results = cast(Results, found)
     write_results(results, study_markdown(results), out / "codes.json", overwrite)
@@ -156,25 +143,9 @@ def _run(engine: Grid, cells: Sequence[Cell]) -> list[dict[str, Any]]:
 
 
 def compute(settings: Settings) -> dict[str, Any]:
-    """One cell of any kind."""
-    return dict(KINDS[settings["kind"]](cell_of(settings)))
-
-
-def _rows(measured: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The rows of ``Results``, of the cells."""
-
-    def of(kind: str, row: type) -> list[dict[str, Any]]:
-        return [{key: c[key] for key in row.__annotations__ if key in c} for c in measured if c["kind"] == kind]
-
-    searched = [cell for cell in measured if cell["kind"] == "grid"]
-    there = {cell["noise"]: cell["expected_there"] for cell in measured if cell["kind"] == "there"}
-    ranked = [{**row, "expected_there": there[row["noise"]][row["codes"]]} for row in of("ranking", RankedRow)]
-    return {
-        "grid": [{"noise": c["noise"], "exposures": c["exposures"], **row} for c in searched for row in c["rows"]],
-        "test": of("test", TestRow), "light": of("light", LightRow), "ranking": ranked,
-        "network": of("network", NetworkRow), "ablation": of("ablation", AblationRow),
-        "rank_correlation": correlations(cast(list[RankedRow], ranked)),
-    }  # fmt: skip
+    """The rows of one cell of any kind."""
+    cell = Cell.of(settings)
+    return {"rows": list(KINDS[cell.kind](cell))}
 
 
 def _first_cell(train: Sequence[str], work: Path, bands: int, period: tuple[int, int], effort: Effort) -> Cell:
@@ -230,48 +201,41 @@ def _design_cells(first: Cell, slots: int, seeds: int) -> list[Cell]:
     ]  # fmt: skip
 
 
-def _cells_on_tests(first: Cell, test: Sequence[str], slots: int, seeds: int) -> list[Cell]:
-    """Designs on the test scenes, as they are and searched for their light, and the order of codes in that light."""
-    shared = {**asdict(first), "slots": (slots,)}
+def _test_cells(first: Cell, test: Sequence[str], slots: int, seeds: int) -> list[Cell]:
+    """Designs on the test scenes, as they are and searched for their light."""
+    base = replace(first, kind="test", slots=(slots,))
     cells = [
-        SceneCell(**{**shared, "kind": "test", "name": f"{Path(path).stem} · {name} · seed {seed}", "noise": name,
-                     "sensor": s, "seed": seed}, scene=Path(path).stem, path=path, checksum=identity_of(path))
+        replace(base, name=f"{Path(path).stem} · {name} · seed {seed}", noise=name, sensor=s, seed=seed, test=(path,),
+                checksums=(identity_of(path),))
         for name, s in CORNERS.items() for seed in range(seeds) for path in test
     ]  # fmt: skip
-    lit = [replace(cell, kind="light", name=f"{cell.name} · in its light") for cell in cells]
-    there = [
-        replace(first, kind="there", name=f"order in the light · {noise}", noise=noise, sensor=CORNERS[noise])
-        for noise in _RANKED_NOISES
-    ]
-    return [*cells, *lit, *there]
+    return [*cells, *(replace(cell, kind="light", name=f"{cell.name} · in its light") for cell in cells)]
 
 
-def _ranking_cells(first: Cell, test: Sequence[str], training: Training, work: Path) -> list[Cell]:
+def _ranked_on(train: Sequence[str], validation: Sequence[str], test: Sequence[str]) -> dict[str, Any]:
+    """Scenes of the cells that rank codes."""
+    scenes = {"train": tuple(train), "validation": tuple(validation), "test": tuple(test)}
+    return {**scenes, "checksums": tuple(identity_of(path) for paths in scenes.values() for path in paths)}
+
+
+def _ranking_cells(first: Cell, work: Path) -> list[Cell]:
     """Every ranked code under read noise, by the LMMSE and, under one of the noises, by a network of its codes."""
-    cells: list[Cell] = []
-    for noise in _RANKED_NOISES:
-        base = replace(first, kind="ranking", noise=noise, sensor=CORNERS[noise])
-        trained = training if noise == _NETWORK_NOISE else replace(training, steps=0)
-        cells += [_code_cell(base, name, code, test, trained, work) for name, code in RANKED.items()]
-    return cells
-
-
-def _network_cells(
-    first: Cell, test: Sequence[str], training: Training, work: Path, slots: int, seeds: int
-) -> list[CodeCell]:
-    """Networks of designed and random codes at the corners; none without steps."""
-    if not training.steps:
-        return []
     return [
-        _code_cell(replace(first, kind="network", noise=noise, sensor=s, seed=seed), name, code, test, training, work)
-        for noise, s in NETWORK_CORNERS.items() for seed in range(seeds) for name, code in networks(slots).items()
+        _ranked_cell(replace(first, kind="ranking", noise=noise, sensor=CORNERS[noise], codes=name, code=code,
+                             steps=first.steps if noise == _NETWORK_NOISE else 0), work)
+        for noise in _RANKED_NOISES for name, code in RANKED.items()
     ]  # fmt: skip
 
 
-def _code_cell(first: Cell, codes: str, code: Code, test: Sequence[str], training: Training, work: Path) -> CodeCell:
-    name = f"{first.kind} · {first.noise} · {codes} · seed {first.seed}"
-    cell = CodeCell(
-        **{**asdict(first), "name": name}, codes=codes, code=code, test=tuple(test),
-        checksums=tuple(identity_of(path) for path in test), size=_RANKED_SIZE, training=training,
-    )  # fmt: skip
-    return replace(cell, folder=str(work / f"network-{cell_key(asdict(cell))}"))
+def _network_cells(first: Cell, work: Path, slots: int, seeds: int) -> list[Cell]:
+    """Networks of designed and random codes at the corners; none without steps."""
+    return [
+        _ranked_cell(replace(first, kind="network", noise=noise, sensor=s, seed=seed, codes=name, code=code), work)
+        for noise, s in NETWORK_CORNERS.items() if first.steps
+        for seed in range(seeds) for name, code in networks(slots).items()
+    ]  # fmt: skip
+
+
+def _ranked_cell(cell: Cell, work: Path) -> Cell:
+    named = replace(cell, name=f"{cell.kind} · {cell.noise} · {cell.codes} · seed {cell.seed}")
+    return replace(named, folder=str(work / f"network-{cell_key(asdict(named))}"))

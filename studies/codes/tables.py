@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NotRequired, TypedDict
 
-import numpy as np
+import pandas as pd
 
-from studies.codes.records import AblationRow, Figures, GridRow, LightRow, NetworkRow, Results, TestRow
-from studies.tables import Column, table
+from studies.codes.records import AblationRow, Figures, LightRow, RankedRow, Results, TestRow
+from studies.codes.searches import mean
+from studies.tables import Column, records, table
 
 STATIC = "static, designed"
 _FOR_LIGHT = " for the light"
@@ -32,9 +32,7 @@ _GRID = (
 )
 _PER_SLOT = (*_GRID[:6], Column("ahead", "over static in one slot's time (dB)", _GAIN), *_GRID[6:])
 _TEST = (
-    _NOISE,
-    _CODES,
-    _PRIOR,
+    *(_NOISE, _CODES, _PRIOR),
     Column("psnr", "PSNR (dB)", ".2f"),
     Column("gain", "measured gain over static (dB)", _GAIN),
     Column("expected", "expected gain (dB)", _GAIN),
@@ -43,9 +41,7 @@ _TEST = (
     _LIGHT,
 )
 _SCENE = (
-    _NOISE,
-    _CODES,
-    _PRIOR,
+    *(_NOISE, _CODES, _PRIOR),
     Column("scene"),
     Column("predicted", "foretold (dB)", _GAIN),
     Column("there", "foretold, dimmed to the scene (dB)", _GAIN),
@@ -54,11 +50,8 @@ _SCENE = (
     Column("seeds", "measured, seed by seed (dB)"),
 )
 _NETWORK = (
-    _NOISE,
-    _CODES,
-    _EXPECTED,
-    _LMMSE,
-    _UNROLLED,
+    *(_NOISE, _CODES),
+    *(_EXPECTED, _LMMSE, _UNROLLED),
     Column("gain", "unrolled over static designed (dB)", _GAIN),
     Column("seeds", "seed by seed (dB)"),
     Column("scenes", "scene by scene (dB)"),
@@ -72,8 +65,7 @@ _RANK = (
     Column("mixture_rank_correlation", "by the mixture's expected error", ".2f"),
 )
 _RANKED = (
-    _NOISE,
-    _CODES,
+    *(_NOISE, _CODES),
     _LIGHT,
     _EXPECTED,
     Column("expected_there", "expected, examples dimmed (dB)", ".2f"),
@@ -83,58 +75,20 @@ _RANKED = (
 )
 
 
-class GridLine(GridRow):
-    """A line of the grid's table: its gain under the prior of the other scenes, and over static codes in one slot."""
-
-    held_out: float
-    spread: float
-    ahead: float
-
-
-class TestLine(TypedDict):
-    """Means over scenes and seeds, dB: measured, expected and predicted gains over the designed static codes."""
-
-    noise: str
-    codes: str
-    prior: str
-    psnr: float
-    gain: float
-    expected: float
-    predicted: float
-    throughput: float
-    seeds: str
-    there: float
-    scene: NotRequired[str]
-    miss: NotRequired[float]
-
-
-class NetworkLine(TypedDict):
-    """Means over scenes and seeds, dB; the gain is the network's over that of the designed static codes."""
-
-    noise: str
-    codes: str
-    expected: float
-    lmmse: float
-    unrolled: float
-    gain: float
-    seeds: str
-    scenes: str
-
-
 def study_markdown(found: Results) -> str:
     """The study for people."""
-    lines = [*_opening(found), "## At equal exposure time", "", table(grid_rows(found, 1), _GRID)]
+    lines = [*_opening(found), "## At equal exposure time", "", table(records(grid_rows(found, 1)), _GRID)]
     lines += ["## Per slot", "", "Every slot has the whole exposure time, K times the electrons before one "
               "readout; the static code is given the time of all K slots as well, and in one column that of one "
               "slot.", ""]  # fmt: skip
     for times in sorted({row["exposures"] for row in found["grid"]} - {1}):
-        lines += [table(grid_rows(found, times), _PER_SLOT)]
+        lines += [table(records(grid_rows(found, times)), _PER_SLOT)]
     if found["test"]:
         lines += _on_test_scenes(found)
     if found["network"]:
         lines += ["## In trained networks", "", f"An unrolled network for each code, noise and seed, {found['steps']} "
                   "steps each; means over the middle of the test scenes.", ""]  # fmt: skip
-        lines += [table(network_rows(found["network"]), _NETWORK)]
+        lines += [table(records(network_rows(found["network"])), _NETWORK)]
     lines += ["## What each ingredient contributes", "", f"Gain over the static design, K = {found['slots']} where not "
               "static: expected, and in brackets under the prior of the other scenes, dB.", ""]  # fmt: skip
     lines += [_ablation(found["ablation"])]
@@ -158,8 +112,8 @@ def _on_test_scenes(found: Results) -> list[str]:
         "set against the foretold gain of codes designed for the light, and against that dimmed to the scene of others."
     )
     lines = ["## On test scenes", "", said, ""]
-    lines += [table(test_rows(found["test"], found["light"]), _TEST), "Scene by scene, means over seeds:", ""]
-    return [*lines, table(scene_rows(found["test"], found["light"]), _SCENE)]
+    lines += [table(records(test_rows(found["test"], found["light"])), _TEST), "Scene by scene, means over seeds:", ""]
+    return [*lines, table(records(scene_rows(found["test"], found["light"])), _SCENE)]
 
 
 def _opening(found: Results) -> list[str]:
@@ -178,33 +132,50 @@ def _opening(found: Results) -> list[str]:
     ]  # fmt: skip
 
 
-def grid_rows(found: Results, exposures: int) -> list[GridLine]:
+def grid_rows(found: Results, exposures: int) -> pd.DataFrame:
     """Rows of the grid at one number of exposures, with the gain under the prior of the other scenes."""
-    single = {row["noise"]: row["psnr"] for row in found["grid"] if row["kind"] == "static" and row["exposures"] == 1}
-    lines: list[GridLine] = []
-    for row in found["grid"]:
-        if row["exposures"] == exposures:
-            gains = list(row["held_out_gains"].values())
-            held_out, spread = float(np.mean(gains)), float(np.std(gains, ddof=1))
-            lines.append({**row, "held_out": held_out, "spread": spread, "ahead": row["psnr"] - single[row["noise"]]})
-    return lines
+    rows = pd.DataFrame(found["grid"])
+    single = rows[(rows.kind == "static") & (rows.exposures == 1)].set_index("noise").psnr
+    gains = pd.DataFrame(rows.held_out_gains.tolist())
+    rows = rows.assign(held_out=gains.mean(axis=1), spread=gains.std(axis=1), ahead=rows.psnr - rows.noise.map(single))
+    return rows[rows.exposures == exposures]
 
 
-def test_rows(cells: Sequence[TestRow], lit: Sequence[LightRow]) -> list[TestLine]:
+def test_rows(cells: Sequence[TestRow], lit: Sequence[LightRow]) -> pd.DataFrame:
     """Means over scenes and seeds of every kind of codes, with the gain over the designed static ones.
 
     Args:
         cells: of the test scenes.
         lit: what dimming the examples to them changes.
     """
-    lines: list[TestLine] = []
+    return _means(_shown(cells, lit), ["noise", "prior", "codes"])
+
+
+def scene_rows(cells: Sequence[TestRow], lit: Sequence[LightRow]) -> pd.DataFrame:
+    """Predicted and measured gain of designed time-multiplexed codes, a row for each test scene; ``miss`` is from what
+    `--light` says of codes that were designed for the light, and from what dimmed examples say of all others."""
+    shown = _shown(cells, lit)
+    shown = shown[shown.codes.str.contains("designed") & ~shown.codes.str.startswith("static")]
+    rows = _means(shown.assign(place=shown.noise.factorize()[0]), ["place", "noise", "codes", "prior", "scene"])
+    rows = rows.sort_values(["place", "codes", "prior"], kind="stable")
+    return rows.assign(miss=rows.gain - rows.predicted.where(rows.codes.str.endswith(_FOR_LIGHT), rows.there))
+
+
+def _shown(cells: Sequence[TestRow], lit: Sequence[LightRow]) -> pd.DataFrame:
+    """A row for all codes of every cell and prior, a noise after the other."""
+    there = {(cell["noise"], cell["scene"], cell["seed"]): cell["there"] for cell in lit}
+    rows: list[dict[str, object]] = []
     for noise in dict.fromkeys(cell["noise"] for cell in cells):
-        plain, there = [c for c in cells if c["noise"] == noise], [c for c in lit if c["noise"] == noise]
-        for codes in plain[0]["metrics"]:
-            lines.append(_test_line([c["metrics"] for c in plain], there, codes, STATIC, _PLAIN))
-        for values, prior in (([_as_learned(c) for c in there], _PLAIN), ([c["metrics"] for c in there], _DIMMED)):
-            lines += [_test_line(values, there, codes, STATIC + _FOR_LIGHT, prior) for codes in values[0]]
-    return lines
+        dimmed = [cell for cell in lit if cell["noise"] == noise]
+        parts = [(cell, cell["metrics"], STATIC, _PLAIN) for cell in cells if cell["noise"] == noise]
+        parts += [(cell, _as_learned(cell), STATIC + _FOR_LIGHT, _PLAIN) for cell in dimmed]
+        parts += [(cell, cell["metrics"], STATIC + _FOR_LIGHT, _DIMMED) for cell in dimmed]
+        for cell, metrics, static, prior in parts:
+            named = {"noise": noise, "scene": cell["scene"], "seed": str(cell["seed"]), "prior": prior}
+            gains = there[noise, cell["scene"], cell["seed"]]
+            rows += [{**named, "codes": codes, "there": gains[codes], **_gains(figures, metrics[static])}
+                     for codes, figures in metrics.items()]  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def _as_learned(cell: LightRow) -> dict[str, Figures]:
@@ -212,59 +183,38 @@ def _as_learned(cell: LightRow) -> dict[str, Figures]:
     return {name: {**figures, **cell["plain_prior"][name]} for name, figures in cell["metrics"].items()}
 
 
-def _test_line(
-    cells: Sequence[dict[str, Figures]], lit: Sequence[LightRow], codes: str, static: str, prior: str
-) -> TestLine:
-    """A line of codes, of figures by codes that are in the order of ``lit``."""
-    values, base = ([cell[name] for cell in cells] for name in (codes, static))
-    pairs = list(zip(values, base, strict=True))
-    gains, ahead = ([v[key] - b[key] for v, b in pairs] for key in ("psnr", "expected_psnr"))
-    psnr, predicted, throughput = (_mean([v[key] for v in values]) for key in ("psnr", "predicted_gain", "throughput"))
+def _gains(figures: Figures, static: Figures) -> Figures:
     return {
-        "noise": lit[0]["noise"], "codes": codes, "prior": prior, "psnr": psnr, "gain": _mean(gains),
-        "expected": _mean(ahead), "predicted": predicted, "throughput": throughput,
-        "seeds": _by([str(cell["seed"]) for cell in lit], gains),
-        "there": _mean([cell["there"][codes] for cell in lit]),
+        "psnr": figures["psnr"], "gain": figures["psnr"] - static["psnr"],
+        "expected": figures["expected_psnr"] - static["expected_psnr"], "predicted": figures["predicted_gain"],
+        "throughput": figures["throughput"],
     }  # fmt: skip
 
 
-def scene_rows(cells: Sequence[TestRow], lit: Sequence[LightRow]) -> list[TestLine]:
-    """Predicted and measured gain of designed time-multiplexed codes, a row for each test scene."""
-    found: list[TestLine] = []
-    for scene in dict.fromkeys(cell["scene"] for cell in cells):
-        lines = test_rows([c for c in cells if c["scene"] == scene], [c for c in lit if c["scene"] == scene])
-        found += [{**line, "scene": scene, "miss": line["gain"] - _predicted(line)} for line in lines]
-    shown = [line for line in found if "designed" in line["codes"] and not line["codes"].startswith("static")]
-    places = {noise: place for place, noise in enumerate(dict.fromkeys(cell["noise"] for cell in cells))}
-    return sorted(shown, key=lambda line: (places[line["noise"]], line["codes"], line["prior"]))
+def network_rows(cells: Sequence[RankedRow]) -> pd.DataFrame:
+    """Means over scenes and seeds of every code that networks were trained for, with the gain over static codes."""
+    rows = pd.DataFrame([
+        {"noise": c["noise"], "codes": c["codes"], "seed": str(c["seed"]), "scene": scene, "expected": c["expected"],
+         "lmmse": c["lmmse"][scene], "unrolled": psnr}
+        for c in cells for scene, psnr in c["unrolled"].items()
+    ])  # fmt: skip
+    same = ["noise", "seed", "scene"]
+    static = rows[rows.codes == STATIC].set_index(same).unrolled
+    return _means(rows.assign(gain=rows.unrolled - rows.set_index(same).index.map(static)), ["noise", "codes"])
 
 
-def _predicted(line: TestLine) -> float:
-    """What `--light` says of codes that were designed for the light; of all others, what dimmed examples say."""
-    return line["predicted"] if line["codes"].endswith(_FOR_LIGHT) else line["there"]
+def _means(rows: pd.DataFrame, by: list[str]) -> pd.DataFrame:
+    """Means of all numbers over the rows of a group, and the mean gain of every seed and scene as a text."""
+    groups = rows.groupby(by, sort=False)
+    means = groups.mean(numeric_only=True)
+    for name in {"seed", "scene"} - {*by}:
+        means[f"{name}s"] = groups[[name, "gain"]].apply(_each, name)
+    return means.reset_index()
 
 
-def network_rows(cells: Sequence[NetworkRow]) -> list[NetworkLine]:
-    """Means over scenes and seeds of every code that networks were trained for."""
-    lines: list[NetworkLine] = []
-    for noise in dict.fromkeys(cell["noise"] for cell in cells):
-        known = [cell for cell in cells if cell["noise"] == noise]
-        base = {cell["seed"]: cell["unrolled"] for cell in known if cell["codes"] == STATIC}
-        for codes in dict.fromkeys(cell["codes"] for cell in known):
-            lines.append(_network_line([cell for cell in known if cell["codes"] == codes], base))
-    return lines
-
-
-def _network_line(cells: Sequence[NetworkRow], base: dict[int, Figures]) -> NetworkLine:
-    """The line of one code; ``base`` is the PSNR of the designed static codes by seed and scene."""
-    ahead = [(c["seed"], s, c["unrolled"][s] - base[c["seed"]][s]) for c in cells for s in c["unrolled"]]
-    gains = [gain for *_, gain in ahead]
-    return {
-        "noise": cells[0]["noise"], "codes": cells[0]["codes"], "expected": _mean([c["expected"] for c in cells]),
-        "lmmse": float(np.mean([list(c["lmmse"].values()) for c in cells])),
-        "unrolled": float(np.mean([list(c["unrolled"].values()) for c in cells])), "gain": _mean(gains),
-        "seeds": _by([str(seed) for seed, *_ in ahead], gains), "scenes": _by([scene for _, scene, _ in ahead], gains),
-    }  # fmt: skip
+def _each(rows: pd.DataFrame, name: str) -> str:
+    means = rows.groupby(name, sort=False).gain.mean()
+    return ", ".join(f"{value} {gain:{_GAIN}}" for value, gain in means.items())
 
 
 def _ablation(cells: Sequence[AblationRow]) -> str:
@@ -279,19 +229,7 @@ def _ablation(cells: Sequence[AblationRow]) -> str:
 
 def _ranked(found: Results) -> list[dict[str, object]]:
     """Ranked codes with means over the test scenes, best expected first."""
-    ordered = sorted(found["ranking"], key=lambda row: (row["noise"], -row["expected"]))
-    means = [(row["lmmse"], row.get("unrolled")) for row in ordered]
     return [
-        {**row, "lmmse": _mean(list(lmmse.values())), "unrolled": _mean(list(network.values())) if network else None}
-        for row, (lmmse, network) in zip(ordered, means, strict=True)
+        {**row, **{decoder: mean(row[decoder]) for decoder in ("lmmse", "unrolled") if decoder in row}}
+        for row in sorted(found["ranking"], key=lambda row: (row["noise"], -row["expected"]))
     ]
-
-
-def _mean(values: Sequence[float]) -> float:
-    return float(np.mean(values))
-
-
-def _by(names: Sequence[str], values: Sequence[float]) -> str:
-    """Mean of the values of every name."""
-    means = {name: _mean([v for n, v in zip(names, values, strict=True) if n == name]) for name in names}
-    return ", ".join(f"{name} {value:{_GAIN}}" for name, value in means.items())

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from studies.real.colour import linear_srgb, shown_level, srgb_picture
 from studies.real.records import Geometry
-from tmca.plots import BLUE, COLOURS, RED, bare, grid, image, plain_axes
+from tmca.plots import BLUE, COLOURS, RED, bare, grid, image, linear_srgb, plain_axes, shown_level, srgb_picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,30 +5,32 @@ import json
 import numpy as np
 import pytest
 
+from studies.dbd import draws as module
+from studies.dbd.claims import claims_table, shared_gram
+from studies.dbd.draws import Row, Study, beyond, plain_value, run_study
+from studies.dbd.report import Page, write_report
 from tmca.errors import SettingError
-from tmca.experiments.dbd import study as module
-from tmca.experiments.dbd.claims import claims, claims_table, shared_gram
-from tmca.experiments.dbd.report import parts, write_report
-from tmca.experiments.dbd.study import Study, beyond, plain_value, run_study
+
+PAGE = Page.read()
 
 
 def test_every_bound_is_of_a_row_that_the_page_computes():
-    page = {one.name: one.study for one in parts()}
-    found = claims([name for name in page if name.startswith("extension_")])
-    assert len(found) > 25
-    for claim in found:
-        study = page[claim.part]
-        for name, value in (claim.where or {}).items():
-            assert value in study.axes[name]
-        assert claim.key != "certified" or study.certify
+    studies = {part.name: part.study for part in PAGE.sections}
+    asked = [pair for claim in PAGE.asked for pair in claim.of_parts()]
+    assert len(asked) > 25
+    for part, claim in asked:
+        for name, value in claim.where.items():
+            assert value in studies[part].axes[name]
+        assert claim.number in Row.__dataclass_fields__
+        assert claim.number != "certified" or studies[part].certify
 
 
 def measured(cell):
     """What a draw might have given: exact without noise, the shared Gram matrix a little worse."""
-    noisy = cell.get("snr_db") is not None
-    shared = cell.get("gram") == "shared"
+    noisy = cell["snr_db"] is not None
+    shared = cell["gram"] == "shared"
     found = {"success": True, "exact": not noisy, "seconds": 0.01 * cell["M"], "right_number": True, "certified": True}
-    found |= {"error": 0.0, "correlation": 1.0, "silent": cell.get("snr_db", 0) < -50}
+    found |= {"error": 0.0, "correlation": 1.0, "silent": (cell["snr_db"] or 0) < -50}
     if noisy:
         found |= {"squared_error": 1.21, "squared_bound": 1.0}
     if cell["method"] == "sdp":
@@ -45,7 +47,7 @@ def test_the_page_tells_every_bound_every_part_and_the_cost(tmp_path, monkeypatc
     )  # fmt: skip
     text = (tmp_path / "page.md").read_text()
     data = json.loads((tmp_path / "page.json").read_text())
-    for part in parts():
+    for part in PAGE.sections:
         assert f"## {part.title}" in text
         assert len(data["parts"][part.name]["rows"]) == np.prod([len(values) for values in part.study.axes.values()])
     assert text.count("**no**") == 0
@@ -58,14 +60,15 @@ def test_the_page_tells_every_bound_every_part_and_the_cost(tmp_path, monkeypatc
     assert "129 x 65, J = 3, L = 10, Q = 10" in told[-1][2]
 
 
-def test_a_bound_that_is_not_kept_is_said():
-    rows = {one.name: [measured_row(one.study, **axis) for axis in settings(one.study)] for one in parts()}
-    rows["full_alone"][0]["median_s"] = 1.5
-    table = claims_table(rows, {one.name: one.name for one in parts()})
+def test_a_bound_that_does_not_hold_is_said():
+    rows = {part.name: [row(part.study, **axis) for axis in settings(part.study)] for part in PAGE.sections}
+    titles = {part.name: part.name for part in PAGE.sections}
+    rows["full_alone"][0] = row(PAGE.sections[1].study, messages="shared", median_s=1.5)
+    table = claims_table(PAGE.asked, rows, titles)
     assert table.count("**no**") == 1
     assert "| full_alone | median, s | ≤ 1 | 1.5 | **no** |" in table
-    rows["full"][0].pop("certified")
-    assert "| full | certified | ≥ 0.8 | – | **no** |" in claims_table(rows, {one.name: one.name for one in parts()})
+    rows["full"][0] = row(PAGE.sections[0].study, messages="shared", certified=None)
+    assert "| full | certified | ≥ 0.8 | – | **no** |" in claims_table(PAGE.asked, rows, titles)
 
 
 def settings(study):
@@ -74,40 +77,37 @@ def settings(study):
     return [{name: values[i % len(values)] for name, values in study.axes.items()} for i in range(longest)]
 
 
-def measured_row(study, **axes):
-    row = {**study.fixed, **axes, "success": 1.0, "near": 1.0, "right_number": 1.0, "exact": 0.0, "certified": 1.0}
-    optimum = 1.0 if axes.get("gram") != "shared" else 0.5
-    return row | {
-        "median_s": 0.1,
-        "p90_s": 0.2,
-        "max_s": 0.3,
-        "rmse_over_bound": 1.1,
-        "optimum": optimum,
-        "values": [1],
-    }
+def row(study, **changes):
+    """A row where every bound holds."""
+    numbers = {"draws": 1, "success": 1.0, "near": 1.0, "right_number": 1.0, "exact": 0.0, "certified": 1.0}
+    numbers |= {"median_s": 0.1, "p90_s": 0.2, "max_s": 0.3, "rmse_over_bound": 1.1, "values": (1.0,)}
+    numbers |= {"optimum": 1.0 if changes.get("gram") != "shared" else 0.5}
+    settings = {**study.fixed, **{name: value for name, value in changes.items() if name not in numbers}}
+    return Row(settings=settings, **{**numbers, **{n: v for n, v in changes.items() if n in numbers}})
 
 
 def test_the_shared_gram_is_compared_draw_by_draw():
-    rows = [{"gram": "separate", "optimum": 0.5, "values": [4.0, 3.0]}, {"gram": "shared", "optimum": 0.2}]
-    rows[1]["values"] = [3.0, 3.5]  # lower on the average, and higher once
-    assert shared_gram(rows) == (pytest.approx(0.3), pytest.approx(0.5))
+    study = Study({"gram": ["separate", "shared"]}, {}, 2)
+    separate = row(study, gram="separate", optimum=0.5, values=(4.0, 3.0))
+    shared = row(study, gram="shared", optimum=0.2, values=(3.0, 3.5))  # lower on the average, and higher once
+    assert shared_gram([separate, shared]) == (pytest.approx(0.3), pytest.approx(0.5))
 
 
 def test_the_value_of_the_dual_tells_whether_the_truth_is_its_optimum(tmp_path):
     fixed = {"M": 9, "P": 5, "J": 2, "L": 3, "Q": 3, "method": "sdp", "early": False, "accuracy": 1e-6}
     separate, shared = run_study(Study({"gram": ["separate", "shared"]}, fixed, 1), tmp_path)
-    assert separate["optimum"] == 1
-    assert separate["values"] == [pytest.approx(6, abs=2e-4)]  # six paths of amplitude one
-    assert shared["optimum"] == 0
-    assert shared["values"][0] < separate["values"][0] + 2e-3
+    assert separate.optimum == 1
+    assert separate.values == (pytest.approx(6, abs=2e-4),)  # six paths of amplitude one
+    assert shared.optimum == 0
+    assert shared.values[0] < separate.values[0] + 2e-3
 
 
 @pytest.mark.parametrize(("told", "silent"), [("known", True), ("zero", False)])
 def test_noise_alone_is_never_exact_whatever_the_solver_is_told(tmp_path, told, silent):
     fixed = {"M": 5, "P": 4, "J": 2, "L": 1, "Q": 1, "snr_db": -100, "separation": 0.1}
     row = run_study(Study({"sigma": [told]}, fixed, 2), tmp_path)[0]
-    assert row["exact"] == 0
-    assert row.get("silent", 0) == silent
+    assert row.exact == 0
+    assert (row.silent or 0) == silent
 
 
 @pytest.mark.parametrize(

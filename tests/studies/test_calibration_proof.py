@@ -2,8 +2,8 @@
 
 import pytest
 
+from studies.calibration_proof import Proof, prove
 from tmca.cli.lab.calibrate_words import said_proof
-from tmca.experiments.calibration_proof import Proof, prove
 
 
 def test_mirrors_are_found_to_a_fiftieth_of_a_wave_and_explain_the_snapshot():
@@ -28,9 +28,7 @@ def test_leaks_are_found_and_explain_the_snapshot():
 
 def test_the_worst_bench_counts_and_a_missed_bound_is_said(capsys):
     proof = Proof(2, 40.0)
-    for error in (0.01, 0.07):
-        proof.add("registration", error)
-    proof.add("shear", 0.001)
+    proof.found = {"registration": [0.01, 0.07], "shear": [0.001]}
     proof.rows = [
         {"camera": "spectral", "seed": s, "operator": "true", "psnr": 20.0 + s, "explained": 30.0} for s in (0, 1)
     ]

@@ -4,7 +4,7 @@ from types import SimpleNamespace as Made
 
 import pytest
 
-from tmca.experiments.design.words import code_advice, mask_advice
+from tmca.reports.words import code_advice, mask_advice
 
 
 def codes(gain=0.5, spread=0.2, **changes):

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from studies.real.control import image_behind, known_scene
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.errors import DataError
-from tmca.experiments.real.control import image_behind, known_scene
-from tmca.experiments.real.merit import part_of
 from tmca.sensor import Sensor
 
 NM = np.linspace(450, 650, 5)
@@ -55,12 +54,3 @@ def test_scenes_of_other_bands_are_refused():
     camera = SpectralCamera(bands=[350e-9, 650e-9], size=(8, 9), slots=1, shutter="open")
     with pytest.raises(DataError, match="expected all of 350 to 650 nm"):
         known_scene("coffee", camera)
-
-
-def test_a_part_of_a_camera_keeps_its_optics():
-    camera = capture().camera
-    part = part_of(camera, slice(3, 10), slice(4, 20))
-    assert part.size == (7, 16)
-    assert part.dispersion == camera.dispersion
-    torch.testing.assert_close(part.codes()[0], camera.codes()[0][:, 3:10, 4:20])
-    torch.testing.assert_close(part.response, camera.response)

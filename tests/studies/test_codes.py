@@ -1,29 +1,33 @@
 """The study of codes: the same effort for all, gains that are what they say, cells that are kept."""
 
 import json
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy.stats import rankdata
 
-from tmca.applications import simulate
-from tmca.data.scenes import load_scene
+import tmca
+from studies.codes import ranking as ranks
+from studies.codes.ablation import INGREDIENTS
+from studies.codes.figures import _draw_bars, study_figures
+from studies.codes.learned import prior_file
+from studies.codes.records import Cell
+from studies.codes.searches import task_of
+from studies.codes.study import CORNERS, _first_cell, _network_cells, sensors, study_codes
+from studies.codes.tables import grid_rows, network_rows, scene_rows, study_markdown
+from studies.codes.tables import test_rows as rows_of_tests
+from tmca.data import load_scene
 from tmca.decoders import Weights
-from tmca.design import Effort
+from tmca.design import Effort, on_frame
 from tmca.errors import OutputError, SettingError
-from tmca.experiments.codes import ranking as ranks
-from tmca.experiments.codes.ablation import INGREDIENTS
-from tmca.experiments.codes.figures import _draw_bars
-from tmca.experiments.codes.learned import prior_file
-from tmca.experiments.codes.study import CORNERS, _common, _network_cells, sensors, study_codes
-from tmca.experiments.codes.tables import grid_rows, network_rows, scene_rows
-from tmca.experiments.codes.tables import test_rows as rows_of_tests
-from tmca.experiments.codes.task import Task, on_frame
-from tmca.experiments.spectral.imaging import reconstruct_snapshot
+from tmca.metrics import all_metrics
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
+RESULTS = Path(__file__).parents[2] / "docs" / "results"
 SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
 
@@ -36,8 +40,15 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module", autouse=True)
 def small_scenes():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tmca.experiments.codes.study._RANKED_SIZE", (48, 48))
+        patch.setattr(ranks, "SIZE", (48, 48))
         yield
+
+
+def test_the_page_is_made_from_its_results_with_pictures(tmp_path):
+    stored = json.loads((RESULTS / "codes.json").read_text())
+    assert study_markdown(stored) == (RESULTS / "codes.md").read_text()
+    for file in study_figures(stored, tmp_path):
+        assert (RESULTS / file.name).exists()
 
 
 @pytest.fixture(scope="module")
@@ -62,30 +73,31 @@ def test_time_per_slot_is_less_noise(found):
     noise = "σ = 0.01"
     static = {row["exposures"]: row["psnr"] for row in found["grid"] if row["noise"] == noise and row["slots"] == 1}
     assert static[2] > static[1]
-    rows = [row for row in grid_rows(found, 2) if row["noise"] == noise]
-    assert [row["ahead"] for row in rows] == pytest.approx([row["psnr"] - static[1] for row in rows])
+    rows = grid_rows(found, 2)
+    rows = rows[rows.noise == noise]
+    assert list(rows.ahead) == pytest.approx(list(rows.psnr - static[1]))
 
 
 def test_designs_are_measured_on_test_scenes(found):
     rows = rows_of_tests(found["test"], found["light"])
     assert len(rows) == len(CORNERS) * 10
-    designed = [row for row in rows if row["codes"] in ("static, designed", "static, designed for the light")]
-    assert all(row["gain"] == row["there"] == 0 for row in designed)
-    assert all(10 < row["psnr"] < 60 for row in rows)
+    designed = rows[rows.codes.isin(["static, designed", "static, designed for the light"])]
+    assert not designed[["gain", "there"]].any(axis=None)
+    assert rows.psnr.between(10, 60).all()
 
 
 def test_gains_are_foretold_of_examples_dimmed_to_the_scene(found, folder):
-    cell = {**_kept_cell(folder, "light"), "exposures": 1}
-    bright, light = Task.of(cell), float(load_scene("coffee", bands=3).mean())
-    there = Task.of(cell, light)
+    cell, (row,) = _stored_cell(folder, "light")
+    bright, light = task_of(cell), float(load_scene("coffee", bands=3).mean())
+    there = task_of(cell, light)
     assert there.examples.light == pytest.approx(min(light, bright.examples.most_light))
     static, free = (bright.design(kind, slots).camera for kind, slots in (("static", 1), ("free", 2)))
     errors = [there.examples.held_out(camera, there.noise.read, there.noise.shot) for camera in (static, free)]
     gain = np.mean([10 * np.log10(errors[0][name] / errors[1][name]) for name in SCENES])
-    assert cell["there"]["free, designed"] == pytest.approx(gain, abs=1e-6)
-    rows = [row for row in scene_rows(found["test"], found["light"]) if row["noise"] == cell["noise"]]
-    own = next(row for row in rows if row["codes"] == "free, designed")
-    assert own["miss"] == pytest.approx(own["gain"] - gain, abs=1e-6)
+    assert row["there"]["free, designed"] == pytest.approx(gain, abs=1e-6)
+    rows = scene_rows(found["test"], found["light"])
+    line = rows[(rows.noise == cell.noise) & (rows.codes == "free, designed")].iloc[0]
+    assert line.miss == pytest.approx(line.gain - gain, abs=1e-6)
 
 
 def test_what_light_foretold_is_what_codes_for_the_light_are_held_to():
@@ -98,7 +110,7 @@ def test_what_light_foretold_is_what_codes_for_the_light_are_held_to():
     tested = {**cell, "metrics": {"static, designed": told(0, 0), "free, designed": told(1.0, 4.0)}}
     light = {**cell, "metrics": lit, "plain_prior": lit, "there": {**there, "free, designed for the light": 2.8}}
     rows = scene_rows([tested], [light])
-    misses = {(row["codes"], row["prior"]): row["miss"] for row in rows}
+    misses = {(row.codes, row.prior): row.miss for row in rows.itertuples()}
     assert misses == {
         ("free, designed", "as learned"): pytest.approx(1.0 - 2.5),
         ("free, designed for the light", "as learned"): pytest.approx(2.0 - 3.0),
@@ -114,31 +126,36 @@ def test_bars_that_are_missing_say_so():
 
 
 def test_codes_for_the_light_are_decoded_by_both_priors(found, folder):
-    cell = _kept_cell(folder, "light")
-    scene, prior = load_scene("coffee", bands=3), GaussianPrior.load(cell["prior"])
-    camera = Task.of(cell, cell["light"]).design("free", 2).camera
-    whole = on_frame(camera, {"bands": scene["wavelength"].values.tolist()}, scene.shape[1:], Sensor(**cell["sensor"]))
-    taken = simulate(scene, whole, seed=cell["seed"])
-    dimmed = prior.scaled(cell["light"] / float(prior.mean.mean()))
-    for own, kept in ((prior, "plain_prior"), (dimmed, "metrics")):
-        measured = reconstruct_snapshot(taken, "lmmse", prior=own, truth=scene).metrics["psnr"]
-        assert cell[kept]["free, designed for the light"]["psnr"] == pytest.approx(measured, abs=1e-6)
-    rows = [row for row in rows_of_tests(found["test"], found["light"]) if row["noise"] == cell["noise"]]
-    assert [row["prior"] for row in rows] == ["as learned"] * 8 + ["dimmed"] * 2
+    cell, (row,) = _stored_cell(folder, "light")
+    scene, prior = load_scene("coffee", bands=3), GaussianPrior.load(cell.prior)
+    camera = task_of(cell, cell.light).design("free", 2).camera
+    whole = on_frame(camera, {"bands": scene["wavelength"].values.tolist()}, scene.shape[1:], Sensor(**cell.sensor))
+    taken = tmca.simulate(scene, whole, seed=cell.seed)
+    dimmed = prior.scaled(cell.light / float(prior.mean.mean()))
+    for used, stored in ((prior, "plain_prior"), (dimmed, "metrics")):
+        estimate = tmca.reconstruct(taken, "lmmse", prior=used).values[0].numpy()
+        psnr = row[stored]["free, designed for the light"]["psnr"]
+        assert psnr == pytest.approx(all_metrics(estimate, scene.values)["psnr"], abs=1e-6)
+    rows = rows_of_tests(found["test"], found["light"])
+    assert list(rows[rows.noise == cell.noise].prior) == ["as learned"] * 8 + ["dimmed"] * 2
 
 
 def test_ranked_codes_are_expected_of_dimmed_examples_too(found, folder):
-    cell = _kept_cell(folder, "there")
-    there = Task.of(cell, cell["light"])
-    code = ranks.coded(there, ranks.RANKED["random K = 4"])
-    expected = -10 * np.log10(float(there.error.whole(code)))
-    row = next(r for r in found["ranking"] if (r["noise"], r["codes"]) == (cell["noise"], "random K = 4"))
+    cell, (row,) = _stored_cell(folder, "ranking", codes="random K = 4")
+    there = task_of(cell, cell.light)
+    expected = -10 * np.log10(float(there.error.whole(ranks.coded(there, ranks.RANKED["random K = 4"]))))
     assert row["expected_there"] == pytest.approx(expected, abs=1e-6)
+    assert row in found["ranking"]
 
 
-def _kept_cell(folder, kind):
-    cells = (json.loads(file.read_text()) for file in sorted((folder / "work").glob("*.json")))
-    return next(cell for cell in cells if cell["kind"] == kind)
+def _stored_cell(folder, kind, **named):
+    """A finished cell of a kind and its rows."""
+    for file in sorted((folder / "work").glob("*.json")):
+        stored = json.loads(file.read_text())
+        if stored["kind"] == kind and all(stored[name] == value for name, value in named.items()):
+            rows = stored.pop("rows")
+            return Cell.of(stored), rows
+    raise AssertionError(kind)
 
 
 def test_the_order_of_codes_is_checked(found):
@@ -192,30 +209,42 @@ def test_ingredients_are_compared_with_the_static_design(found):
         assert gains["free, designed"] >= max(0, gains["one-hot shutter, designed"]) - 1e-4
 
 
+def _small_cell(tmp_path):
+    first = _first_cell(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0))
+    return replace(first, sensor={"read_noise": 0.01})
+
+
 def test_a_design_is_searched_once(tmp_path, monkeypatch):
-    common = {**_common(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0)), "sensor": {"read_noise": 0.01}}
-    first = Task.of(common).design("free", 2)
-    monkeypatch.setattr("tmca.experiments.codes.task.search", None)
-    again = Task.of(common).design("free", 2)
+    cell = _small_cell(tmp_path)
+    first = task_of(cell).design("free", 2)
+    monkeypatch.setattr("tmca.design.task.search", None)
+    again = task_of(cell).design("free", 2)
     assert (again.mse, again.random, again.seconds) == (first.mse, first.random, first.seconds)
     for one, other in zip(first.camera.codes(), again.camera.codes(), strict=True):
         assert one.equal(other)
-    assert Task.of(common).error.whole(again.camera) == pytest.approx(first.mse)
+    assert task_of(cell).error.whole(again.camera) == pytest.approx(first.mse)
+
+
+def test_a_cell_is_what_its_file_says(tmp_path):
+    code = ranks.RANKED["static, blue noise"]
+    cell = replace(_small_cell(tmp_path), code=code, checksums=(None, "a"), slots=(2, 4))
+    again = Cell.of(json.loads(json.dumps(asdict(cell))))
+    assert again.code == code
+    assert json.dumps(asdict(again)) == json.dumps(asdict(cell))
 
 
 def test_networks_learn_behind_their_codes_and_tune_them_if_told(tmp_path):
-    common = _common(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0))
-    common |= {"prior": str(prior_file(SCENES, tmp_path, 3))}
-    trained = {"train": SCENES, "validation": ["motorcycle"]}
-    cells = _network_cells(common, ["coffee"], trained, tmp_path, 2, 2, 1)
-    found = []
+    first = replace(
+        _small_cell(tmp_path), prior=str(prior_file(SCENES, tmp_path, 3)), train=tuple(SCENES),
+        validation=("motorcycle",), test=("coffee",), steps=2,
+    )  # fmt: skip
+    cells, rows = _network_cells(first, tmp_path, 2, 1), []
     for cell in cells[: len(ranks.networks(2))]:
-        found.append({**cell, **ranks.ranking({**cell, "size": [48, 48]})})
-        kept = Weights.load(f"{cell['folder']}/run")
-        assert kept.aperture.shape == (cell["code"]["slots"], 4, 6)
-        assert kept.card["training"]["camera"]["learn"] == cell["code"].get("tune", "none")
-    rows = network_rows(found)
-    assert [row["codes"] for row in rows] == list(ranks.networks(2))
-    assert next(row["gain"] for row in rows if row["codes"] == "static, designed") == 0
-    mean = np.mean([*found[0]["unrolled"].values()])
-    assert rows[0]["unrolled"] == pytest.approx(mean)
+        rows += ranks.ranking(cell)
+        stored = Weights.load(f"{cell.folder}/run")
+        assert stored.aperture.shape == (cell.code.slots, 4, 6)
+        assert stored.card["training"]["camera"]["learn"] == cell.code.tune
+    lines = network_rows(rows).set_index("codes")
+    assert list(lines.index) == list(ranks.networks(2))
+    assert lines.gain["static, designed"] == 0
+    assert lines.unrolled.iloc[0] == pytest.approx(np.mean([*rows[0]["unrolled"].values()]))
