@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from tmca.data import read_scene as read
     from tmca.decoders import Decoder, Estimate
     from tmca.decoders import decode as reconstruct
-    from tmca.experiments.face import design_codes, train
+    from tmca.experiments.face import train
+    from tmca.reports import design_codes
     from tmca.sensor import Sensor
 
 __version__ = "0.1.0"
@@ -33,7 +34,7 @@ _FACE = {
     "simulate": "applications:simulate",
     "reconstruct": "decoders:decode",
     "evaluate": "applications:evaluate",
-    "design_codes": "experiments.face:design_codes",
+    "design_codes": "reports:design_codes",
     "train": "experiments.face:train",
     "SpectralCamera": "cameras:SpectralCamera",
     "LightFieldCamera": "cameras:LightFieldCamera",
@@ -59,9 +60,11 @@ _ROOMS = (
     "optics",
     "plots",
     "priors",
+    "reports",
     "sensor",
     "specs",
     "training",
+    "tuning",
 )
 
 __all__ = [

@@ -14,8 +14,7 @@ from tmca.cli import main
 from tmca.codes import read_codes, write_codes
 from tmca.decoders import Weights
 from tmca.design import Effort, SensorSheet
-from tmca.experiments.design.light_field import design_light_field
-from tmca.experiments.design.spectral import design_spectral
+from tmca.reports import design_light_field, design_spectral
 
 SMALL = ["coffee", "tissue", "--bands", "4", "--slots", "2", "--period", "6"]
 
@@ -74,7 +73,7 @@ def test_dimmed_scenes_see_more_noise(tmp_path, capsys):
 
 
 def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("tmca.experiments.design.codes.advise", None)
+    monkeypatch.setattr("tmca.reports.codes.advise", None)
     (tmp_path / "file").touch()
     assert "choose another" in refused(capsys, *SMALL, "--out", tmp_path / "file" / "d")
     real = tempfile.TemporaryFile

@@ -66,7 +66,7 @@ def test_codes_are_designed_for_any_naming(place, monkeypatch):
         learned.append(learn(lambda share, step: None))
         raise SystemExit
 
-    monkeypatch.setattr("tmca.experiments.design.light_field.design_codes", design_codes)
+    monkeypatch.setattr("tmca.reports.cameras.search_codes", design_codes)
     for scenes in (["odd", "lens.png", *NAMES, "--lens", "3x3"], ["plain", "lens.png", "--lens", "3x3"]):
         with pytest.raises(SystemExit):
             main(["design", "light-field", *scenes, *DESIGN])

@@ -14,7 +14,7 @@ from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.fitting import at_bands, middle_of
 from tmca.data.scenes import load_scene
 from tmca.decoders import Weights
-from tmca.experiments.tuning.run import prepared
+from tmca.tuning import prepared
 
 SIZE = (24, 32)
 UNROLLED = "decoder={kind: unrolled, stages: 1, widths: [4], blocks: 1, start: dagger}"

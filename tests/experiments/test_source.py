@@ -35,7 +35,7 @@ def test_pictures_are_no_source_of_a_table(camera):
 
 
 def test_digests_of_other_sources_differ():
-    digests = [source_digest(LIGHT_FIELD), source_digest("tmca.experiments.codes.study"), source_digest("tmca.errors")]
+    digests = [source_digest(LIGHT_FIELD), source_digest("tmca.design"), source_digest("tmca.errors")]
     assert len(set(digests)) == 3
     assert source_digest("tmca.errors") == digests[2]
 

@@ -10,12 +10,11 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import write_dataset
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
-from tmca.experiments.tuning.folder import held_out
-from tmca.experiments.tuning.run import prepared
 from tmca.lab.calibration.apply import bench_of
 from tmca.sensor import Sensor
 from tmca.training.captures import Windows
 from tmca.training.tuning import prepare_tuning
+from tmca.tuning import held_out, prepared
 
 SIZE, NAMES = (24, 32), ("first", "second", "third", "fourth")
 

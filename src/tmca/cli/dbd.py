@@ -132,8 +132,9 @@ def solve(
 
     from tmca.dbd import solve as solved
     from tmca.dbd.files import load_problem, save_recovery
-    from tmca.dbd.tables import recovery_lines, recovery_values
-    from tmca.experiments.dbd.tables import save_planes
+    from tmca.dbd.tables import planes, recovery_lines, recovery_values
+    from tmca.plots import save_figure
+    from tmca.plots.dbd import Plane, planes_figure
 
     problem = load_problem(file)
     out = out or file.with_suffix(".recovery.nc")
@@ -151,7 +152,8 @@ def solve(
             progress=progress,
         )  # fmt: skip
     save_recovery(recovery, out, overwrite=overwrite)
-    save_planes(recovery, figure, overwrite=overwrite)
+    drawn = planes_figure([Plane(**plane) for plane in planes(recovery)])
+    save_figure(drawn, figure, overwrite=overwrite)
     print(json_module.dumps(recovery_values(recovery), indent=1) if json else "\n".join(recovery_lines(recovery)))
     if not json:
         print(f"wrote {out} and {figure}")
@@ -189,17 +191,19 @@ def study(
         overwrite: replace results that exist.
         json: print JSON instead of the table.
     """
+    from tmca.cli.studies import study_module
     from tmca.cli.sweep import named_values
-    from tmca.experiments.dbd.study import Study, plain_value, run_study
-    from tmca.experiments.dbd.tables import check_results, save_results, study_table
 
-    check_results(out, overwrite)
-    axes = {name: [plain_value(one) for one in values] for name, values in named_values(vary, "--vary").items()}
-    fixed = {name: plain_value(values[0]) for name, values in named_values(set_ or (), "--set").items()}
-    asked = Study(axes, fixed, draws, certify, tolerance)
-    rows = run_study(asked, work, jobs=jobs, progress=cell_done)
-    save_results(asked, rows, out, ["tmca", *sys.argv[1:]], overwrite=overwrite)
-    print(json_module.dumps(rows, indent=1) if json else study_table(asked, rows))
+    draw, tables = study_module("dbd.draws"), study_module("dbd.tables")
+    tables.check_results(out, overwrite)
+    named, settled = named_values(vary, "--vary"), named_values(set_ or (), "--set")
+    axes = {name: [draw.plain_value(one) for one in values] for name, values in named.items()}
+    fixed = {name: draw.plain_value(values[0]) for name, values in settled.items()}
+    asked = draw.Study(axes, fixed, draws, certify, tolerance)
+    rows = draw.run_study(asked, work, jobs=jobs, progress=cell_done)
+    tables.save_results(asked, rows, out, ["tmca", *sys.argv[1:]], overwrite=overwrite)
+    plain = [row.plain() for row in rows]
+    print(json_module.dumps(plain, indent=1) if json else tables.study_table(asked, rows))
 
 
 @app.command
@@ -222,11 +226,11 @@ def report(
         jobs: processes side by side.
         overwrite: replace results that exist.
     """
-    from tmca.experiments.dbd.report import page_files, write_report
+    from tmca.cli.studies import study_module
 
-    check_targets(page_files(out), overwrite)
-    command = ["tmca", *sys.argv[1:]]
-    write_report(out, work, command, jobs=jobs, progress=cell_done, overwrite=overwrite, draws=draws)
+    page, command = study_module("dbd.report"), ["tmca", *sys.argv[1:]]
+    check_targets(page.page_files(out), overwrite)
+    page.write_report(out, work, command, jobs=jobs, progress=cell_done, overwrite=overwrite, draws=draws)
     print(f"wrote {out}.md")
 
 

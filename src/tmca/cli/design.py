@@ -67,7 +67,7 @@ def spectral(
         overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.experiments.design.spectral import design_spectral
+    from tmca.reports.cameras import design_spectral
 
     about = {"bands": bands, "reading": reading.given(), "camera": _optics(dispersion, disperser), "period": period}
     _search_codes(design_spectral, out, sensor, sheet, _named(scenes, split), search, overwrite, json, about)
@@ -102,7 +102,7 @@ def light_field(
         json: print JSON instead of text.
     """
     from tmca.data.light_field_scenes import Reading
-    from tmca.experiments.design.light_field import design_light_field
+    from tmca.reports.cameras import design_light_field
 
     camera = {} if shear is None else spec_of(LightFieldSpec, {"shear": shear}).arguments()
     about = {"views": reading.views, "reading": Reading(**reading.files()), "camera": camera, "period": period}
@@ -134,8 +134,8 @@ def spectral_depth(
         json: print JSON instead of text.
     """
     from tmca.design import MaskEffort
-    from tmca.experiments.design.depth_page import COLUMNS
-    from tmca.experiments.design.spectral_depth import design_spectral_depth
+    from tmca.reports.mask_page import COLUMNS
+    from tmca.reports.masks import design_spectral_depth
 
     how = {**camera.arguments(), **search.arguments(), "effort": MaskEffort(search.starts, search.steps)}
     how |= {"bench": bench.arguments(), "overwrite": overwrite, "command": ["tmca", *sys.argv[1:]]}
@@ -156,7 +156,7 @@ def _search_codes(
     about: dict[str, Any],
 ) -> None:
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
-    from tmca.experiments.design.codes import COLUMNS
+    from tmca.reports.codes import COLUMNS
 
     how = {**search.model_dump(), "kinds": list(search.kinds), "overwrite": overwrite, **about}
     with progress_bar(f"design {out.name}") as progress:
@@ -236,7 +236,7 @@ def judge(
         overwrite: replace the picture if it exists.
         json: print JSON, with all levels, correlations and singular values.
     """
-    from tmca.experiments.design.judged import judge_codes
+    from tmca.reports.judged import judge_codes
 
     check_figure(figure, overwrite, codes)
     known = _sheet(sensor, sheet) if sensor is not None or sheet.given() else None
@@ -294,11 +294,11 @@ def study(
         overwrite: replace results that exist.
         json: print JSON instead of text.
     """
-    from tmca.experiments.codes import study_codes
+    from tmca.cli.studies import study_module
 
     tile = size(period, "--period") or (16, 24)
     examples, scenes, checked = (_named((), split) for split in (train, test, validation))
-    found = study_codes(
+    found = study_module("codes.study").study_codes(
         examples, scenes, out, work, bands=bands, slots=whole_numbers(slots, "--slots"), period=tile,
         test_slots=test_slots, validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite,
         progress=cell_done, command=["tmca", *sys.argv[1:]],

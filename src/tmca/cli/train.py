@@ -64,7 +64,7 @@ def fine_tune(
         known = "spectral, light-field or spectral-depth; or --from RUN, --captures and --out to fine-tune"
         raise SettingError("train", f"no camera, and no {missing[0]}", known, "tmca train --help says more")
     from tmca.cli.tune import run_tuning
-    from tmca.experiments.tuning.run import prepared
+    from tmca.tuning.run import prepared
 
     changes = {name: value for name, value in map(_setting, set_ or ())}
     named = {"optimiser.steps": steps, "optimiser.decoder_rate": rate, "data.batch": batch, "data.patch": patch}

@@ -44,7 +44,7 @@ def run_with_bar(title: str, doing: str, load: Callable[[str], Any], run: Callab
 
 def run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
     """Fine-tune, draw how it went, and say what came out."""
-    from tmca.experiments.tuning.pictures import tuning_pictures
+    from tmca.tuning.pictures import tuning_pictures
 
     def run(read: Any, how: dict[str, Any]) -> Any:
         return prepared.run(out, read, **how)

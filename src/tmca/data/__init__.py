@@ -37,7 +37,7 @@ from tmca.data.rendering import (
     split_rendered_light_fields,
 )
 from tmca.data.rgbd import holds_rgbd, read_rgbd, refuse_rgbd, rgbd_sources
-from tmca.data.scene_names import checksum_of, read_split, write_split
+from tmca.data.scene_names import checksum_of, identity_of, read_split, write_split
 from tmca.data.scenes import load_scene, read_scene
 from tmca.data.spectral_depth import label_spectral_depth, place_cube, read_spectral_depth
 
@@ -58,6 +58,7 @@ __all__ = [
     "fitted_depth",
     "from_array",
     "holds_rgbd",
+    "identity_of",
     "label",
     "label_depth",
     "label_light_field",

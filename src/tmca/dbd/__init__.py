@@ -22,26 +22,29 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tmca.dbd.channel import Channel
     from tmca.dbd.files import load_problem, save_problem, save_recovery
-    from tmca.dbd.model import Problem, Source, Truth, Units
+    from tmca.dbd.model import Problem, Source, Truth, Units, beyond_freedom
+    from tmca.dbd.noise import true_bounds
     from tmca.dbd.recovery import Recovery, Score, score
     from tmca.dbd.scenario import Path, Scenario, Target, read_scenario
-    from tmca.dbd.simulation import simulate
-    from tmca.dbd.solving import solve
+    from tmca.dbd.simulation import BASES, MESSAGES, simulate
+    from tmca.dbd.solving import GRAMS, METHODS, solve
 
 _HOMES = {
     "channel": ("Channel",),
     "files": ("load_problem", "save_problem", "save_recovery"),
-    "model": ("Problem", "Source", "Truth", "Units"),
+    "model": ("Problem", "Source", "Truth", "Units", "beyond_freedom"),
+    "noise": ("true_bounds",),
     "recovery": ("Recovery", "Score", "score"),
     "scenario": ("Path", "Scenario", "Target", "read_scenario"),
-    "simulation": ("simulate",),
-    "solving": ("solve",),
+    "simulation": ("BASES", "MESSAGES", "simulate"),
+    "solving": ("GRAMS", "METHODS", "solve"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "Channel", "Path", "Problem", "Recovery", "Scenario", "Score", "Source", "Target", "Truth", "Units",
-    "load_problem", "read_scenario", "save_problem", "save_recovery", "score", "simulate", "solve",
+    "BASES", "GRAMS", "MESSAGES", "METHODS", "Channel", "Path", "Problem", "Recovery", "Scenario", "Score", "Source",
+    "Target", "Truth", "Units", "beyond_freedom", "load_problem", "read_scenario", "save_problem", "save_recovery",
+    "score", "simulate", "solve", "true_bounds",
 ]  # fmt: skip
 
 

@@ -32,6 +32,7 @@ from tmca.decoders.pnp import (
     tv_denoiser,
 )
 from tmca.decoders.settings import settings_of
+from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.tv import admm_tv, default_weight, total_variation, tv_prox
 
@@ -61,6 +62,7 @@ __all__ = [
     "default_weight",
     "find_weights",
     "first_estimate",
+    "frame_operator",
     "lasso_admm",
     "make_decoder",
     "module_denoiser",

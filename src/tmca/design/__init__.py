@@ -1,6 +1,7 @@
 """Finding codes and masks: the expected error as objective, its optimisers, and which designs to take."""
 
 from tmca.design.advice import Advice, Candidate, SensorSheet, advise
+from tmca.design.checks import check_search, check_size
 from tmca.design.expected_error import BlockMse, MixtureMse, TileMse, design_model
 from tmca.design.flips import flip_greedily
 from tmca.design.kinds import KINDS, designable, hold_throughput, throughput_of
@@ -8,6 +9,7 @@ from tmca.design.mask_search import MaskAdvice, MaskCandidate, MaskEffort, MaskT
 from tmca.design.measures import CodeMeasures, measures
 from tmca.design.search import SURVEY, Descent, Design, Effort, Progress, decibels, descend, search
 from tmca.design.spectral_depth import depth_information, design_masks
+from tmca.design.task import Task, camera_arguments, load_examples, on_frame, save_examples
 from tmca.design.transfer import Examples, TransferMse, learn_examples
 
 __all__ = [
@@ -28,9 +30,13 @@ __all__ = [
     "MixtureMse",
     "Progress",
     "SensorSheet",
+    "Task",
     "TileMse",
     "TransferMse",
     "advise",
+    "camera_arguments",
+    "check_search",
+    "check_size",
     "decibels",
     "depth_information",
     "descend",
@@ -40,7 +46,10 @@ __all__ = [
     "flip_greedily",
     "hold_throughput",
     "learn_examples",
+    "load_examples",
     "measures",
+    "on_frame",
+    "save_examples",
     "search",
     "search_masks",
     "throughput_of",

@@ -1,4 +1,4 @@
-"""`tmca.design_codes` and `tmca.train`: the engines of all cameras under one call each."""
+"""`tmca.train`: the engines of all cameras under one call."""
 
 from __future__ import annotations
 
@@ -9,54 +9,9 @@ from typing import TYPE_CHECKING, Any
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
-    from tmca.design import Advice, MaskAdvice, SensorSheet
     from tmca.training import Trained
 
 KINDS = ("spectral", "light-field", "spectral-depth")
-
-
-def design_codes(
-    camera: str = "spectral",
-    *,
-    out: str | Path,
-    scenes: Sequence[str] = (),
-    sensor: Mapping[str, Any] | SensorSheet | None = None,
-    slots: Sequence[int] | None = None,
-    seed: int = 0,
-    overwrite: bool = False,
-    progress: Callable[[float, str], None] | None = None,
-    **how: Any,
-) -> Advice | MaskAdvice:
-    """Search codes for a sensor, say what they gain over static ones, and write them to a folder.
-
-    Args:
-        camera: kind of the camera.
-        out: folder of ``design.json``, ``design.html`` and ``codes.nc``, which cameras take.
-        scenes: to design for, files or rendered scenes; the rendered training scenes without any.
-        sensor: arguments of `tmca.design.SensorSheet`: ``full_well``, ``read_noise_electrons``, ``exposure``, ….
-        slots: numbers of slots to try; those that fit the exposure if None.
-        seed: of random codes.
-        overwrite: replace files that exist.
-        progress: called with the share that is done and what is done next.
-        how: further settings of a camera's search, such as ``kinds``, ``period``, ``throughput`` and ``effort``, or of
-            masks ``mask``, ``learn`` and ``window``.
-
-    Raises:
-        SettingError, DataError, OutputError: an impossible setting, scenes that cannot be used, files that exist.
-    """
-    from tmca.design import SensorSheet
-    from tmca.experiments.design.light_field import design_light_field
-    from tmca.experiments.design.spectral import design_spectral
-    from tmca.experiments.design.spectral_depth import design_spectral_depth
-
-    engines: dict[str, Callable[..., Any]] = dict(
-        zip(KINDS, (design_spectral, design_light_field, design_spectral_depth), strict=True)
-    )
-    sheet = sensor if isinstance(sensor, SensorSheet) else SensorSheet(**(sensor or {}))
-    advice: Advice | MaskAdvice = _of(engines, camera)(
-        sheet, Path(out), scenes=scenes, slots=slots, seed=seed, overwrite=overwrite, progress=progress, **how
-    )[0]
-    return advice
 
 
 def train(

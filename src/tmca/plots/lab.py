@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tmca.plots.style import BLUE, GREY, RED, bare, blank_figure, curve_with_band, image, panels, plain_axes
+from tmca.plots.style import (
+    BLUE,
+    GREY,
+    RED,
+    bare,
+    blank_figure,
+    curve_with_band,
+    grid,
+    image,
+    panels,
+    plain_axes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,3 +126,20 @@ def _draw_terms(axis: Axes, terms: np.ndarray, noll: Sequence[int]) -> None:
     axis.set_xticks(np.arange(len(noll)), [str(index) for index in noll], fontsize=6)
     axis.tick_params("y", labelsize=6)
     axis.set_xlabel("Noll index; nm rms of surface", fontsize=7)
+
+
+def frames_figure(movies: Mapping[str, np.ndarray], captures: Mapping[str, np.ndarray], shown: int = 8) -> Figure:
+    """Captures, and some of the frames behind each of them, a row each.
+
+    Args:
+        movies: name → ``(F, H, W)`` frames.
+        captures: name → ``(H, W)``, of the same names.
+        shown: frames in a row.
+    """
+    figure, axes = grid(len(movies), shown + 1, width=1.55, aspect=1.0)
+    for row, (name, frames) in zip(axes, movies.items(), strict=True):
+        image(row[0], captures[name], "capture", colours="gray", top=1.0)
+        for axis, index in zip(row[1:], np.linspace(0, len(frames) - 1, shown).round().astype(int), strict=True):
+            title = f"{name}: {index + 1}" if axis is row[1] else f"frame {index + 1}"
+            image(axis, np.clip(frames[index], 0, 1), title, colours="gray", top=1.0)
+    return figure

@@ -5,13 +5,13 @@ import pytest
 import torch
 import yaml
 
+from studies.real.movies import moving_part
 from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
 from tmca.decoders.space_time import frame_operator
 from tmca.errors import DataError, SettingError
-from tmca.experiments.real.merit import foretelling_error, withheld
-from tmca.experiments.real.movies import moving_part
 from tmca.lab.importing import import_capture, without_pixels
+from tmca.lab.merit import prediction_error, withheld
 from tmca.lab.movies import decode_movie
 from tmca.lab.prototype import load_prototype
 
@@ -89,7 +89,7 @@ def test_withholding_saturated_wine_hardly_helps_the_pixels_that_are_not(real_da
     operator, (blind, hidden), moving = frame_operator(taken.camera, 16), withheld(taken), moving_part(taken)
     for shown, wanted in ((blind, kept), (without_pixels(blind, bad), gone)):
         guessed = decode_movie(shown, 16, "kriging").frames[None]
-        found = [foretelling_error(operator, guessed, taken.values, hidden & ~bad & part)
+        found = [prediction_error(operator, guessed, taken.values, hidden & ~bad & part)
                  for part in (torch.ones_like(bad), moving)]  # fmt: skip
         assert found == pytest.approx(wanted, abs=4e-4)
     assert float(operator.A(guessed)[0, 0][bad].mean()) < 0.97 * float(taken.values[0, 0][bad].mean())

@@ -130,15 +130,16 @@ def proof(
     """
     from tmca.cli.lab.calibrate_words import said_proof
     from tmca.cli.options.output import check_figure, check_targets
+    from tmca.cli.studies import study_module
     from tmca.data import write_json
-    from tmca.experiments.calibration_proof import prove, reconstructions_figure
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
     check_targets([] if out is None else [out], overwrite)
-    found = prove(seeds, parsed_size(size) or (64, 80), snr)
+    proofs = study_module("calibration_proof")
+    found = proofs.prove(seeds, parsed_size(size) or (64, 80), snr)
     if out is not None:
         write_json(found.stated(), out, overwrite=overwrite)
     if figure is not None:
-        save_figure(reconstructions_figure(found), figure, overwrite=overwrite)
+        save_figure(proofs.reconstructions_figure(found), figure, overwrite=overwrite)
     said_proof(found.stated(), json)

@@ -115,9 +115,8 @@ def movie(
     """
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
-    from tmca.experiments.real.figures import movie_figure
     from tmca.lab.movies import decode_movie, frame_dataset
-    from tmca.plots.style import save_figure
+    from tmca.plots import frames_figure, save_figure
 
     check_figure(figure, overwrite, snapshot)
     check_targets([out], overwrite, snapshot)
@@ -128,7 +127,7 @@ def movie(
     write_dataset(frame_dataset(found, taken), out, overwrite=overwrite)
     if figure is not None:
         values = taken.values[0, 0].numpy()
-        drawing = movie_figure({decoder: found.frames.mean(1).numpy()}, {decoder: values}, shown=min(frames, 8))
+        drawing = frames_figure({decoder: found.frames.mean(1).numpy()}, {decoder: values}, shown=min(frames, 8))
         save_figure(drawing, figure, overwrite=overwrite)
     print(f"{out}: {frames} frames of {found.slots} slots each, {decoder}")
     if (scene := found.covariance) is not None:
@@ -171,11 +170,11 @@ def report(
         keep: folder of estimates, which the next report uses again where their input is the same.
         overwrite: replace results that exist.
     """
-    from tmca.experiments.real.report import write_report
+    from tmca.cli.studies import study_module
 
     names = [name.strip() for name in decoders.split(",") if name.strip()]
     command = ["tmca", *sys.argv[1:]]
-    files = write_report(
+    files = study_module("real.report").write_report(
         data, out, names, weights, keep, command, control=control or (), overwrite=overwrite, told=warned
     )
     print(f"{files[1]}: {', '.join(file.name for file in files[2:])} beside it")

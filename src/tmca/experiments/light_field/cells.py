@@ -13,8 +13,8 @@ from tmca.cameras import LightFieldCamera
 from tmca.data.fitting import centre_window
 from tmca.data.light_field_scenes import Reading, read_middle, true_disparity
 from tmca.decoders import OtherCodes
+from tmca.design import Task, on_frame
 from tmca.experiments.cells import Measured, Settings, cell_key
-from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.rows import CODES, LEARNED, NETWORKS, NOISES, search_of
 from tmca.sensor import Sensor

@@ -56,8 +56,7 @@ class Learned:
         """Folder of examples that codes are designed for; ``load_examples`` reads them."""
         from tmca.cameras import LightFieldCamera
         from tmca.data import make_folder
-        from tmca.design import design_model, designable, learn_examples
-        from tmca.experiments.codes.task import save_examples
+        from tmca.design import design_model, designable, learn_examples, save_examples
         from tmca.priors import views_of
 
         folder, grid = self.work / f"examples-{cell_key(self.identity)}", (self.views, self.views)

@@ -136,7 +136,7 @@ def trainings(table: Table) -> list[Settings]:
 
 def _start(table: Table, code: str, seed: int) -> str | None:
     """File of the design that a row shows or starts from, None for random codes."""
-    from tmca.experiments.codes.task import Task
+    from tmca.design import Task
 
     start = LEARNED.get(code, (code,))[0]
     if start not in DESIGNED:

@@ -10,10 +10,9 @@ from typing import Any
 from tmca.applications import simulate
 from tmca.cameras import Hardware, LightFieldCamera
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, read_middle
-from tmca.design import KINDS, designable
+from tmca.design import KINDS, Task, designable, on_frame
 from tmca.errors import SettingError
 from tmca.experiments.cells import Measured, Settings
-from tmca.experiments.codes.task import Task, on_frame
 from tmca.experiments.decoder_labels import DecoderLabels, prior_kind
 from tmca.experiments.light_field.imaging import reconstruct_light_field
 from tmca.experiments.light_field.learned import Learned

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from tmca.applications.example_scenes import flat_error, judge_on, placed_error
 from tmca.applications.spectral_depth import spectral_depth_metrics
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
@@ -17,7 +18,6 @@ from tmca.data.fitting import middle_of
 from tmca.design.mask_search import SIZE
 from tmca.experiments.cells import Measured, Settings, cell_key
 from tmca.experiments.decoder_labels import prior_kind
-from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
 from tmca.experiments.spectral_depth.imaging import (
     middle_of_reconstruction,
     reading_range,

@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tmca.applications.example_scenes import some_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.depth_scenes import check_depth_scenes, load_any_depth_scene, withheld_scene
 from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.experiments.cells import Grid, Measured, Settings, Timed, timed
-from tmca.experiments.design.example_scenes import some_of
 from tmca.experiments.results import check_counts, check_decoders, check_new, write_table
 from tmca.experiments.source import source_digest
 from tmca.experiments.spectral_depth import plan

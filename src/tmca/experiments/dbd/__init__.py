@@ -1,1 +1,0 @@
-"""Phase transitions of dual blind deconvolution."""

@@ -1,1 +1,0 @@
-"""Fine-tuning a trained decoder on calibrated captures: their folder, the run, pictures, what it gains."""

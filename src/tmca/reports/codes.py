@@ -1,0 +1,256 @@
+"""Codes for a sensor: searched, judged on example scenes, written as files with a page that explains them.
+
+The same for every camera; `tmca.reports.cameras` says which scenes it is for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.applications.camera_figures import codes_figure
+from tmca.applications.report import Section, write_report
+from tmca.cameras import CodedCamera
+from tmca.codes import write_codes
+from tmca.design import (
+    Advice,
+    Candidate,
+    Effort,
+    Examples,
+    SensorSheet,
+    advise,
+    check_search,
+    check_size,
+    decibels,
+    measures,
+)
+from tmca.errors import DataError
+from tmca.experiments.results import check_new, repository_commit
+from tmca.lab.notes import CODES_DATE, now
+from tmca.plots.curves import Gain, gains_figure
+from tmca.reports.words import code_advice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc")
+COLUMNS = (
+    ("codes", "codes", ""),
+    ("slots", "K", "d"),
+    ("expected_psnr", "expected PSNR (dB)", ".2f"),
+    ("random_psnr", "random codes (dB)", ".2f"),
+    ("held_out_psnr", "each scene under the prior of the others (dB)", ".2f"),
+    ("gain", "gain over static (dB)", "+.2f"),
+    ("spread", "± from scene to scene", ".2f"),
+    ("throughput", "light", ".1%"),
+    ("seconds", "CPU seconds", ".0f"),
+)
+Told = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Learned:
+    """What a design knows of scenes.
+
+    Args:
+        examples: as priors of the blocks that designs are judged on.
+        camera: arguments of ``designable`` beside kind, slots and period.
+    """
+
+    examples: Examples
+    camera: dict[str, Any]
+
+
+def named_once(names: Sequence[str]) -> None:
+    """Raises DataError for a scene that is named twice."""
+    for name in names:
+        if list(names).count(name) > 1:
+            raise DataError(name, "the same scene twice", "each scene once", "leave one out")
+
+
+def search_codes(
+    sheet: SensorSheet,
+    out: Path,
+    learn: Callable[[Told], Learned],
+    bare: Mapping[str, Any],
+    scenes: int,
+    *,
+    slots: Sequence[int] | None = None,
+    kinds: Sequence[str] = ("free", "one-hot"),
+    period: int = 32,
+    effort: Effort | None = None,
+    throughput: float | None = None,
+    light: float | None = None,
+    seed: int = 0,
+    overwrite: bool = False,
+    progress: Told | None = None,
+    command: Sequence[str] = (),
+) -> tuple[Advice, dict[str, Any]]:
+    """Search codes of a camera for a sensor and write them to a folder.
+
+    Args:
+        sheet: sensor and modulator.
+        out: folder of ``design.json``, ``design.html``, ``aperture.tif``, ``shutter.tif`` and ``codes.nc``.
+        learn: reads the example scenes, once all else is seen to be possible.
+        bare: arguments of ``designable`` as far as they are known before scenes are read.
+        scenes: number of example scenes.
+        slots: numbers of slots to try; those that fit without.
+        kinds: structures of codes to try.
+        period: side of the tile of codes, pixels.
+        effort: of the last searches.
+        throughput: share of light that all codes shall let through; free if None.
+        light: mean irradiance that the examples are dimmed to, share of white; as they are if None.
+        seed: of random codes.
+        overwrite: replace files that exist.
+        progress: called with the share that is done and what is done.
+        command: how it was called, kept in the files.
+
+    Returns:
+        The advice, and what ``design.json`` holds.
+
+    Raises:
+        SettingError: impossible sensor, slots, kinds or period, or more than fits the memory.
+        DataError, ShapeError: scenes that cannot be used, or that are too small.
+        OutputError: files exist, or none can be written.
+    """
+    from tmca.data import check_folder, make_folder, write_json
+
+    check_new((out / name for name in FILES), overwrite)
+    check_search(sheet, slots, kinds, period, seed, throughput, light)
+    check_size(bare, (period, period), sheet.allowed(slots), scenes)
+    check_folder(out)
+    told = progress or (lambda share, step: None)
+    learned = learn(told)
+    examples = learned.examples if light is None else learned.examples.under(light)
+    advice = advise(
+        examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
+        seed=seed, progress=lambda share, step: told(0.3 + 0.68 * share, step), **learned.camera,
+    )  # fmt: skip
+    make_folder(out)
+    found = _described(advice, examples, learned.examples.light, period, command)
+    sections = _sections(advice, found)  # before anything is written
+    _write_codes(advice.best.design.camera, out, found, overwrite)
+    write_json(found, out / "design.json", overwrite=overwrite)
+    title = f"Codes for a {advice.best.design.camera.kind} camera"
+    write_report(out / "design.html", title, sections, overwrite=overwrite)
+    return advice, found
+
+
+def _described(
+    advice: Advice, examples: Examples, given_light: float, period: int, command: Sequence[str]
+) -> dict[str, Any]:
+    best = advice.best
+    light = measures(best.design.camera)
+    return {
+        "command": " ".join(command), "commit": repository_commit(), "advice": code_advice(advice),
+        "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
+        "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
+        "camera": best.design.camera.kind, "channels": examples.model.block[0],
+        "light": examples.light, "examples_light": given_light,
+        "block": list(examples.model.block), "scenes": list(examples.scenes),
+        "best": {**_row(best), "held_out": best.held_out, "gains": best.gains,
+                 "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
+                 "levels": {f"{level:g}": share for level, share in light.levels.items()}},
+        "static": _row(advice.static),
+        "chosen": None if advice.chosen is None else _row(advice.chosen),
+        "surveyed": [_row(candidate) for candidate in advice.surveyed],
+    }  # fmt: skip
+
+
+def _row(candidate: Candidate) -> dict[str, Any]:
+    """A design for tables and files."""
+    design = candidate.design
+    return {
+        "codes": design.kind, "slots": design.slots, "expected_psnr": design.psnr,
+        "random_psnr": decibels(design.random),
+        "held_out_psnr": sum(candidate.held_out.values()) / len(candidate.held_out), "gain": candidate.gain,
+        "spread": candidate.spread, "throughput": design.camera.throughput(), "seconds": design.seconds,
+    }  # fmt: skip
+
+
+def _write_codes(camera: CodedCamera, out: Path, found: Mapping[str, Any], overwrite: bool) -> None:
+    """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels."""
+    import tifffile
+
+    from tmca.data import atomic_path
+
+    codes = camera.codes
+    aperture, shutter = codes.aperture.tile().detach(), codes.shutter.tile().detach()
+    for name, tile in (("aperture", aperture), ("shutter", shutter)):
+        with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:
+            tifffile.imwrite(temporary, 255 * tile.numpy().astype(np.uint8), imagej=True, metadata={"axes": "TYX"})
+    notes = {"advice": found["advice"], "sensor": found["sensor"], CODES_DATE: now()}
+    period = (int(found["period"]), int(found["period"]))
+    write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)
+
+
+def _light(found: Mapping[str, Any]) -> str:
+    """How bright the scenes are taken to be."""
+    light, given = found["light"], found["examples_light"]
+    if light == given:
+        return f"Scenes of mean irradiance {given:.3g} (white = 1), as given; dimmed ones see more noise, see --light."
+    changed = "dimmed" if light < given else "lit"
+    return (
+        f"Judged as if {changed} to a mean irradiance of {light:.3g} (the examples have {given:.3g}, white = 1), by an "
+        f"estimate whose prior is {changed} alike; that of tmca reconstruct is not. PSNR counts against white, so "
+        "compare gains, not PSNR."
+    )
+
+
+def _training(found: Mapping[str, Any]) -> str:
+    """The command that trains a network for the codes."""
+    camera = {"slots": found["best"]["slots"], "period": found["period"], "learn": "none"}
+    if found["best"]["slots"] == 1:
+        camera["shutter"] = "open"
+    camera |= {"views": round(found["channels"] ** 0.5)} if found["camera"] == "light-field" else {}
+    told = " ".join(f"--set camera.{name}={value}" for name, value in camera.items())
+    told += f" --set data.bands={found['channels']}" if found["camera"] == "spectral" else ""
+    return f"tmca train {found['camera']} --preset quick --set codes.start=codes.nc {told}"
+
+
+def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
+    final = [found["static"], *([found["chosen"]] if found["chosen"] else [])]
+    scenes = [
+        {"scene": name, "static": advice.static.held_out[name], "own": value, "gain": advice.best.gains[name]}
+        for name, value in advice.best.held_out.items()
+    ]
+    sheet = {name: value for name, value in found["sensor"].items() if value not in (None, 0.0)}
+    channel, (read, shot) = advice.best.design.camera.channel, advice.noise
+    about = [
+        found["advice"],
+        "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
+        f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
+        f"unit. {_light(found)}",
+        "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
+        "anything is captured. Codes are searched for all scenes; gains are those of each scene when the estimate "
+        "knows only the others.",
+    ]
+    columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
+    survey = ["A survey with less effort; gains are over its own static code, the first row."]
+    codes = [f"Take them along: tmca simulate {found['camera']} SCENE --codes codes.nc; train a network for them: "
+             f"{_training(found)}."]  # fmt: skip
+    return [
+        Section("Advice", about, final, COLUMNS),
+        Section("Every number of slots", survey, found["surveyed"], COLUMNS,
+                {"Gain over the static code, and its spread over the scenes": _gains(advice)}),
+        Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
+        Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera, found["period"])}),
+    ]  # fmt: skip
+
+
+def _gains(advice: Advice) -> Figure:
+    surveyed: dict[str, list[Gain]] = {}
+    for candidate in advice.surveyed:
+        if candidate.design.kind != "static":
+            surveyed.setdefault(candidate.design.kind, []).append(_gain(candidate))
+    label = ("recommended, " if advice.multiplex else "") + "searched longer, over its own static code"
+    chosen = None if advice.chosen is None else (label, _gain(advice.chosen))
+    return gains_figure({kind: sorted(gains) for kind, gains in surveyed.items()}, chosen)
+
+
+def _gain(candidate: Candidate) -> Gain:
+    return candidate.design.slots, candidate.gain, candidate.spread or 0.0

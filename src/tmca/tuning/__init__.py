@@ -1,0 +1,8 @@
+"""Fine-tuning a trained decoder on calibrated captures: their folder, the run, pictures."""
+
+from tmca.tuning.folder import PairFiles, find_pairs, held_out
+from tmca.tuning.pairs import read_pair
+from tmca.tuning.pictures import decoded, tuning_pictures
+from tmca.tuning.run import Prepared, prepared
+
+__all__ = ["PairFiles", "Prepared", "decoded", "find_pairs", "held_out", "prepared", "read_pair", "tuning_pictures"]

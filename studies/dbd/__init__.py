@@ -1,0 +1,1 @@
+"""Dual blind deconvolution: how often recoveries succeed, and the page of its results."""

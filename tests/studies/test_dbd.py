@@ -1,0 +1,159 @@
+"""The page of results of dual blind deconvolution: every bound is measured, as it is said, with pictures."""
+
+import json
+
+import numpy as np
+import pytest
+
+from studies.dbd import draws as module
+from studies.dbd.claims import claims_table, shared_gram
+from studies.dbd.draws import Row, Study, beyond, plain_value, run_study
+from studies.dbd.report import Page, write_report
+from tmca.errors import SettingError
+
+PAGE = Page.read()
+
+
+def test_every_bound_is_of_a_row_that_the_page_computes():
+    studies = {part.name: part.study for part in PAGE.sections}
+    asked = [pair for claim in PAGE.asked for pair in claim.of_parts()]
+    assert len(asked) > 25
+    for part, claim in asked:
+        for name, value in claim.where.items():
+            assert value in studies[part].axes[name]
+        assert claim.number in Row.__dataclass_fields__
+        assert claim.number != "certified" or studies[part].certify
+
+
+def measured(cell):
+    """What a draw might have given: exact without noise, the shared Gram matrix a little worse."""
+    noisy = cell["snr_db"] is not None
+    shared = cell["gram"] == "shared"
+    found = {"success": True, "exact": not noisy, "seconds": 0.01 * cell["M"], "right_number": True, "certified": True}
+    found |= {"error": 0.0, "correlation": 1.0, "silent": (cell["snr_db"] or 0) < -50}
+    if noisy:
+        found |= {"squared_error": 1.21, "squared_bound": 1.0}
+    if cell["method"] == "sdp":
+        found |= {"value": 4.0 + 0.001 * shared - 0.1 * shared * cell["seed"], "optimum": 1 - 0.1 * shared}
+    return found
+
+
+def test_the_page_tells_every_bound_every_part_and_the_cost(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "one_draw", measured)
+    told = []
+    write_report(
+        tmp_path / "page", tmp_path / "runs", ["tmca", "dbd", "report"], draws=2,
+        progress=lambda done, total, name, left: told.append((done, total, name)),
+    )  # fmt: skip
+    text = (tmp_path / "page.md").read_text()
+    data = json.loads((tmp_path / "page.json").read_text())
+    for part in PAGE.sections:
+        assert f"## {part.title}" in text
+        assert len(data["parts"][part.name]["rows"]) == np.prod([len(values) for values in part.study.axes.values()])
+    assert text.count("**no**") == 0
+    assert "| RMSE over bound at 20 dB, given right numbers | ≤ 1.2 | 1.1 | yes |" in text
+    assert "any draw | ≤ 0.002 | 0.001 | yes |" in text
+    assert data["cost_exponent"] == pytest.approx(0.5, abs=0.1)  # seconds grow with M, samples with its square
+    for name in [line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]:
+        assert (tmp_path / name).stat().st_size > 5000
+    assert told[-1][0] == told[-1][1] == len(told)
+    assert "129 x 65, J = 3, L = 10, Q = 10" in told[-1][2]
+
+
+def test_a_bound_that_does_not_hold_is_said():
+    rows = {part.name: [row(part.study, **axis) for axis in settings(part.study)] for part in PAGE.sections}
+    titles = {part.name: part.name for part in PAGE.sections}
+    rows["full_alone"][0] = row(PAGE.sections[1].study, messages="shared", median_s=1.5)
+    table = claims_table(PAGE.asked, rows, titles)
+    assert table.count("**no**") == 1
+    assert "| full_alone | median, s | ≤ 1 | 1.5 | **no** |" in table
+    rows["full"][0] = row(PAGE.sections[0].study, messages="shared", certified=None)
+    assert "| full | certified | ≥ 0.8 | – | **no** |" in claims_table(PAGE.asked, rows, titles)
+
+
+def settings(study):
+    """A setting of every varied axis, one after the other."""
+    longest = max(len(values) for values in study.axes.values())
+    return [{name: values[i % len(values)] for name, values in study.axes.items()} for i in range(longest)]
+
+
+def row(study, **changes):
+    """A row where every bound holds."""
+    numbers = {"draws": 1, "success": 1.0, "near": 1.0, "right_number": 1.0, "exact": 0.0, "certified": 1.0}
+    numbers |= {"median_s": 0.1, "p90_s": 0.2, "max_s": 0.3, "rmse_over_bound": 1.1, "values": (1.0,)}
+    numbers |= {"optimum": 1.0 if changes.get("gram") != "shared" else 0.5}
+    settings = {**study.fixed, **{name: value for name, value in changes.items() if name not in numbers}}
+    return Row(settings=settings, **{**numbers, **{n: v for n, v in changes.items() if n in numbers}})
+
+
+def test_the_shared_gram_is_compared_draw_by_draw():
+    study = Study({"gram": ["separate", "shared"]}, {}, 2)
+    separate = row(study, gram="separate", optimum=0.5, values=(4.0, 3.0))
+    shared = row(study, gram="shared", optimum=0.2, values=(3.0, 3.5))  # lower on the average, and higher once
+    assert shared_gram([separate, shared]) == (pytest.approx(0.3), pytest.approx(0.5))
+
+
+def test_the_value_of_the_dual_tells_whether_the_truth_is_its_optimum(tmp_path):
+    fixed = {"M": 9, "P": 5, "J": 2, "L": 3, "Q": 3, "method": "sdp", "early": False, "accuracy": 1e-6}
+    separate, shared = run_study(Study({"gram": ["separate", "shared"]}, fixed, 1), tmp_path)
+    assert separate.optimum == 1
+    assert separate.values == (pytest.approx(6, abs=2e-4),)  # six paths of amplitude one
+    assert shared.optimum == 0
+    assert shared.values[0] < separate.values[0] + 2e-3
+
+
+@pytest.mark.parametrize(("told", "silent"), [("known", True), ("zero", False)])
+def test_noise_alone_is_never_exact_whatever_the_solver_is_told(tmp_path, told, silent):
+    fixed = {"M": 5, "P": 4, "J": 2, "L": 1, "Q": 1, "snr_db": -100, "separation": 0.1}
+    row = run_study(Study({"sigma": [told]}, fixed, 2), tmp_path)[0]
+    assert row.exact == 0
+    assert (row.silent or 0) == silent
+
+
+@pytest.mark.parametrize(
+    ("axes", "told"),
+    [
+        ({"sigma": ["nothing"]}, "sigma: found 'nothing', expected one of known, unknown, zero"),
+        ({"method": ["magic"]}, "method: found 'magic', expected one of sfw, sdp, cvxpy"),
+        ({"M": [9.5]}, "M: found 9.5, expected a whole number"),
+        ({"L": [1.5]}, "L or Q: found 1.5, expected a whole number"),
+        ({"Q": ["a"]}, "L or Q: found 'a', expected a whole number, or several"),
+        ({"lag": ["late"]}, "lag: found 'late', expected a number"),
+        ({"noise": [1]}, "vary: found 'noise', expected one of M, P"),
+    ],
+)
+def test_what_no_draw_can_be_made_of_is_said_before_the_work(axes, told):
+    with pytest.raises(SettingError, match=told):
+        Study(axes, {}, 1)
+
+
+def test_tolerances_are_positive():
+    with pytest.raises(SettingError, match=r"tolerance: found 0\.0, expected a positive number"):
+        Study({"M": [9]}, {}, 1, tolerance=0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("3", 3), ("0.5", 0.5), ("1/2", 0.5), ("2+3", "2+3"), ("block", "block"), ("false", False), ("1/0", "1/0")],
+)
+def test_values_are_read_as_they_are_written(text, value):
+    assert plain_value(text) == value
+
+
+@pytest.mark.parametrize(
+    ("cell", "is_beyond"),
+    [
+        ({"M": 9, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block"}, True),  # 9 + 45 > 45
+        ({"M": 12, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block"}, False),  # 9 + 45 ≤ 60
+        ({"M": 13, "P": 3, "J": 2, "L": 1, "Q": 4, "symbol_ratio": 0.5}, True),  # 2 + 4 · 12 > 39
+        ({"M": 9, "P": 9, "J": 2, "L": 1, "Q": 6, "symbol_ratio": 3.0, "separation": 0.1}, False),  # 2 + 6 · 6 ≤ 81
+        ({"M": 9, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block", "antennas": 2}, False),  # 54 ≤ 90
+    ],
+)
+def test_what_is_beyond_the_degrees_of_freedom_is_counted_by_the_message(cell, is_beyond):
+    assert beyond(cell) == is_beyond
+
+
+def test_a_page_of_no_draws_is_refused(tmp_path):
+    with pytest.raises(SettingError, match="draws: found 0"):
+        write_report(tmp_path / "page", tmp_path / "runs", ["tmca"], draws=0)
