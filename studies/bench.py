@@ -12,7 +12,6 @@ from tmca.lab.calibration.file import Calibration, find_calibration, load_calibr
 from tmca.lab.calibration.fits import Told
 from tmca.lab.calibration.measured_cameras import measured_sensor
 from tmca.lab.calibration.psf import wavefront_rms
-from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.rendered_bench import DEPTH, NAME, WAVES, nominal_spectral, write_bench
 from tmca.lab.calibration.steps import measure_all
 from tmca.lab.importing import import_capture
@@ -37,7 +36,7 @@ from tmca.lab.registering import (
 )
 
 __all__ = [
-    "DEPTH", "REFERENCE", "WAVES", "Calibration", "MeasuredDispersion", "Movie", "PixelShutter", "Registration",
+    "DEPTH", "REFERENCE", "WAVES", "Calibration", "MeasuredDispersion", "Movie", "PixelShutter",
     "SingleDisperser", "agreement", "block_shifts", "brightest_rows", "calibrate_bench", "calibrated_snapshot",
     "decode_movie", "explained", "find_calibration", "fine_part", "flattened", "import_capture", "load_calibration",
     "load_prototype", "measured_sensor", "neighbours_error", "nominal_spectral", "part_of", "prediction_error",
