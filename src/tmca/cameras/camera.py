@@ -40,6 +40,7 @@ class Camera(nn.Module, ABC):
     kind: ClassVar[str]  # in files and on the command line
     channel: ClassVar[str]  # what a channel of the scene is: band or view
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # arguments of the constructor
+    decoders: ClassVar[frozenset[str]] = frozenset()  # names of those that decode it without naming its kind
     from_scene: ClassVar[tuple[str, ...]] = ("size",)  # arguments that a scene gives where they are left out
     needed: ClassVar[tuple[str, ...]]  # variables of a file without which it makes no camera
     stated: ClassVar[tuple[str, ...]]  # attributes without which nobody knows what the variables mean

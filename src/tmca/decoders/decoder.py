@@ -19,7 +19,7 @@ from warnings import warn
 import torch
 from torch import Tensor
 
-from tmca.cameras import Camera, Snapshot
+from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.decoders.estimate import Estimate
 from tmca.decoders.settings import checked_settings
 from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
@@ -125,7 +125,7 @@ class Decoder(ABC):
         Raises:
             SettingError, ShapeError, DataError: a camera that it does not decode, or a prior that does not fit.
         """
-        if camera.kind not in self.cameras:
+        if not _decodes(type(self), camera.kind):
             wanted = f"one of {', '.join(decoders_for(camera.kind))}"
             raise SettingError("decoder", f"'{self.name}' for a {camera.kind} camera", wanted)
         chosen = self.find_prior(camera, prior, progress)
@@ -249,7 +249,12 @@ def usual_decoder(kind: str) -> str:
 
 def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decoder]]:
     """Decoders of a kind of camera by name: of still scenes, of ``moving`` ones, or with None of both."""
-    return {name: cls for name, cls in decoders().items() if kind in cls.cameras and moving in (None, cls.moving)}
+    return {name: cls for name, cls in decoders().items() if _decodes(cls, kind) and moving in (None, cls.moving)}
+
+
+def _decodes(decoder: type[Decoder], kind: str) -> bool:
+    """Whether a decoder names a kind of camera, or such a camera the decoder."""
+    return kind in decoder.cameras or (kind in CAMERAS and decoder.name in CAMERAS[kind].decoders)
 
 
 def decoders() -> Mapping[str, type[Decoder]]:

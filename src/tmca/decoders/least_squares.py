@@ -124,7 +124,7 @@ def noise_level(camera: Any, snapshot: Tensor) -> float:
 
 def exposure_gain(camera: Any) -> float:
     """What one channel of a white scene gives through open codes: 1 at equal exposure, the slots where they add up."""
-    return float(camera.full_scale) / float(camera.response.sum())
+    return float(camera.exposures)
 
 
 def tikhonov(

@@ -1,0 +1,188 @@
+"""A fourth camera: one class of a camera and one of its application, and every face of the package takes it."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+import tmca
+from tmca.applications import APPLICATIONS, Application
+from tmca.applications.demo import Demo, Trial, run_demo
+from tmca.cameras import CAMERAS, Camera, Snapshot
+from tmca.cli import main
+from tmca.data.fitting import middle_of
+from tmca.data.scenes import load_scene
+from tmca.decoders import decoders_for
+from tmca.errors import DataError, SettingError
+from tmca.operators import LinearOperator
+from tmca.plots.style import image_figure
+
+SIZE = (14, 17)
+
+
+class Masks(LinearOperator):
+    """One number for each mask: the light that it lets through, of all pixels together; ten in a row."""
+
+    def __init__(self, masks):
+        super().__init__()
+        self.masks, self.pixels = masks, masks[0].numel()
+        self.scene_shape, self.snapshot_shape = (1, *masks.shape[1:]), (1, len(masks) // 10, 10)
+
+    def A(self, scene):
+        return torch.einsum("khw,bchw->bck", self.masks, scene).unflatten(-1, (-1, 10)) / self.pixels
+
+    def A_adjoint(self, snapshot):
+        return torch.einsum("khw,bck->bchw", self.masks, snapshot.flatten(2)) / self.pixels
+
+
+class SinglePixelCamera(Camera):
+    """K random masks, one after the other, in front of a sensor of one pixel."""
+
+    kind, channel = "single-pixel", "image"
+    decoders = frozenset({"dagger", "admm-tv"})
+    needed, stated = ("masks",), ("exposure", "full_scale", "sensor")
+    white, channel_names = 1.0, ["image"]
+
+    def __init__(self, size=None, slots=160, *, masks=None, exposure="equal", sensor=None):
+        super().__init__(size or (32, 32), slots, exposure, sensor)
+        drawn = torch.rand(slots, *self.size, generator=torch.Generator().manual_seed(0)) < 0.5
+        self.register_buffer("masks", drawn.float() if masks is None else masks)
+
+    @property
+    def scene_shape(self):
+        return (1, *self.size)
+
+    @property
+    def snapshot_shape(self):
+        return (1, self.slots // 10, 10)
+
+    def throughput(self):
+        return float(self.masks.mean())
+
+    def build_operator(self, depth=None):
+        return Masks(self.masks)
+
+    def label(self, scenes, name="", unit="relative irradiance"):
+        return xr.DataArray(scenes[0, 0].numpy(), dims=("y", "x"), attrs={"long_name": name, "quantity": unit})
+
+    def snapshot_axes(self, snapshots):
+        return ("row", "reading")
+
+    def _variables(self, tiled):
+        return {"masks": (("slot", "y", "x"), self.masks.numpy())}, {}, {}
+
+    @classmethod
+    def _settings(cls, dataset, where):
+        masks = torch.from_numpy(dataset["masks"].values)
+        return {"masks": masks, "slots": len(masks), "size": tuple(masks.shape[1:])}
+
+
+class SinglePixelDemo(Demo):
+    key, title, scenes = "single_pixel", "One pixel", ("coffee",)
+
+    def scene(self, name, size):
+        return middle_of(SinglePixelApplication().read(name), size, name)
+
+    def trials(self, scene):
+        return [Trial(f"{slots} masks", f"masks{slots}", SinglePixelCamera(scene.shape, slots)) for slots in (60, 160)]
+
+
+class SinglePixelApplication(Application):
+    """Images (y, x)."""
+
+    kind, codes, demo = "single-pixel", ("masks",), SinglePixelDemo()
+
+    def read(self, source, **reading):
+        return load_scene(source, **reading).mean("wavelength", keep_attrs=True)
+
+    def parts(self, scene):
+        return {"size": scene.shape}
+
+    def fitted(self, scene, camera, where):
+        return middle_of(scene, camera.size, where)
+
+    def tensors(self, scene):
+        return (torch.from_numpy(np.array(scene.values))[None, None],)
+
+    def metrics(self, estimate, truth, camera):
+        error = estimate["values"].reshape(truth.shape) - truth.values
+        return {"psnr": float(-10 * np.log10((error**2).mean()))}
+
+    def code_figures(self, camera):
+        return {"masks": image_figure(camera.masks[0].numpy(), "first mask")}
+
+
+CAMERAS.pop("single-pixel")  # other tests count the cameras of the package
+APPLICATIONS.pop("single-pixel")
+
+
+@pytest.fixture(autouse=True)
+def known(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(CAMERAS, "single-pixel", SinglePixelCamera)
+    monkeypatch.setitem(APPLICATIONS, "single-pixel", SinglePixelApplication())
+
+
+@pytest.fixture
+def taken():
+    return tmca.simulate("coffee", SinglePixelCamera(SIZE))
+
+
+def test_its_operator_has_its_adjoint_and_its_masks_are_the_rows():
+    camera = SinglePixelCamera((3, 5), 20)
+    basis = torch.eye(15).reshape(15, 1, 3, 5)
+    torch.testing.assert_close(camera.A(basis).flatten(1).mT, camera.masks.flatten(1) / 15)
+    scene, snapshot = torch.rand(1, 1, 3, 5), torch.rand(1, 1, 2, 10)
+    torch.testing.assert_close((camera.A(scene) * snapshot).sum(), (camera.A_adjoint(snapshot) * scene).sum())
+
+
+def test_python_takes_it(taken):
+    assert set(decoders_for("single-pixel")) == SinglePixelCamera.decoders
+    scene = APPLICATIONS["single-pixel"].read("coffee")
+    found = {name: tmca.evaluate(tmca.reconstruct(taken, name), scene)["psnr"] for name in SinglePixelCamera.decoders}
+    assert min(found.values()) > 20
+    torch.testing.assert_close(taken.camera.A(tmca.reconstruct(taken, "dagger").values), taken.values)
+    again = Snapshot.load(taken.save("s.nc"))
+    torch.testing.assert_close(again.values, taken.values)
+    torch.testing.assert_close(again.camera.masks, taken.camera.masks)
+    with pytest.raises(SettingError) as refused:
+        tmca.reconstruct(taken, "tikhonov")
+    assert refused.value.where == "decoder"
+
+
+def test_a_truth_that_is_too_small_is_refused(taken):
+    with pytest.raises((DataError, SettingError)):
+        tmca.evaluate(tmca.reconstruct(taken, "dagger"), xr.DataArray(np.zeros((4, 5)), dims=("y", "x")))
+
+
+def test_the_command_line_takes_its_files(taken, capsys):
+    taken.save("s.nc")
+    main(["reconstruct", "s.nc", "-d", "dagger", "--truth", "coffee", "--out", "e.nc", "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert told["files"] == ["e.nc", "e.png"]
+    main(["evaluate", "e.nc", "coffee", "--figure", "both.png", "--json"])
+    again = json.loads(capsys.readouterr().out)
+    assert again == pytest.approx(told["metrics"], abs=1e-4)
+    with pytest.raises(SystemExit) as stop:
+        main(["evaluate", "e.nc", "coffee", "--wavelengths", "400:700:31"])
+    assert stop.value.code == 2
+
+
+def test_its_pictures_lie_beside_its_snapshot(taken, tmp_path):
+    from tmca.applications.pictures import snapshot_files, snapshot_pictures
+
+    target = taken.save(tmp_path / "s.nc")
+    assert [target, *snapshot_pictures(taken, target)] == snapshot_files(target, "single-pixel")
+    assert (tmp_path / "s_masks.png").exists()
+
+
+def test_the_demo_shows_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("tmca.applications.demo.APPLICATIONS", {"single-pixel": SinglePixelApplication()})
+    rows = run_demo(tmp_path / "demo", size=SIZE)["single_pixel"]
+    assert [row["code"] for row in rows] == ["60 masks", "160 masks"]
+    assert rows[1]["psnr"] > rows[0]["psnr"]
+    page = (tmp_path / "demo" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2
+    assert "<h2>One pixel</h2>" in page
