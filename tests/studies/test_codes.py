@@ -57,6 +57,7 @@ def found(folder):
     return study_codes(SCENES, ["coffee"], folder / "out", folder / "work", **SMALL)
 
 
+@pytest.mark.slow
 def test_every_noise_is_searched_at_equal_time_and_the_corners_per_slot(found):
     equal = [row for row in found["grid"] if row["exposures"] == 1]
     assert {row["noise"] for row in equal} == set(sensors())
@@ -70,6 +71,7 @@ def test_every_noise_is_searched_at_equal_time_and_the_corners_per_slot(found):
         assert set(free["held_out_gains"]) == set(SCENES)
 
 
+@pytest.mark.slow
 def test_time_per_slot_is_less_noise(found):
     noise = "σ = 0.01"
     static = {row["exposures"]: row["psnr"] for row in found["grid"] if row["noise"] == noise and row["slots"] == 1}
@@ -79,6 +81,7 @@ def test_time_per_slot_is_less_noise(found):
     assert list(rows.ahead) == pytest.approx(list(rows.psnr - static[1]))
 
 
+@pytest.mark.slow
 def test_designs_are_measured_on_test_scenes(found):
     rows = rows_of_tests(found["test"], found["light"])
     assert len(rows) == len(CORNERS) * 10
@@ -87,6 +90,7 @@ def test_designs_are_measured_on_test_scenes(found):
     assert rows.psnr.between(10, 60).all()
 
 
+@pytest.mark.slow
 def test_gains_are_foretold_of_examples_dimmed_to_the_scene(found, folder):
     cell, (row,) = _stored_cell(folder, "light")
     bright, light = task_of(cell), float(load_scene("coffee", bands=3).mean())
@@ -126,6 +130,7 @@ def test_bars_that_are_missing_say_so():
     assert [text.get_position() for text in left] == [(pytest.approx(0.2), 0)]
 
 
+@pytest.mark.slow
 def test_codes_for_the_light_are_decoded_by_both_priors(found, folder):
     cell, (row,) = _stored_cell(folder, "light")
     scene, prior = load_scene("coffee", bands=3), GaussianPrior.load(cell.prior)
@@ -141,6 +146,7 @@ def test_codes_for_the_light_are_decoded_by_both_priors(found, folder):
     assert list(rows[rows.noise == cell.noise].prior) == ["as learned"] * 8 + ["dimmed"] * 2
 
 
+@pytest.mark.slow
 def test_ranked_codes_are_expected_of_dimmed_examples_too(found, folder):
     cell, (row,) = _stored_cell(folder, "ranking", codes="random K = 4")
     there = task_of(cell, cell.light)
@@ -159,6 +165,7 @@ def _stored_cell(folder, kind, **named):
     raise AssertionError(kind)
 
 
+@pytest.mark.slow
 def test_the_order_of_codes_is_checked(found):
     assert len(ranks.RANKED) >= 20
     assert {row["codes"] for row in found["ranking"]} == set(ranks.RANKED)
@@ -169,6 +176,7 @@ def test_the_order_of_codes_is_checked(found):
         assert entry["rank_correlation"] == pytest.approx(np.corrcoef(first, second)[0, 1])
 
 
+@pytest.mark.slow
 def test_the_study_is_written_and_kept(found, folder):
     assert json.loads((folder / "out" / "codes.json").read_text())["grid"] == found["grid"]
     assert "prior of the others" in (folder / "out" / "codes.md").read_text()
@@ -201,6 +209,7 @@ def test_impossible_studies_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_ingredients_are_compared_with_the_static_design(found):
     assert [cell["noise"] for cell in found["ablation"]] == list(CORNERS)
     for cell in found["ablation"]:
@@ -234,6 +243,7 @@ def test_a_cell_is_what_its_file_says(tmp_path):
     assert json.dumps(asdict(again)) == json.dumps(asdict(cell))
 
 
+@pytest.mark.slow
 def test_networks_learn_behind_their_codes_and_tune_them_if_told(tmp_path):
     first = replace(
         _small_cell(tmp_path), prior=str(prior_file(SCENES, tmp_path, 3)), train=tuple(SCENES),
