@@ -61,7 +61,7 @@ def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, p
     again = json.loads(capsys.readouterr().out)
     assert again == pytest.approx(found["metrics"], rel=1e-4)
     assert (tmp_path / "both.png").exists()
-    assert "none for spectrum" in refused(capsys, "evaluate", "motorcycle_likelihood.nc", "motorcycle", "--scale", "2")
+    assert "--scale" in refused(capsys, "evaluate", "motorcycle_likelihood.nc", "motorcycle", "--scale", "2")
 
 
 def test_options_describe_the_camera(capsys):
