@@ -12,6 +12,7 @@ BENCH = ["--aperture-distance", "0.05", "--aperture-width", "0.012", "--pixel-pi
 SCENE = ["simulate", "light-field", "coffee:1", "--crop", "24x32", "--views", "3", "--slots", "2", "--no-figures"]
 
 
+@pytest.mark.filterwarnings("default::tmca.cameras.CodesWarning")
 @pytest.mark.parametrize(
     ("options", "step", "scale"),
     [

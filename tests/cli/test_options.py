@@ -23,6 +23,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.filterwarnings("default::tmca.cameras.CodesWarning")
 def test_patterns_from_a_file_set_the_slots_and_give_their_middle(folder, capsys):
     said = run(capsys, "coffee", "--crop", "24x24", "--aperture", "patterns.npy")
     assert "K = 3" in said.out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -66,21 +66,28 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
     try:
         camera: Camera = kind.from_preset(preset, **arguments) if preset else kind(**arguments)
     except TmcaError as error:
-        codes = getattr(spec, "codes", None)
-        if codes is None or error.where not in _PLANES:
-            raise
-        raise type(error)(f"codes {codes}", error.found, error.expected, error.remedy) from error
+        raise _of_file(error, spec) from error
     if isinstance(camera, CodedCamera) and camera.throughput() == 0:
         expected = "some open pixels in aperture and shutter together"
         raise SettingError("aperture", "none that let light through", expected)
     return camera
 
 
+def _of_file(error: TmcaError, spec: CameraSpec) -> TmcaError:
+    """An error about what stands in a file names the field and the file that it may have come from."""
+    for name in (error.where, *(["codes", "coloured"] if error.where in _PLANES else [])):
+        value = getattr(spec, name, None) if name.isidentifier() else None
+        if isinstance(value, str | Path) and Path(value).suffix:
+            return type(error)(f"{name} {value}", error.found, error.expected, error.remedy)
+    return error
+
+
 def _coded(spec: CodedSpec, shape: dict[str, Any]) -> dict[str, Any]:
     """Arguments of any camera with an aperture and a shutter."""
     arguments = spec.arguments()
     if spec.codes is not None:
-        arguments |= _alone(spec, read_codes(spec.codes).settings(), arguments, ("preset", "weights", "coloured"))
+        others = spec.only("preset", "weights", "coloured")
+        arguments |= _alone(read_codes(spec.codes).settings(), arguments, others)
     for plane in _PLANES:
         if isinstance(arguments.get(plane), str) and arguments[plane] not in FAMILIES:
             arguments[plane] = read_patterns(arguments[plane], plane)
@@ -113,12 +120,11 @@ def _light_field(spec: LightFieldSpec, bench: Spec | None, shape: dict[str, Any]
 
 
 def _spectral_depth(spec: SpectralDepthSpec, bench: Spec | None, shape: dict[str, Any]) -> dict[str, Any]:
-    arguments = spec.arguments()
-    changes = bench.arguments() if isinstance(bench, PhaseBenchSpec) else {}
-    if changes:
+    arguments, place = spec.arguments(), bench if isinstance(bench, PhaseBenchSpec) else PhaseBenchSpec()
+    if changes := place.arguments():
         arguments["bench"] = changed_bench(SpectralDepthCamera.preset(spec.preset)["bench"], changes)
     if spec.codes is not None:
-        arguments |= _alone(spec, read_phase_codes(spec.codes), arguments, ("rms", "modes"))
+        arguments |= _alone(read_phase_codes(spec.codes), arguments, [*place.given(), *spec.only("rms_nm", "modes")])
     return arguments
 
 
@@ -129,13 +135,11 @@ _ARGUMENTS: dict[str, Callable[..., dict[str, Any]]] = {
 }
 
 
-def _alone(spec: CameraSpec, found: dict[str, Any], given: dict[str, Any], others: tuple[str, ...]) -> dict[str, Any]:
+def _alone(found: dict[str, Any], given: dict[str, Any], others: Iterable[str]) -> dict[str, Any]:
     """Arguments of a file of codes, beside which nothing else may say the same."""
-    also = [name for name in others if name in given or spec.has(name)]
-    beside = [*(name for name in given if name in found and name != "slots"), *(n for n in also if n != "preset")]
-    beside += ["preset"] if "preset" in also else []
+    beside = [*others, *(name for name in given if name in found and name not in ("slots", "bench"))]
     if beside:
-        raise SettingError("codes", f"{beside[0]} beside it", "one of them")
+        raise SettingError("codes", f"--{beside[0].replace('_', '-')} beside it", "one of them", "leave one out")
     if given.get("slots", found["slots"]) != found["slots"]:
         raise SettingError("slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
     return found

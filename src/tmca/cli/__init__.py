@@ -28,6 +28,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
+        if _asks_for_help(tokens):
+            from tmca.cli.help import print_help
+
+            print_help(app, tokens)
+            return
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         _leave(_misspelt(error, tokens))
@@ -47,6 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
     except OSError as error:
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+
+
+def _asks_for_help(tokens: list[str]) -> bool:
+    options = tokens[: tokens.index("--")] if "--" in tokens else tokens
+    return not {"--help", "-h", "--help-all"}.isdisjoint(options)
 
 
 def _misspelt(error: Exception, tokens: list[str]) -> str:

@@ -50,7 +50,8 @@ app = App(
     version=__version__,
     default_parameter=Parameter(negative_bool="", negative_iterable="", show_default=_shown),
     suppress_keyboard_interrupt=False,
-    help_epilogue="Start with `tmca demo`. Every command explains itself with --help.",
+    help_epilogue="Start with `tmca demo`. --help explains a command on a screen, --help-all every option.",
 )
+app.register_install_completion_command(help="Completion of commands and options for bash, zsh or fish.")
 for name, (target, text) in COMMANDS.items():
     app.command(f"tmca.cli.{target}", name=name, help=text)

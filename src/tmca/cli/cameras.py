@@ -16,7 +16,7 @@ def group(title: str, order: int, negative: str = "") -> Parameter:
     return Parameter(name="*", group=Group(title, sort_key=order), negative_bool=negative)
 
 
-READING, CAMERA, BENCH = group("Reading the scene", 1), group("Camera", 2), group("Bench", 4, "no-")
+CAMERA, READING, BENCH = group("Camera", 1), group("Reading the scene", 2), group("Bench", 4, "no-")
 SENSOR = group("Sensor", 3)
 _FAULTS = f"""Faults that the decoder is not told of, NAME=VALUE,… or a YAML file of them: {", ".join(LIMITS)}
 (docs/hardware.md); ROWS:COLUMNS where there are two."""
@@ -36,10 +36,10 @@ def camera_for(spec: CameraSpec, sensor: SensorSpec, bench: Spec | None = None, 
         from tmca.cameras import camera_of
 
         return camera_of(spec, sensor, bench, **shape)
-    beside = [*spec.given(*_WITH_WEIGHTS), *([] if bench is None else bench.model_fields_set)]
-    if beside:
-        found = f"--{sorted(beside)[0].replace('_', '-')} beside it"
-        raise SettingError(option, found, "learned codes, or chosen ones")
+    beside = {**spec.given(*_WITH_WEIGHTS), **({} if bench is None else bench.given())}
+    for name, value in beside.items():
+        found = f"--{'no-' if value is False else ''}{name.replace('_', '-')} beside weights"
+        raise SettingError(option, found, "learned codes and optics, or chosen ones", "leave one of the two out")
     return _learned(weights, option, spec, sensor, shape)
 
 

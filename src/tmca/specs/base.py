@@ -23,12 +23,18 @@ class Spec(BaseModel):
     )
 
     def given(self, *left_out: str) -> dict[str, Any]:
-        """Fields that were given, without some."""
-        return {name: getattr(self, name) for name in type(self).model_fields if self.has(name, left_out)}
+        """Fields that were given, without some; in their order."""
+        return {
+            name: getattr(self, name) for name in type(self).model_fields if self.has(name) and name not in left_out
+        }
 
-    def has(self, name: str, left_out: tuple[str, ...] = ()) -> bool:
+    def only(self, *names: str) -> dict[str, Any]:
+        """Those of some fields that were given."""
+        return {name: value for name, value in self.given().items() if name in names}
+
+    def has(self, name: str) -> bool:
         """Whether a field was given."""
-        return name in self.model_fields_set and name not in left_out and getattr(self, name) is not None
+        return name in self.model_fields_set and getattr(self, name) is not None
 
 
 def spec_of(kind: type[S], values: Mapping[str, Any]) -> S:
@@ -52,8 +58,10 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
     where = next((str(part) for part in first["loc"] if isinstance(part, str)), "settings")
     if first["type"] == "extra_forbidden":
         return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
-    expected = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    return SettingError(where, repr(first["input"]), expected.partition(", unable")[0])
+    found, expected = first["input"], first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    if first["type"].startswith("int_"):
+        expected = "a whole number"
+    return SettingError(where, str(found), expected.partition(", unable")[0], "leave it out for the usual")
 
 
 def read_yaml(file: Path, expected: str) -> dict[str, Any]:
@@ -96,7 +104,10 @@ def _both(value: Any) -> Any:
 
 def _sides(value: Any) -> Any:
     """``HEIGHTxWIDTH`` as two numbers."""
-    return value.lower().replace("×", "x").split("x") if isinstance(value, str) else value
+    parts = value.lower().replace("×", "x").split("x") if isinstance(value, str) else value
+    if isinstance(parts, list) and not (len(parts) == 2 and all(str(part).strip().isdecimal() for part in parts)):
+        raise ValueError("two whole numbers, such as 14x14")
+    return parts
 
 
 def _joined(value: Any) -> Any:

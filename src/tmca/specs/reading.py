@@ -80,7 +80,7 @@ class TruthReading(ViewsReading, CubeReading):
         given = self.given()
         for name, value in given.items():
             if known is None or name not in known.model_fields:
-                raise SettingError(name, str(value), f"no such reading of a {kind} scene", "leave it out")
+                raise SettingError(name, str(value), f"none for a {kind} scene", "leave it out")
         return given if known is None else known.model_validate(given).given()
 
 
