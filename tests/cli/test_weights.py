@@ -26,9 +26,9 @@ def test_default_weights_take_and_decode_a_snapshot(tmp_path, monkeypatch, optio
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--aperture", "random"], "--aperture beside it"),
-        (["--preset", "thesis"], "--preset beside it"),
-        (["--relay-blur", "0.5"], "--relay-blur beside it"),
+        (["--aperture", "random"], "--aperture beside weights"),
+        (["--preset", "thesis"], "--preset beside weights"),
+        (["--relay-blur", "0.5"], "--relay-blur beside weights"),
         (["--slots", "4"], "found 4, expected 8"),
         (["--bands", "6"], "12 bands"),
     ],
