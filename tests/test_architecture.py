@@ -25,9 +25,10 @@ FLOORS = {
     "training": 7,
     "lab": 7,
     "applications": 7,
-    "experiments": 8,
-    "cli": 9,
-    "viewer": 9,
+    "evaluation": 8,
+    "experiments": 9,
+    "cli": 10,
+    "viewer": 10,
 }
 FILES = sorted(SOURCE.rglob("*.py"))
 

@@ -7,7 +7,7 @@ import torch
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.spectral_depth import drawn_nearness
 from tmca.decoders import PatchLikelihood
-from tmca.experiments.design.example_scenes import flat_error, judge_on, placed_error
+from tmca.evaluation.example_scenes import flat_error, judge_on, placed_error
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block

@@ -69,7 +69,7 @@ def expected(cell: Settings) -> Measured:
     """Predicted PSNR of a code beside the PSNR on patches of the training and of the test scenes."""
     import torch
 
-    from tmca.experiments.spectral.expected import predicted_and_measured
+    from tmca.evaluation.expected import predicted_and_measured
     from tmca.priors import GaussianPrior
 
     prior = GaussianPrior.load(cell["prior"])

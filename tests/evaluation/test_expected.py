@@ -7,7 +7,7 @@ import pytest
 from tests.small_scenes import smooth_scene
 from tmca.cameras import SpectralCamera
 from tmca.errors import SettingError
-from tmca.experiments.spectral.expected import predicted_and_measured
+from tmca.evaluation.expected import predicted_and_measured
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 

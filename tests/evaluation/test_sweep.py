@@ -5,20 +5,20 @@ import json
 
 import pytest
 
-from tmca.applications import simulate
+from tmca.applications import evaluate, simulate
 from tmca.cameras import LightFieldCamera
 from tmca.data import rendered_scene, select_bands, write_dataset
 from tmca.data.light_field_scenes import load_light_field
+from tmca.decoders import decode
 from tmca.errors import DataError, SettingError
-from tmca.experiments.cells import CellsFailed
-from tmca.experiments.light_field.imaging import reconstruct_light_field
-from tmca.experiments.light_field.sweep import sweep_light_field
-from tmca.experiments.spectral.sweep import sweep_spectral
+from tmca.evaluation.grid import CellsFailed
+from tmca.evaluation.sweep import Sweep, run_sweep
 
 
-def sweep(folder, vary, scenes=("coffee",), **changes):
-    options = {"bands": 4, "size": (24, 32), "decoder": "admm-tv"} | changes
-    return sweep_spectral(vary, scenes, folder / "out", folder / "work", **options)
+def sweep(folder, vary, scenes=("coffee",), bands=4, size=(24, 32), overwrite=False, progress=None, **changes):
+    options = {"reading": {"bands": bands, "size": size}, "decoder": "admm-tv"} | changes
+    asked = Sweep("spectral", vary, scenes, **options)
+    return run_sweep(asked, folder / "out", folder / "work", overwrite=overwrite, progress=progress)
 
 
 def test_every_combination_is_measured_once_and_kept(tmp_path):
@@ -128,16 +128,17 @@ def test_a_network_is_trained_once_for_all_scenes(tmp_path):
     changes = {"decoder": "unet-thesis", "steps": 1, "bands": 2, "size": (64, 64), "train": train}
     found = sweep(tmp_path, {"slots": [1]}, ["coffee", "motorcycle"], **changes)
     assert set(found["rows"][0]["scenes"]) == {"coffee", "motorcycle"}
-    assert len(list((tmp_path / "work").glob("point-*"))) == 1
+    assert len(list((tmp_path / "work").glob("training-*"))) == 1
 
 
-def light_fields(folder, vary, **changes):
+def light_fields(folder, vary, views=3, **changes):
     for name in ("rocket", "coffee"):
         if not (folder / f"{name}.nc").exists():
             field = load_light_field(name, views=3, size=(26, 28))
             field.to_dataset(name="light_field").to_netcdf(folder / f"{name}.nc")
-    options = {"views": 3, "train": [str(folder / "rocket.nc")]} | changes
-    return sweep_light_field(vary, [str(folder / "coffee.nc")], folder / "out", folder / "work", **options)
+    options = {"reading": {"views": views}, "train": [str(folder / "rocket.nc")]} | changes
+    asked = Sweep("light-field", vary, [str(folder / "coffee.nc")], **options)
+    return run_sweep(asked, folder / "out", folder / "work")
 
 
 def test_light_fields_are_swept_with_named_codes(tmp_path):
@@ -147,23 +148,23 @@ def test_light_fields_are_swept_with_named_codes(tmp_path):
     camera = LightFieldCamera(3, (26, 28), 4, shutter="one-hot", period=4)
     truth = load_light_field(str(tmp_path / "coffee.nc"), views=3)
     (prior,) = (tmp_path / "work").glob("prior-*.nc")
-    own = reconstruct_light_field(simulate(truth, camera), prior=prior, truth=truth)
-    assert found["rows"][2]["psnr"] == pytest.approx(own.metrics["psnr"], abs=1e-4)
+    own = evaluate(decode(simulate(truth, camera), prior=prior), truth)
+    assert found["rows"][2]["psnr"] == pytest.approx(own["psnr"], abs=1e-4)
     assert "SAM" not in (tmp_path / "out.md").read_text()
     assert "Light-field camera" in (tmp_path / "out.md").read_text()
 
 
-def test_codes_are_searched_for_every_combination(tmp_path, monkeypatch):
-    monkeypatch.setattr("tmca.experiments.light_field.sweep.EFFORT", {"descents": 1, "steps": 20, "flips": 100})
-    found = light_fields(tmp_path, {"noise": [0.0, 1.0]}, fixed={"slots": 2, "design": "one-hot"})
+def test_codes_are_searched_for_every_combination(tmp_path):
+    effort = {"descents": 1, "steps": 20, "flips": 100}
+    found = light_fields(tmp_path, {"noise": [0.0, 1.0]}, fixed={"slots": 2, "design": "one-hot"}, effort=effort)
     assert len(list((tmp_path / "work" / "designs").glob("one-hot-2-*.nc"))) == 2
     quiet, loud = (row["throughput"] for row in found["rows"])
     assert loud > quiet
 
 
-def test_a_static_design_stands_beside_those_of_several_slots(tmp_path, monkeypatch):
-    monkeypatch.setattr("tmca.experiments.light_field.sweep.EFFORT", {"descents": 1, "steps": 5, "flips": 0})
-    found = light_fields(tmp_path, {"slots": [2, 4], "design": ["static", "one-hot"]})
+def test_a_static_design_stands_beside_those_of_several_slots(tmp_path):
+    effort = {"descents": 1, "steps": 5, "flips": 0}
+    found = light_fields(tmp_path, {"slots": [2, 4], "design": ["static", "one-hot"]}, effort=effort)
     assert len(list((tmp_path / "work" / "designs").glob("static-1-*.nc"))) == 1
     rows = {(row["slots"], row["design"]): row["psnr"] for row in found["rows"]}
     assert rows[2, "static"] == pytest.approx(rows[4, "static"])

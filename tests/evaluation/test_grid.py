@@ -1,4 +1,4 @@
-"""Grids of cells: finished ones are kept, failed ones named, a rerun does the rest."""
+"""Grids of cells: finished ones stay, failed ones named, a rerun does the rest."""
 
 import json
 import os
@@ -9,8 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
-from tmca.experiments.cells import CellsFailed, cell_key, run_cells
+from tmca.evaluation.grid import CellsFailed, cell_key, run_cells
 
 CELLS = [{"name": f"cell {i}", "value": i} for i in range(5)]
 
@@ -60,6 +61,26 @@ def test_other_settings_make_another_cell(tmp_path):
     assert sorted(f["square"] for f in files) == [0, 49]
 
 
+class Power(BaseModel):
+    name: str
+    value: int
+
+
+def test_typed_cells_are_their_json_values_and_equal_ones_are_computed_once(tmp_path):
+    told = []
+    cells = [Power(name="two", value=2)] * 2
+    found = run_cells(cells, square, tmp_path, progress=lambda done, total, name: told.append(name))
+    assert found == [{"name": "two", "value": 2, "square": 4}] * 2
+    assert told == ["two"]
+
+
+def test_another_version_of_the_package_computes_anew(tmp_path, monkeypatch):
+    run_cells(CELLS[:1], square, tmp_path)
+    monkeypatch.setattr("tmca.evaluation.grid.package_version", lambda: "0.0+other")
+    with pytest.raises(CellsFailed):
+        run_cells(CELLS[:1], never, tmp_path)
+
+
 def test_cells_go_through_submitit_as_well(tmp_path):
     pytest.importorskip("submitit")
     found = run_cells(CELLS, square, tmp_path, cluster={"cluster": "debug"})
@@ -75,8 +96,8 @@ def linger(cell):
 
 GRID = """
 import sys
-from tests.experiments.test_cells import linger
-from tmca.experiments.cells import run_cells
+from tests.evaluation.test_grid import linger
+from tmca.evaluation.grid import run_cells
 if __name__ == "__main__":
     cells = [{"name": str(i), "folder": sys.argv[1]} for i in range(5)]
     run_cells(cells, linger, sys.argv[1] + "/cells", jobs=2)

@@ -11,7 +11,7 @@ from tests.experiments.test_compare_spectral_depth import scene
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
-from tmca.experiments.spectral_depth.sweep import of_contrast
+from tmca.evaluation.spectral_depth import of_contrast
 
 pytestmark = [  # strong masks on a narrow window, of few pixels
     pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight"),
