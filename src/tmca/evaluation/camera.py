@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -23,8 +24,8 @@ from tmca.sensor import Sensor
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tmca.evaluation.cells import Measurement
-    from tmca.evaluation.study import TrainStage
+    from tmca.evaluation.cells import Check, Measurement
+    from tmca.evaluation.study import Code, Study, TrainStage
     from tmca.training import Trained
 
     Scene = xr.DataArray | xr.Dataset
@@ -36,12 +37,41 @@ EXAMPLES = "examples"
 """In the place of a prior's kind: example scenes that codes are searched for."""
 
 
+@dataclass(frozen=True)
+class Place:
+    """A scene, or a part of it, that a study measures.
+
+    Args:
+        name: shown while it is measured.
+        scene: short name of the scene.
+        source: of the scene, and ``identity``, what tells that it has changed.
+        reading: how it is read.
+        about: what else the camera's evaluation needs.
+        shown: whether estimates are pictured.
+        part: whether it is a part of a scene, for decoders that are too slow for all of it.
+    """
+
+    name: str
+    scene: str
+    source: str
+    identity: Any
+    reading: Settings
+    about: Settings = field(default_factory=dict)
+    shown: bool = True
+    part: bool = False
+
+    def takes(self, prior_kind: str | None) -> bool:
+        """Whether decoders with this prior measure here: those with a dictionary in parts of scenes alone."""
+        return self.part or prior_kind != "dictionary"
+
+
 class CameraEvaluation(ABC):
     """A kind of camera in studies and sweeps; ``kind`` is its name, ``title`` what tables say.
 
     ``Reading`` says how its scenes are read, ``swept`` are settings of the constructor that a sweep can vary, ``words``
     those of them that are words, ``labels`` names of decoders where tables of sweeps show others than their own, and
-    ``sweeps_networks`` tells whether a sweep trains networks at every combination.
+    ``sweeps_networks`` tells whether a sweep trains networks at every combination, and ``always_learned`` names
+    the kinds of priors that a study needs for other things than decoders.
     """
 
     kind: ClassVar[str]
@@ -51,6 +81,7 @@ class CameraEvaluation(ABC):
     labels: ClassVar[Mapping[str, str]] = {}
     sweeps_networks: ClassVar[bool] = False
     Reading: ClassVar[type[BaseModel]]
+    always_learned: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
@@ -91,14 +122,81 @@ class CameraEvaluation(ABC):
         """``train``, ``validation`` and ``prior`` of a run: given scenes, as often as the stage says, and rendered
         ones; none that is measured."""
 
+    # studies
+
+    def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
+        """Refuse what cannot be used before anything is made; ``test`` without ``always_measured``.
+
+        Raises:
+            SettingError, DataError: impossible sizes, or a scene that cannot be read.
+        """
+        self.check_scenes(train, test, study.reading)
+
+    def checks_before(self, study: Study, places: Sequence[Place]) -> list[Check]:
+        """What of a study's scenes is checked before anything is measured."""
+        return []
+
+    def informed(self, places: Sequence[Place], checks: Sequence[Settings]) -> list[Place]:
+        """Places with what was checked before."""
+        return list(places)
+
+    def checks_after(
+        self,
+        study: Study,
+        cells: Sequence[Measurement],
+        priors: Mapping[str, str],
+        train: Sequence[str],
+        test: Sequence[str],
+    ) -> list[Check]:
+        """What is checked of the codes of some rows."""
+        return []
+
+    @abstractmethod
+    def places(self, study: Study, names: Mapping[str, str], files: Sequence[str]) -> list[Place]:
+        """Where a study measures.
+
+        Args:
+            study: its reading.
+            names: short name of every measured scene.
+            files: those that the study names, beside which a camera may have scenes of its own.
+        """
+
+    def always_measured(self) -> list[str]:
+        """Scenes that a study with a page measures beside those that it names."""
+        return []
+
+    def study_prior_settings(self, prior_kind: str, study: Study) -> Settings:
+        """Arguments of ``learn_prior`` for a study."""
+        return {}
+
+    def search_settings(self, study: Study, code: Code, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+        """Settings of a search."""
+        assert code.search is not None
+        period = study.search.get("period") or study.settings["period"]
+        return {"kind": code.search.kind, "slots": code.search.slots, "period": period,
+                "effort": study.search["effort"], "examples": priors[EXAMPLES], "gains": True}  # fmt: skip
+
+    def row_settings(self, settings: Settings, reading: Settings) -> Settings:
+        """Settings of the camera of a row."""
+        return settings
+
+    def training_camera(self, study: Study) -> Settings:
+        """Settings of the camera in a training."""
+        return {}
+
     # cameras
 
     def camera(self, cell: Measurement, scene: Any) -> Any:
         """The camera of a cell in front of a scene."""
-        if cell.camera_of:
-            size = (scene.sizes["y"], scene.sizes["x"])
-            return Weights.load(cell.camera_of).camera_for(size, sensor=Sensor(**cell.sensor))
-        return self.build(self.parts(scene), cell.settings, cell.sensor, cell.codes)
+        return self.shown(self.parts(scene), cell.settings, cell.sensor, cell.codes, cell.camera_of)
+
+    def shown(
+        self, parts: Settings, settings: Settings, sensor: Settings, codes: str | None, weights: str | None
+    ) -> Any:
+        """The camera that shows the codes of weights or of a file, or those of its settings."""
+        if weights:
+            return Weights.load(weights).camera_for(parts["size"], sensor=Sensor(**sensor))
+        return self.build(parts, settings, sensor, codes)
 
     def parts(self, scene: Any) -> Settings:
         """What a camera takes from a scene."""

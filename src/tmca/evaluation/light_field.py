@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,17 +15,18 @@ from tmca.cameras import LightFieldCamera
 from tmca.data import split_rendered_light_fields
 from tmca.data.fitting import centre_window
 from tmca.data.light_field_scenes import RENDERED, Reading, check_asked, check_light_fields, read_middle, true_disparity
+from tmca.data.scene_names import identity_of
 from tmca.design import KINDS, designable
 from tmca.errors import SettingError
-from tmca.evaluation.camera import CameraEvaluation, Settings
+from tmca.evaluation.camera import CameraEvaluation, Place, Settings
+from tmca.evaluation.cells import Check
 from tmca.optics import view_grid
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tmca.evaluation.cells import Check
-    from tmca.evaluation.study import TrainStage
+    from tmca.evaluation.study import Code, Study, TrainStage
     from tmca.training import Trained
 
 
@@ -95,6 +97,32 @@ class LightFieldEvaluation(CameraEvaluation):
         """See ``CameraEvaluation``."""
         return {**reading, "scale": reading.get("test_scale")}
 
+    def always_measured(self) -> list[str]:
+        """See ``CameraEvaluation``: rendered light fields, whose geometry is known."""
+        return sorted(split_rendered_light_fields()["test"])
+
+    def places(self, study: Study, names: Mapping[str, str], files: Sequence[str]) -> list[Place]:
+        """See ``CameraEvaluation``: every scene, and a crop of those from files, where the dictionary can follow."""
+        reading, whole = self.measured_reading(study.reading), []
+        for source, name in names.items():
+            size = reading["frame"] if source in files else reading["rendered"]
+            whole.append(Place(name, name, source, identity_of(source), {**reading, "crop": None, "size": size}))
+        crops = [
+            replace(place, name=f"{place.name} crop", shown=False, part=True,
+                    reading={**place.reading, "crop": reading["crop"]})
+            for place in whole if place.source in files
+        ]  # fmt: skip
+        return [*whole, *crops]
+
+    def search_settings(self, study: Study, code: Code, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+        """See ``CameraEvaluation``."""
+        return {**super().search_settings(study, code, train, priors), "views": [study.reading["views"]] * 2}
+
+    def training_camera(self, study: Study) -> Settings:
+        """See ``CameraEvaluation``: whole tiles of codes, at least as large as a patch."""
+        patch, period = study.train.settings["data"]["patch"], study.settings["period"]
+        return {"views": study.reading["views"], "size": [-(-patch // side) * side for side in period]}
+
     def training_scenes(
         self,
         reading: Settings,
@@ -131,6 +159,35 @@ class LightFieldEvaluation(CameraEvaluation):
         views = {"psnr_per_view": psnr_per_view, "ssim_per_view": ssim_per_view}
         each = {name: metric(values, truth.values).tolist() for name, metric in views.items()}
         return {"metrics": metrics | _disparity_errors(values, cell.about["disparity"]), **each}
+
+    def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
+        """See ``CameraEvaluation``: also a frame that the crop does not fit."""
+        crop, frame = study.reading["crop"], study.reading["frame"]
+        if any(side > most for side, most in zip(crop, frame, strict=True)):
+            found, wanted = ("×".join(map(str, size)) for size in (frame, crop))
+            raise SettingError("frame", f"{found} pixels", f"at least {wanted}, the crop that the dictionary decodes")
+        try:
+            self.check_scenes(train, test, {**study.reading, "size": frame})
+        except SettingError as error:
+            where = "frame" if error.where == "crop" else error.where
+            raise SettingError(where, error.found, error.expected, error.remedy) from error
+
+    def checks_before(self, study: Study, places: Sequence[Place]) -> list[Check]:
+        """See ``CameraEvaluation``: the disparity of the true views of every scene."""
+        return [
+            Check(name=f"{place.scene} · disparity of the true views", camera=self.kind, method="geometry",
+                  arguments={"source": place.source, "scene": place.scene, "identity": place.identity,
+                             "reading": place.reading})
+            for place in places if not place.part
+        ]  # fmt: skip
+
+    def informed(self, places: Sequence[Place], checks: Sequence[Settings]) -> list[Place]:
+        """See ``CameraEvaluation``: with the file of their disparity."""
+        maps = {check["source"]: check["disparity"] for check in checks}
+        return [
+            place if place.part else replace(place, about={"disparity": maps[place.source]})
+            for place in places if place.part or place.source in maps
+        ]  # fmt: skip
 
     def geometry(self, cell: Check, folder: Path) -> Settings:
         """The disparity that the fixed estimator sees in the true views and the true one, as a file; its error."""

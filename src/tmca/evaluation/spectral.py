@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,15 +10,16 @@ from pydantic import BaseModel, ConfigDict
 
 from tmca.cameras import SpectralCamera
 from tmca.data import split_rendered
+from tmca.data.scene_names import identity_of
 from tmca.data.scenes import check_readable, load_scene
-from tmca.evaluation.camera import CameraEvaluation, Settings
+from tmca.evaluation.camera import CameraEvaluation, Place, Settings
+from tmca.evaluation.cells import Check, Measurement
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from tmca.evaluation.cells import Check
-    from tmca.evaluation.study import TrainStage
+    from tmca.evaluation.study import Study, TrainStage
     from tmca.training import Trained
 
 
@@ -56,6 +57,14 @@ class SpectralEvaluation(CameraEvaluation):
         check_readable(measured, reading["bands"], reading.get("size"))
         check_readable(learned, reading["bands"])
 
+    def places(self, study: Study, names: Mapping[str, str], files: Sequence[str]) -> list[Place]:
+        """See ``CameraEvaluation``."""
+        return [Place(name, name, source, identity_of(source), study.reading) for source, name in names.items()]
+
+    def study_prior_settings(self, prior_kind: str, study: Study) -> Settings:
+        """See ``CameraEvaluation``: for one pixel of dispersion between bands."""
+        return {"spread": study.reading["bands"] - 1}
+
     def training_scenes(
         self,
         reading: Settings,
@@ -84,6 +93,25 @@ class SpectralEvaluation(CameraEvaluation):
         """See ``CameraEvaluation``: how far the camera disperses."""
         camera = self.build({"bands": reading["bands"], "size": (64, 64)}, settings, {})
         return {"spread": camera.dispersion.spread}
+
+    def checks_after(
+        self,
+        study: Study,
+        cells: Sequence[Measurement],
+        priors: Mapping[str, str],
+        train: Sequence[str],
+        test: Sequence[str],
+    ) -> list[Check]:
+        """See ``CameraEvaluation``: the expected error of codes that are not learned, where the LMMSE is asked for."""
+        about = {"prior": priors.get("gaussian"), "train": [*train], "test": [*test], "reading": study.reading,
+                 "patches": study.patches, "identities": [identity_of(name) for name in (*train, *test)]}  # fmt: skip
+        first = {(cell.noise, cell.code): cell for cell in cells if cell.decoder == "lmmse" and not cell.camera_of}
+        return [
+            Check(name=f"expected error · {code} · {noise}", camera=self.kind, method="expected_error", code=code,
+                  noise=noise, seed=study.seed,
+                  arguments={**about, "sensor": cell.sensor, "settings": {**cell.settings, "seed": study.seed}})
+            for (noise, code), cell in first.items() if cell.codes is None and about["prior"]
+        ]  # fmt: skip
 
     def expected_error(self, cell: Check, folder: Path) -> Settings:
         """Predicted PSNR of a code beside the PSNR on patches of the training and of the test scenes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,22 +18,29 @@ from tmca.cameras.spectral_depth import PROBE
 from tmca.data import split_rendered
 from tmca.data.depth_scenes import check_depth_scenes, load_any_depth_scene, with_surroundings, withheld_scene
 from tmca.data.fitting import middle_of
+from tmca.data.scene_names import identity_of
 from tmca.decoders.likelihood import check_window, usual_window
+from tmca.design import MaskEffort
 from tmca.design.mask_search import SIZE
 from tmca.errors import SettingError
-from tmca.evaluation.camera import CameraEvaluation, Settings
-from tmca.evaluation.example_scenes import flat_error, judge_on, placed_error
+from tmca.evaluation.camera import CameraEvaluation, Place, Settings
+from tmca.evaluation.cells import Check, Measurement
+from tmca.evaluation.example_scenes import flat_error, judge_on, placed_error, some_of
+from tmca.evaluation.grid import cell_key
 from tmca.priors.spectral_depth import needed_block
+from tmca.training.scenes import place_of
+from tmca.training.spectral_depth.settings import usual_margin
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.decoders import Estimate
-    from tmca.evaluation.cells import Check, Measurement
-    from tmca.evaluation.study import TrainStage
+    from tmca.evaluation.study import Code, Study, TrainStage
     from tmca.priors import GaussianPrior
     from tmca.training import Trained
 
+CONSTANT = "constant guess"
+"""Row of a depth map that is the middle of the range, in inverse metres, everywhere."""
 _SAID = ("slots", "shutter", "filters", "channels", "mask", "rms", "modes", "period", "exposure")
 """Settings that a file of codes says."""
 
@@ -75,6 +82,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
     kind, title, Reading = "spectral-depth", "Spectral-depth camera", SpectralDepthReading
     swept = ("slots", "mask", "rms", "modes", "shutter", "filters", "channels", "planes", "exposure", "image_formation",
              "period", "contrast", "codes")  # fmt: skip
+    always_learned = ("gaussian",)
     words = ("mask", "shutter", "filters", "channels", "exposure", "image_formation", "codes")
 
     def probe(self, reading: Settings, size: tuple[int, int] = (64, 64)) -> SpectralDepthCamera:
@@ -123,7 +131,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
 
     def search(self, cell: Settings, folder: Path) -> Settings:
         """Masks of least confusion of depths; how well they and random ones tell depths apart."""
-        from tmca.design import MaskEffort, MaskTask, search_masks
+        from tmca.design import MaskTask, search_masks
         from tmca.design.spectral_depth import kullback_leibler
         from tmca.priors import GaussianPrior
 
@@ -140,7 +148,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
         prior = GaussianPrior.load(own["prior"])
         judge = judge_on(self._examples(own), prior, own["window"])
         found = search_masks(task, prior, [camera["slots"]], MaskEffort(**own["effort"]), judge=judge).candidates[-1]
-        file = folder / f"codes-{cell['code'].replace(' ', '-').replace('/', '-')}-{own['key']}.nc"
+        file = folder / f"codes-{cell['code'].replace(' ', '-').replace('/', '-')}-{cell_key(cell)}.nc"
         write_phase_codes(found.camera, file, camera["filters"], "rgb", overwrite=True)
         told = {}
         drawn = (found.random_covariance, found.random_information)
@@ -152,6 +160,35 @@ class SpectralDepthEvaluation(CameraEvaluation):
         """Some training scenes (L, H, W), at the bands of the preset."""
         how = {name: about["reading"][name] for name in ("preset", "side", "placed", "from_rgb")}
         return _examples(tuple(about["examples"]), **how)
+
+    def places(self, study: Study, names: Mapping[str, str], files: Sequence[str]) -> list[Place]:
+        """See ``CameraEvaluation``."""
+        return [Place(name, name, source, identity_of(source), study.reading) for source, name in names.items()]
+
+    def study_prior_settings(self, prior_kind: str, study: Study) -> Settings:
+        """See ``CameraEvaluation``."""
+        return {"block": self.block(study.reading, study.options["likelihood"]["window"])}
+
+    def search_settings(self, study: Study, code: Code, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+        """See ``CameraEvaluation``: the code's camera, prior and example scenes."""
+        own = MaskEffort(**study.search["effort"])
+        starts = own.starts * (code.search.starts if code.search else 1)
+        camera = {**study.settings, **code.camera, "preset": study.reading["preset"]}
+        return {**self.judging(study, train, priors), "camera": camera,
+                "effort": {**study.search["effort"], "starts": starts}}  # fmt: skip
+
+    def judging(self, study: Study, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+        """What masks are judged by without a test scene."""
+        return {"prior": priors["gaussian"], "examples": some_of(list(train)), "reading": study.reading,
+                "searched": study.search["searched"], "window": study.options["likelihood"]["window"]}  # fmt: skip
+
+    def row_settings(self, settings: Settings, reading: Settings) -> Settings:
+        """See ``CameraEvaluation``."""
+        return {**settings, "preset": reading["preset"]}
+
+    def training_camera(self, study: Study) -> Settings:
+        """See ``CameraEvaluation``."""
+        return {"preset": study.reading["preset"], "size": [study.train.settings["data"]["patch"]] * 2}
 
     def training_scenes(
         self,
@@ -167,7 +204,12 @@ class SpectralDepthEvaluation(CameraEvaluation):
         rendered = sorted({*split_rendered()["train"]} - {*measured}) if stage.rendered else []
         learned = [name for name in train if name != withheld]
         checked = [*validation] or [*rendered[:1], *([] if withheld is None else [withheld])]
-        return {"train": [*stage.repeat * learned, *rendered[1:]], "validation": checked, "prior": learned}
+        return {
+            "train": [*stage.repeat * learned, *rendered[1:]],
+            "validation": checked,
+            "prior": learned,
+            "side": reading["side"],
+        }
 
     def train(self, training: Settings, reading: Settings, folder: Path) -> Trained:
         """See ``CameraEvaluation``."""
@@ -206,14 +248,55 @@ class SpectralDepthEvaluation(CameraEvaluation):
             metrics[name] = {key: own[key] for key in ("depth_mae", "depth_rmse", "within_bin", "known_depth")}
         return {"guess": metrics}
 
+    def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
+        """See ``CameraEvaluation``: also scenes of both lists, and scenes too small for what is measured or learned."""
+        reading, preset = study.reading, SpectralDepthCamera.preset(study.reading["preset"])
+        margin = usual_margin(preset["bench"].window, preset["period"])
+        trains = {*study.decoders} & {*study.networks}
+        least = max(min(reading["crop"]), study.train.settings["data"]["patch"] + 2 * margin if trains else 1)
+        if reading["side"] < least:
+            wanted = f"at least {least} pixels, as patches with margins and --crop need"
+            raise SettingError("--side", str(reading["side"]), wanted)
+        for name, scenes in (("--train", train), ("--test", test)):
+            if not scenes:
+                raise SettingError(name, "no scenes", "scenes or split files")
+        both = sorted({place_of(name) for name in train} & {place_of(name) for name in test})
+        if both:
+            raise SettingError("--test", f"{both[0]}, a training scene", "other scenes")
+        self.check_scenes(train, test, reading)
+
+    def checks_before(self, study: Study, places: Sequence[Place]) -> list[Check]:
+        """See ``CameraEvaluation``: what a constant guess of the depth errs by."""
+        about = {"reading": study.reading, "scenes": {place.source: place.scene for place in places},
+                 "identities": [place.identity for place in places]}  # fmt: skip
+        return [Check(name=CONSTANT, camera=self.kind, method="constant_guess", seed=study.seed, arguments=about)]
+
+    def checks_after(
+        self,
+        study: Study,
+        cells: Sequence[Measurement],
+        priors: Mapping[str, str],
+        train: Sequence[str],
+        test: Sequence[str],
+    ) -> list[Check]:
+        """See ``CameraEvaluation``: what is predicted of the codes that the patch likelihood decodes."""
+        about = self.judging(study, train, priors)
+        first = {(cell.code, cell.noise, cell.seed): cell for cell in cells if cell.decoder == "likelihood"}
+        return [
+            Check(name=f"predicted · {code} · {noise} · seed {seed}", camera=self.kind, method="predicted", code=code,
+                  noise=noise, seed=seed,
+                  arguments={**about, "settings": cell.settings, "sensor": cell.sensor, "codes": cell.codes,
+                             "weights": cell.camera_of})
+            for (code, noise, seed), cell in first.items()
+        ]  # fmt: skip
+
     def predicted(self, cell: Check, folder: Path) -> Settings:
         """What prior and training scenes say of a code under a noise, before any test scene is seen."""
         from tmca.design.spectral_depth import confusion, depth_information, kullback_leibler, predict_windows
-        from tmca.evaluation.cells import Measurement
         from tmca.priors import GaussianPrior
 
         about, prior = cell.arguments, GaussianPrior.load(cell.arguments["prior"])
-        camera = self.camera(Measurement.model_validate(about["measurement"]), _Extent(SIZE))
+        camera = self.shown({"size": SIZE}, about["settings"], about["sensor"], about["codes"], about["weights"])
         with torch.no_grad():
             found = predict_windows(camera, prior, about["searched"])
             distance = kullback_leibler(found.covariance).fill_diagonal_(float("inf"))

@@ -299,12 +299,19 @@ def training_of(
     learn = chosen.learn if learns and chosen.learn and network in chosen.learn.networks else None
     pace = own.pace * (own.learning_pace * learn.steps if learn else 1)
     steps = max(stage.least_steps, round(stage.steps * pace))
+    often = max(1, steps // (learn.steps if learn else 1) // stage.validations)
     stays = chosen.learn is not None and learn is None  # learned codes are no longer of a kind
     camera = {"slots": chosen.camera["slots"]} if stays else chosen.camera
-    camera = {**study.settings, **camera, "seed": seed, "learn": learn.what if learn else "none"}
+    camera = {
+        **study.settings,
+        **study.own.training_camera(study),
+        **camera,
+        "seed": seed,
+        "learn": learn.what if learn else "none",
+    }
     codes = {} if start is None else {"start": start, **({"decoder": start} if learn and learn.decoder else {})}
     run: Settings = {
         "camera": camera, "noise": list(study.noises.values()), "decoder": own.decoder, "codes": codes, "data": scenes,
-        "optimiser": {"steps": steps}, "validate_every": max(1, steps // stage.validations), "seed": seed,
+        "optimiser": {"steps": steps}, "validate_every": often, "seed": seed,
     }  # fmt: skip
     return merged(run, stage.settings, own.training, own.learning if learn else {})

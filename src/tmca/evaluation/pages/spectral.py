@@ -1,4 +1,4 @@
-"""The spectral table as JSON rows and as Markdown."""
+"""The page of `tmca compare spectral`: codes and noises, what learning gains, expected against measured error."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tmca.experiments.cells import Measured
-from tmca.experiments.results import METRICS, markdown_table, mean_over_scenes, repository_commit
-from tmca.experiments.spectral.rows import CODES, DECODER_NAMES, FREE, LEARNED, MULTIPLEXED, NETWORKS, STATIC
+from tmca.data import read_dataset
+from tmca.data.scenes import load_scene
+from tmca.evaluation.grid import Measured
+from tmca.evaluation.rows import rows_of, training_rows
+from tmca.evaluation.study import Study
+from tmca.evaluation.tables import METRICS, Row, grouped, markdown_table, repository_commit
+from tmca.plots.cube import bands, composites, signatures
+from tmca.plots.style import save_figure
 
-RANDOM = tuple(CODES)[:2]
+STATIC, MULTIPLEXED, FREE = "CASSI learned", "TMCA learned K = 8", "TMCA learned K = 8, from random"
+RANDOM = ("CASSI random", "TMCA random K = 8")
 """Random codes of the static and of the time-multiplexed camera."""
 
 _LEARNING = (
@@ -24,23 +30,30 @@ _LEARNING = (
 )
 
 
-def results(
-    measured: Sequence[Measured], train: Path, test: Path, command: Sequence[str], validation: Path | None = None
-) -> dict[str, Any]:
-    """Rows of the table from measured cells: means over scenes of the means over seeds."""
+def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> Row:
+    """What the JSON file holds: rows, trainings, expected errors."""
     cells = [cell for cell in measured if "metrics" in cell]
-    training = [_training(cell) for cell in measured if "best" in cell]
-    groups: dict[tuple[str, ...], list[Measured]] = {}
-    for cell in cells:
-        groups.setdefault((cell["code"], cell["noise"], cell["decoder"]), []).append(cell)
-    held_out = listed(validation) if validation else []
-    seconds = sum(cell["seconds"] for cell in cells)
+    labels = study.decoder_labels
+    training = [
+        {**{name: one[name] for name in ("code", "seed", "steps", "cpu_seconds")}, "decoder": labels[one["decoder"]],
+         "validation_psnr": one["best"]["psnr"]}
+        for one in training_rows(study, measured)
+    ]  # fmt: skip
+    groups = grouped(cells, "code", "noise", "decoder")
+    rows = []
+    for row in rows_of(study, measured):
+        seeds = {cell["seed"] for cell in groups[row["code"], row["noise"], row["decoder"]]}
+        trained = row["decoder"] in study.networks
+        rows.append({**row, "decoder": labels[row["decoder"]], "trained": trained, "seeds": len(seeds)})
     return {
         "command": " ".join(command),
         "commit": repository_commit(),
-        "split": {"train": listed(train), "test": listed(test), "validation": held_out},
-        "budget": {"training": training or "none: priors in closed form", "decoding_seconds": seconds},
-        "rows": [_row(own, training) for own in groups.values()],
+        "split": {part: listed(names) for part, names in vars(study.scenes).items()},
+        "budget": {
+            "training": training or "none: priors in closed form",
+            "decoding_seconds": sum(cell["seconds"] for cell in cells),
+        },
+        "rows": rows,
         "expected_error": [
             {"code": cell["code"], "noise": cell["noise"], **cell["expected"]}
             for cell in measured
@@ -49,50 +62,7 @@ def results(
     }
 
 
-def _row(cells: Sequence[Measured], training: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """One code, noise and decoder, from its scenes and seeds."""
-    cell, runs = cells[0], _runs(cells)
-    decoder, trained = DECODER_NAMES[cell["decoder"]], cell["decoder"] in NETWORKS
-    scenes = {scene: mean_over_scenes({str(i): m for i, m in enumerate(own)}) for scene, own in runs.items()}
-    return {
-        "method": f"{cell['code']} + {decoder}", "code": cell["code"], "decoder": decoder, "trained": trained,
-        "exposure": "equal", "noise": cell["noise"],
-        "seconds": sum(one["seconds"] for one in cells) / len(cells),
-        "throughput": sum(one["throughput"] for one in cells) / len(cells),
-        "seeds": max(len(own) for own in runs.values()),
-        "scenes": scenes, **mean_over_scenes(scenes),
-        "seed_psnr": [sum(m["psnr"] for m in seed) / len(seed) for seed in zip(*runs.values(), strict=False)],
-        "training_cpu_minutes": _spent(cell["code"], decoder, trained, training),
-    }  # fmt: skip
-
-
-def _runs(cells: Sequence[Measured]) -> dict[str, list[dict[str, float]]]:
-    """Metrics of every scene, seed by seed."""
-    found: dict[str, list[dict[str, float]]] = {}
-    for cell in cells:
-        found.setdefault(cell["scene"], []).append(cell["metrics"])
-    return found
-
-
-def _spent(code: str, decoder: str, trained: bool, training: Sequence[dict[str, Any]]) -> float:
-    """CPU minutes of learning, mean over seeds; learned codes of other decoders are those of the unrolled network."""
-    learner = decoder if trained else DECODER_NAMES["unrolled"]
-    spent = [one["cpu_seconds"] for one in training if (one["code"], one["decoder"]) == (code, learner)]
-    return sum(spent) / len(spent) / 60 if spent and (trained or code in LEARNED) else 0.0
-
-
-def _training(cell: Measured) -> dict[str, Any]:
-    return {
-        "code": cell["code"],
-        "decoder": DECODER_NAMES[cell["decoder"]],
-        "seed": cell["seed"],
-        "steps": cell["training"]["optimiser"]["steps"],
-        "cpu_seconds": cell["seconds"],
-        "validation_psnr": cell["best"]["psnr"],
-    }
-
-
-def markdown(found: dict[str, Any]) -> str:
+def markdown(found: Row, study: Study | None = None) -> str:
     """The results for people."""
     rows = found["rows"]
     trained = any(row["trained"] for row in rows)
@@ -113,7 +83,7 @@ def markdown(found: dict[str, Any]) -> str:
     return "\n".join(lines + (_expected(found["expected_error"]) if found["expected_error"] else []))
 
 
-def _table(rows: Sequence[dict[str, Any]], trained: bool) -> str:
+def _table(rows: Sequence[Row], trained: bool) -> str:
     """Rows of one noise."""
     columns = [("code", "code", ""), ("decoder", "decoder", ""), *METRICS]
     columns += [(f"psnr {scene}", f"PSNR {scene}", ".2f") for scene in rows[0]["scenes"]]
@@ -128,7 +98,7 @@ def _table(rows: Sequence[dict[str, Any]], trained: bool) -> str:
     return markdown_table(shown, columns)
 
 
-def _learned(rows: Sequence[dict[str, Any]]) -> list[str]:
+def _learned(rows: Sequence[Row]) -> list[str]:
     """What learning codes gains with the same decoder, and time multiplexing over the static camera it starts from."""
     known = {(row["noise"], row["decoder"], row["code"]): row for row in rows}
     said = []
@@ -150,7 +120,7 @@ def _learned(rows: Sequence[dict[str, Any]]) -> list[str]:
     return ["## What learning codes gains", "", "With the same decoder.", "", markdown_table(said, columns)]
 
 
-def _expected(rows: Sequence[dict[str, Any]]) -> list[str]:
+def _expected(rows: Sequence[Row]) -> list[str]:
     columns = [("code", "code", ""), ("noise", "noise", ""), ("predicted", "predicted (dB)", ".2f")]
     columns += [("train", "on patches of training scenes", ".2f"), ("test", "on patches of test scenes", ".2f")]
     return [
@@ -165,7 +135,7 @@ def _expected(rows: Sequence[dict[str, Any]]) -> list[str]:
     ]
 
 
-def _ranking(rows: Sequence[dict[str, Any]]) -> list[str]:
+def _ranking(rows: Sequence[Row]) -> list[str]:
     """Whether the prediction puts the codes into the order that they have on the test scenes, noise by noise."""
     said = ["The order of the codes, best first, as predicted and on patches of the test scenes:", ""]
     for noise in dict.fromkeys(row["noise"] for row in rows):
@@ -176,6 +146,35 @@ def _ranking(rows: Sequence[dict[str, Any]]) -> list[str]:
     return said
 
 
-def listed(split: Path) -> list[str]:
-    """Paths that a split names."""
-    return [line.split()[-1] for line in split.read_text().splitlines() if line.strip() and not line.startswith("#")]
+def listed(names: Sequence[str]) -> list[str]:
+    """Scenes, as the lines of split files name them."""
+    found = []
+    for name in names:
+        lines = Path(name).read_text(encoding="utf-8").splitlines() if name.endswith(".txt") else [name]
+        found += [line.split()[-1] for line in lines if line.strip() and not line.startswith("#")]
+    return found
+
+
+def picture_files(study: Study, scenes: Sequence[str], out: Path) -> list[Path]:
+    """The pictures of scenes: composites, spectra, bands of each."""
+    return [out / f"{study.name}_{scene}_{kind}.png" for scene in scenes for kind in ("composites", "spectra", "bands")]
+
+
+def pictures(study: Study, measured: Sequence[Measured], out: Path, overwrite: bool) -> list[Path]:
+    """The thesis' figures 20 to 22 for every scene with estimates: composites, spectra and bands of some rows."""
+    files = []
+    cells = [cell for cell in measured if cell.get("estimate")]
+    for (scene,), own in grouped(cells, "scene").items():
+        truth = load_scene(own[0]["source"], bands=study.reading["bands"])
+        found = {(c["code"], c["decoder"]): read_dataset(c["estimate"], ("estimate",))["estimate"].values for c in own}
+        labels, names = study.decoder_labels, [row for row in study.shown or () if row in found]
+        estimates = {f"{code}\n{labels[decoder]}": found[code, decoder] for code, decoder in names}
+        wavelengths = truth["wavelength"].values.tolist()
+        drawn = (
+            composites(truth.values, estimates, wavelengths, study.shown_noise or ""),
+            signatures(truth.values, estimates, wavelengths),
+            bands(truth.values, estimates, wavelengths),
+        )
+        for figure, file in zip(drawn, picture_files(study, [scene], out), strict=True):
+            files.append(save_figure(figure, file, overwrite=overwrite, dpi=80))
+    return files
