@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tmca.cameras import LightFieldCamera, SpectralDepthCamera
-from tmca.experiments.light_field.tables import markdown
+from tmca.evaluation.pages.light_field import markdown
 from tmca.training.light_field import LIGHT_FIELD_PRESETS as TRAININGS
 from tmca.training.spectral_depth.settings import SPECTRAL_DEPTH_TRAININGS
 

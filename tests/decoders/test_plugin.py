@@ -81,14 +81,16 @@ def test_it_reconstructs(plugin, scene, capsys):
 
 
 def test_it_is_compared(plugin, tmp_path):
-    from tmca.experiments.spectral.comparison import compare_spectral
+    from tmca.evaluation.run import run_study
+    from tmca.evaluation.study import read_study
 
     rng = np.random.default_rng(0)
     for name in ("a", "b"):
         scipy.io.savemat(tmp_path / f"{name}.mat", {"cube": rng.random((32, 34, 31))})
         write_split([tmp_path / f"{name}.mat"], tmp_path / f"{name}.txt")
-    places = (tmp_path / name for name in ("a.txt", "b.txt", "out", "work"))
-    found = compare_spectral(*places, bands=3, decoders=["backprojection"], patches=8)
+    scenes = {"train": [str(tmp_path / "a.txt")], "test": [str(tmp_path / "b.txt")]}
+    study = read_study("spectral").with_(scenes=scenes, reading={"bands": 3}, decoders=["backprojection"])
+    found = run_study(study, tmp_path / "out", tmp_path / "work")
     assert {row["decoder"] for row in found["rows"]} == {"backprojected"}
 
 

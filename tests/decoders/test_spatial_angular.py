@@ -11,10 +11,12 @@ from tmca.decoders import build_network, first_estimate
 from tmca.decoders.nets.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
 from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.errors import SettingError, ShapeError
-from tmca.experiments.light_field.rows import NETWORKS
+from tmca.evaluation.study import read_study
 from tmca.operators import TapOperator, Taps
 from tmca.sensor import Noise
 from tmca.training.light_field import LIGHT_FIELD_PRESETS
+
+NETWORKS = {name: network.decoder for name, network in read_study("light-field").networks.items()}
 
 NOISE = Noise(0.02, 0.005)
 TINY = {"width": 4, "blocks": 2}

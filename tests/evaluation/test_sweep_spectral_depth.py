@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from tests.cli.refusals import refused
-from tests.experiments.test_compare_spectral_depth import scene
+from tests.evaluation.test_compare_spectral_depth import scene
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main

@@ -1,24 +1,18 @@
 """The main job end to end: scene → snapshot → reconstruction → files, pictures and tables."""
 
-import json
-
 import numpy as np
 import pytest
-import scipy.io
 import torch
 import xarray as xr
 
 from tmca.applications import simulate
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.data import read_dataset, rendered_scene, select_bands, write_dataset, write_split
+from tmca.data import read_dataset, rendered_scene, select_bands
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, OutputError, SettingError
-from tmca.experiments.cells import CellsFailed
 from tmca.experiments.corner import corner_conditioning
 from tmca.experiments.demo import run_demo
-from tmca.experiments.spectral.comparison import compare_spectral
 from tmca.experiments.spectral.imaging import evaluate_files, reconstruct_snapshot, true_scene
-from tmca.experiments.spectral.rows import CODES, LEARNED, NOISES
 from tmca.operators import conditioning, sparse_matrix
 from tmca.priors import GaussianMixturePrior, learn_prior
 from tmca.sensor import Sensor
@@ -131,66 +125,6 @@ def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
     large = Snapshot(snapshot.values, SpectralCamera(bands=cube["wavelength"].values.tolist(), size=(48, 9000)))
     with pytest.raises(DataError, match="9000"):
         true_scene("coffee", large)
-
-
-@pytest.fixture
-def splits(tmp_path):
-    rng = np.random.default_rng(0)
-    for name in ("a", "b", "c"):
-        smooth = np.cumsum(np.cumsum(rng.normal(size=(40, 44, 1)), 0), 1) * rng.random(31)
-        smooth = (smooth - smooth.min()) / (smooth.max() - smooth.min())
-        scipy.io.savemat(tmp_path / f"{name}.mat", {"cube": smooth})
-    write_split([tmp_path / "a.mat", tmp_path / "b.mat"], tmp_path / "train.txt")
-    write_split([tmp_path / "c.mat"], tmp_path / "test.txt")
-    return tmp_path / "train.txt", tmp_path / "test.txt"
-
-
-def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_path):
-    where = {"out": tmp_path / "results", "work": tmp_path / "work"}
-    told = []
-    options = {"bands": BANDS, "decoders": ["lmmse", "admm-tv"], "patches": 64}
-    found = compare_spectral(*splits, **where, **options, progress=lambda *step: told.append(step))
-    cells = 2 * len(CODES) * len(NOISES) + len(CODES) * len(NOISES)
-    assert [step[0] for step in told] == list(range(1, cells + 1))
-    assert len(found["rows"]) == 2 * len(CODES) * len(NOISES)
-    on_disk = json.loads((tmp_path / "results" / "spectral.json").read_text())
-    assert {"command", "commit", "split", "budget", "rows"} <= set(on_disk)
-    assert {"method", "exposure", "noise", "psnr", "scenes"} <= set(on_disk["rows"][0])
-    assert len(on_disk["expected_error"]) == len(CODES) * len(NOISES)
-    assert "TMCA one-hot K = 4" in (tmp_path / "results" / "spectral.md").read_text()
-    assert {f"spectral_c_{kind}.png" for kind in ("composites", "spectra", "bands")} <= {
-        file.name for file in (tmp_path / "results").iterdir()
-    }
-    with pytest.raises(OutputError, match=r"spectral\.json"):
-        compare_spectral(*splits, **where, **options)
-    told.clear()
-    again = compare_spectral(*splits, **where, **options, overwrite=True, progress=lambda *step: told.append(step))
-    assert told == []
-    assert again["rows"] == found["rows"]
-    with pytest.raises(SettingError, match="lmsse"):
-        compare_spectral(*splits, **where, bands=BANDS, decoders=["lmsse"], overwrite=True)
-
-
-def test_the_comparison_trains_networks_without_validation_scenes(splits, tmp_path):
-    where = {"out": tmp_path / "results", "work": tmp_path / "work"}
-    options = {"bands": BANDS, "decoders": ["unet-thesis"], "patches": 64, "steps": 1}
-    with pytest.raises(CellsFailed, match=r"training.*do not fit|training"):
-        compare_spectral(*splits, **where, **options)
-    larger = [select_bands(rendered_scene(n, size=(72, 80))["radiance"], BANDS) for n in ("rocket", "tissue", "coffee")]
-    for name, cube in zip("abc", larger, strict=True):
-        write_dataset(cube, tmp_path / f"{name}.nc")
-    write_split([tmp_path / "a.nc", tmp_path / "b.nc"], tmp_path / "train.txt", overwrite=True)
-    write_split([tmp_path / "c.nc"], tmp_path / "test.txt", overwrite=True)
-    found = compare_spectral(*splits, **where, **options)
-    assert len(found["rows"]) == (len(CODES) + len(LEARNED)) * len(NOISES)
-    assert all(row["trained"] and row["training_cpu_minutes"] > 0 for row in found["rows"])
-    page = (tmp_path / "results" / "spectral.md").read_text()
-    assert "not told the codes" in page
-    gains = page.split("What learning codes gains")[1].split("\n## ")[0]
-    psnr = {row["code"]: row["psnr"] for row in found["rows"] if row["noise"] == "σ = 0.01"}
-    for code, base in (("CASSI learned", "CASSI random"), ("TMCA learned K = 8", "CASSI learned")):
-        line = next(line for line in gains.splitlines() if line.startswith(f"| {code} | {base} |") and "σ" in line)
-        assert f"| {psnr[code] - psnr[base]:+.2f} |" in line
 
 
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):

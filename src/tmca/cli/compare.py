@@ -94,7 +94,8 @@ def light_field(
     from tmca.cli.options.numbers import size
 
     asked = {"views": reading.views, **vars(reading.asked()), "test_scale": reading.test_scale}
-    _run("light-field", out, work, grid, scenes=_scenes(train, test), reading={**asked, "frame": size(frame, "--frame")},
+    asked["frame"] = size(frame, "--frame")
+    _run("light-field", out, work, grid, scenes=_scenes(train, test), reading=asked,
          settings={"period": [period, period]}, decoders=decoders.split(","), priors={"dictionary": {"atoms": atoms}},
          seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The page of `tmca compare light-field`: quality and geometry, searches, the thesis' table 1, decoders side by side."""
+"""The page of `tmca compare light-field`: quality and geometry, searches, the thesis' table 1."""
 
 from __future__ import annotations
 

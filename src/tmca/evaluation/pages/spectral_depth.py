@@ -118,6 +118,7 @@ def markdown(found: Row, study: Study | None = None) -> str:
     """The page of the results."""
     split, budget = found["split"], found["budget"]
     crop = "×".join(map(str, budget["crop"]))
+    more_starts = max(code.search.starts for code in shipped().codes.values() if code.search)
     lines = [
         "# The spectral-depth camera, measured\n",
         f"Command: `{found['command']}` at commit `{found['commit']}`.\n",
@@ -154,6 +155,7 @@ def _training(found: Row) -> list[str]:
     if rendered is None:
         return []
     withheld = found["split"].get("withheld")
+    more_steps = max(code.learn.steps for code in shipped().codes.values() if code.learn)
     kept = "" if withheld is None else f" and {withheld}, which no network learned from,"
     return [
         f"Networks learned from these scenes and rendered ones ({', '.join(rendered['train'])}), {budget['steps']} "

@@ -8,22 +8,20 @@ import pytest
 from PIL import Image
 
 from tests.cli.refusals import refused
-from tmca.applications import simulate
-from tmca.data.light_field_scenes import Reading, load_light_field
+from tmca.applications import evaluate, simulate
+from tmca.cameras import LightFieldCamera
+from tmca.data.light_field_scenes import load_light_field
 from tmca.data.scene_names import short_names
-from tmca.decoders import Weights
-from tmca.experiments.light_field import rows
-from tmca.experiments.light_field.cells import coded_camera, measure
-from tmca.experiments.light_field.comparison import compare_light_field
-from tmca.experiments.light_field.comparison_figures import slug
-from tmca.experiments.light_field.imaging import reconstruct_light_field
-from tmca.experiments.light_field.learned import Learned
-from tmca.experiments.light_field.pages import left_out, pictures, thesis_table
-from tmca.experiments.light_field.tables import margins, steps_between
+from tmca.decoders import Weights, decode
+from tmca.evaluation.cells import Check
+from tmca.evaluation.light_field import LightFieldEvaluation
+from tmca.evaluation.pages.light_field import left_out, margins, pictured, slug, steps_between, thesis_table
+from tmca.evaluation.run import run_study
+from tmca.evaluation.study import checked_study, read_study
+from tmca.sensor import Sensor
 
-SIZES = rows.Sizes(views=3, period=6, frame=(30, 36), rendered=(26, 30), crop=(20, 20), patch=16)
+SHIPPED = read_study("light-field")
 EFFORT = {"descents": 1, "steps": 3, "flips": 10}
-SPARSE = {"atoms": 40, "effort": EFFORT, "sizes": SIZES, "seeds": 2}
 
 
 @pytest.fixture(scope="module")
@@ -38,37 +36,40 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def small():
-    with pytest.MonkeyPatch.context() as patch:
-        network = {"kind": "spatial-angular", "width": 4, "blocks": 1}
-        for name, own in (("consistent", {"start": "lmmse"}), ("sub-network", {"start": "dagger", "stages": 0})):
-            patch.setitem(rows.NETWORKS, name, network | own)
-        for table, name in ((rows.NOISES, list(rows.NOISES)[2]), *((rows.CODES, list(rows.CODES)[i]) for i in (1, 3))):
-            patch.delitem(table, name)
-        patch.setattr(rows, "TRAINED", ("CLFP optimised", "CLFP E2E"))
-        patch.setattr("tmca.experiments.light_field.plan.TRAINED", rows.TRAINED)
-        patch.setattr(
-            "tmca.experiments.light_field.plan.scenes_of", lambda train: {"train": [*train], "prior": [*train]}
-        )
-        yield
+def study(folder):
+    about = SHIPPED.model_dump()
+    for name, own in (("consistent", {"start": "lmmse"}), ("sub-network", {"start": "dagger", "stages": 0})):
+        about["networks"][name]["decoder"] = {"kind": "spatial-angular", "width": 4, "blocks": 1, **own}
+    del about["noises"][list(about["noises"])[2]]
+    for name in ("TMCA random K = 8", "TMCA one-hot K = 8", "TMCA E2E K = 8"):
+        del about["codes"][name]
+    for name, code in about["codes"].items():
+        code["train"] = name == "CLFP optimised"
+    about["reading"] |= {"views": 3, "frame": (30, 36), "rendered": (26, 30), "crop": (20, 20)}
+    about["settings"], about["search"] = {"period": [6, 6]}, {"effort": EFFORT}
+    about["train"] |= {"steps": 4, "repeat": 1, "rendered": False}
+    about["train"]["settings"]["data"]["patch"] = 16
+    about |= {"seeds": 2, "priors": {"dictionary": {"atoms": 40}}}
+    about["scenes"] = {name: [str(folder / f"{name}.txt")] for name in ("train", "test")}
+    return checked_study(about, "small")
 
 
 @pytest.fixture(scope="module")
-def found(folder, small):
-    args = (folder / "train.txt", folder / "test.txt", folder / "out", folder / "work")
-    return compare_light_field(*args, steps=4, **SPARSE)
+def found(folder, study):
+    return run_study(study, folder / "out", folder / "work")
 
 
-def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found):
+def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found, study):
+    plain = {name for name, code in study.codes.items() if code.learn is None}
     whole = {(row["decoder"], row["noise"], row["code"]) for row in found["rows"]}
     assert len(whole) == len(found["rows"])
     for decoder in ("lmmse", "mixture"):
-        for noise in rows.NOISES:
+        for noise in study.noises:
             own = {code for name, column, code in whole if (name, column) == (decoder, noise)}
-            twice = {code for code in rows.DESIGNED if code.endswith("this noise") and noise == "σ = 0.05"}
-            assert own == {*rows.CODES, *rows.DESIGNED} - twice
-    assert {code for name, _, code in whole if name in rows.NETWORKS} == {"CLFP optimised", "CLFP E2E"}
-    assert {row["decoder"] for row in found["crop_rows"]} == set(rows.SHOWN_DECODERS)
+            twice = {code for code in plain if code.endswith("this noise") and noise == "σ = 0.05"}
+            assert own == plain - twice
+    assert {code for name, _, code in whole if name in study.networks} == {"CLFP optimised", "CLFP E2E"}
+    assert {row["decoder"] for row in found["crop_rows"]} == set(study.decoders)
     assert all(len(row["seed_psnr"]) == 2 for row in found["rows"])
 
 
@@ -78,12 +79,9 @@ def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
     scene = load_light_field(str(folder / "chelsea.nc"), views=3, size=(30, 36))
     levels = []
     for seed in (0, 1):
-        cell = {"code": name, "noise": "σ = 0.05", "seed": seed, "views": [3, 3], "period": [6, 6]}
-        camera = coded_camera(cell, (30, 36))
-        assert camera.sensor.read_noise == 0.05
-        prior = next((folder / "work").glob("prior-*.nc"))
-        taken = simulate(scene, camera, seed=seed)
-        levels.append(reconstruct_light_field(taken, prior=prior, truth=scene).metrics["psnr"])
+        camera = LightFieldCamera((3, 3), (30, 36), 4, shutter="one-hot", period=6, seed=seed, sensor=Sensor(0.05))
+        (prior,) = (folder / "work").glob("prior-gaussian-*.nc")
+        levels.append(evaluate(decode(simulate(scene, camera, seed=seed), prior=prior), scene)["psnr"])
     assert row["scenes"]["chelsea"]["psnr"] == pytest.approx(np.mean(levels), abs=1e-4)
     assert row["psnr"] == pytest.approx(np.mean([own["psnr"] for own in row["scenes"].values()]))
     assert "disparity_mae" not in row["scenes"]["chelsea"]
@@ -96,23 +94,22 @@ def test_codes_learn_end_to_end_from_the_designed_ones(found, folder):
     learned = {}
     for file in (folder / "work").glob("*.json"):
         cell = json.loads(file.read_text())
-        if cell.get("kind") == "training" and (cell["decoder"], cell["seed"]) == ("sub-network", 0):
+        if cell.get("step") == "training" and (cell["decoder"], cell["seed"]) == ("sub-network", 0):
             learned[cell["code"]] = (Weights.load(cell["weights"]), cell["training"])
     (fixed, plain), (tuned, settings) = learned["CLFP optimised"], learned["CLFP E2E"]
     assert (plain["camera"]["learn"], settings["camera"]["learn"]) == ("none", "aperture")
     assert settings["codes"]["start"] == plain["codes"]["start"]
     assert (tuned.codes["shutter"] == 1).all()
-    camera = coded_camera({"code": "CLFP E2E", "noise": "noise-free"}, (30, 36), tuned)
-    assert (camera.codes.aperture.tile() == tuned.codes["aperture"]).all()
+    assert (tuned.camera_for((30, 36)).codes.aperture.tile() == tuned.codes["aperture"]).all()
     assert fixed.codes["aperture"].shape == tuned.codes["aperture"].shape
 
 
-def test_the_json_has_what_results_have_and_every_view(found):
+def test_the_json_has_what_results_have_and_every_view(found, study):
     assert {"command", "commit", "split", "budget", "rows"} <= set(found)
     assert found["budget"]["effort"] == EFFORT
     for row in found["rows"]:
         assert row["exposure"] == "equal"
-        assert row["method"] == f"{row['code']} + {rows.DECODER_NAMES[row['decoder']]}"
+        assert row["method"] == f"{row['code']} + {study.decoder_labels[row['decoder']]}"
         for scene, own in row["views"].items():
             assert np.shape(own["psnr"]) == np.shape(own["ssim"]) == (3, 3)
             assert row["scenes"][scene]["ssim"] == pytest.approx(np.mean(own["ssim"]), abs=1e-6)
@@ -128,10 +125,10 @@ def test_scenes_of_one_name_stay_apart():
     assert slug("coffee:1") == "coffee-1"
 
 
-def test_designs_are_searched_for_their_noise(found):
+def test_designs_are_searched_for_their_noise(found, study):
     searched = {(row["code"], row["noise"]): row for row in found["searches"]}
     assert len(searched) == 4
-    for noise in rows.NOISES:
+    for noise in study.noises:
         static, free = (
             searched[f"{code} for this noise", noise] for code in ("CLFP optimised", "TMCA optimised K = 8")
         )
@@ -139,7 +136,7 @@ def test_designs_are_searched_for_their_noise(found):
         assert free["psnr"] >= static["psnr"] - 1e-6
 
 
-def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small):
+def test_results_come_with_a_page_and_pictures_and_stay(found, folder, study):
     out = folder / "out"
     assert json.loads((out / "light-field.json").read_text())["rows"] == json.loads(json.dumps(found["rows"]))
     page = (out / "light-field.md").read_text()
@@ -155,8 +152,7 @@ def test_results_come_with_a_page_and_pictures_and_are_kept(found, folder, small
         for scene in ("chelsea", "coffee", "motorcycle") for kind in ("views", "psnr", "disparity")
     }  # fmt: skip
     told = []
-    args = (folder / "train.txt", folder / "test.txt", out, folder / "work")
-    again = compare_light_field(*args, steps=4, **SPARSE, overwrite=True, progress=lambda *said: told.append(said))
+    again = run_study(study, out, folder / "work", overwrite=True, progress=lambda *said: told.append(said))
     assert told == []
     assert again["rows"] == found["rows"]
 
@@ -175,7 +171,7 @@ def test_the_table_of_the_thesis_is_whole_and_what_was_left_out_is_named():
     assert "patch LMMSE (`lmmse`)" in line
     assert "thesis' sub-network (`sub-network`)" in line
     assert "dictionary" not in line
-    assert pictures(results) == []
+    assert pictured(results) == []
 
 
 def test_margins_compare_the_best_of_each_kind():
@@ -200,33 +196,17 @@ def test_margins_compare_the_best_of_each_kind():
     assert (steps[0]["least"], steps[0]["mean"], steps[0]["most"]) == pytest.approx((0.5, 1.0, 1.5))
 
 
-def test_what_is_learned_is_kept_apart_by_how_its_files_are_read(tmp_path):
-    for v, u in np.ndindex(3, 3):
-        Image.fromarray(np.full((4, 4), 9 * v + u, np.uint8)).save(tmp_path / f"a{v}b{u}c.png")
-    names = [str(tmp_path), "coffee"]
-    keys = {
-        json.dumps(Learned(names, tmp_path, 3, Reading(pattern=pattern, lens=lens)).identity)
-        for pattern, lens in (
-            ("a{row}b{column}c.png", None),
-            ("a{-row}b{column}c.png", None),
-            ("a{row}b{column}c.png", (3, 3)),
-            ("other{row}_{column}.png", None),
-            (None, None),
-        )
-    }
-    assert len(keys) == 3, "a lens grid and other names change nothing of a folder and a rendered scene"
-
-
 def test_cells_of_a_folder_are_read_by_its_pattern(tmp_path):
     truth = load_light_field("coffee", views=3, size=(26, 30))
     for v, u in np.ndindex(3, 3):
         Image.fromarray(np.rint(255 * truth.values[v, u]).astype(np.uint8)).save(tmp_path / f"a{v}b{u}c.png")
-    place = {"path": str(tmp_path), "views": [3, 3], "size": [26, 30], "kind": "geometry"}
+    place = {"source": str(tmp_path), "scene": "views"}
     maps = []
     for pattern in ("a{row}b{column}c.png", "a{-row}b{-column}c.png"):
-        cell = json.loads(json.dumps({**place, "reading": vars(Reading(pattern=pattern))}))
-        with np.load(measure(cell, str(tmp_path))["disparity"]) as kept:
-            maps.append(kept["seen"])
+        about = {**place, "reading": {"views": 3, "size": [26, 30], "pattern": pattern}}
+        cell = Check(name="views", camera="light-field", method="geometry", arguments=about)
+        with np.load(LightFieldEvaluation().geometry(cell, tmp_path)["disparity"]) as stored:
+            maps.append(stored["seen"])
     assert np.corrcoef(maps[0].ravel(), maps[1].ravel())[0, 1] < 0
 
 

@@ -11,14 +11,31 @@ from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
 from tmca.data.depth_scenes import withheld_scene
-from tmca.experiments.spectral_depth import comparison, plan
-from tmca.experiments.spectral_depth.margin_tables import learning, margins, order
-from tmca.experiments.spectral_depth.rows import CODES, CONSTANT, Sizes, training_of
-from tmca.experiments.spectral_depth.tables import markdown
+from tmca.evaluation.pages.depth_margins import learning, margins, order
+from tmca.evaluation.pages.spectral_depth import _split, markdown
+from tmca.evaluation.plan import Plan
+from tmca.evaluation.run import run_study
+from tmca.evaluation.spectral_depth import CONSTANT
+from tmca.evaluation.study import checked_study, read_study, training_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks of two steps are rough
 SHOWN = ("diffractive element only, optimised", "TMCA random K = 4", "diffractive element only, learned")
-SMALL = Sizes(side=68, crop=(32, 36), window=8, patch=32, searched=4)
+SHIPPED = read_study("spectral-depth")
+
+
+def small(codes=None, **changes):
+    """The shipped study on small scenes, some of its codes."""
+    about = SHIPPED.model_dump()
+    about["codes"] = {name: code for name, code in about["codes"].items() if codes is None or name in codes}
+    about["reading"] |= {"side": 68, "crop": (32, 36)}
+    about["options"], about["search"] = (
+        {"likelihood": {"window": 8}},
+        {"searched": 4, "effort": {"starts": 1, "steps": 1}},
+    )
+    about["train"]["settings"]["data"]["patch"], about["train"]["steps"] = 32, 2
+    if codes:
+        about["codes"][codes[0]]["train"] = False
+    return checked_study(about, "small").with_(**changes)
 
 
 def scene(path, seed):
@@ -37,25 +54,16 @@ def scenes(tmp_path):
     return [scene(tmp_path / f"{name}.nc", seed) for seed, name in enumerate(("learned", "measured"))]
 
 
-@pytest.fixture
-def few(monkeypatch):
-    for name in set(CODES) - set(SHOWN):
-        monkeypatch.delitem(CODES, name)
-    monkeypatch.setattr(plan, "DESIGNED", SHOWN[:1])
-    monkeypatch.setattr(plan, "TRAINED", SHOWN[1:])
+def compare(tmp_path, scenes, **how):
+    lists = {"train": scenes[:1], "test": scenes[1:]}
+    study = small(SHOWN, scenes=lists, decoders=["likelihood", "two-headed"])
+    return run_study(study, tmp_path / "out", tmp_path / "work", **how)
 
 
-def compare(tmp_path, scenes, **changes):
-    how = {"sizes": SMALL, "effort": {"starts": 1, "steps": 1}, "steps": 2, "decoders": ("likelihood", "two-headed")}
-    return comparison.compare_spectral_depth(scenes[:1], scenes[1:], tmp_path / "out", tmp_path / "work",
-                                             **{**how, **changes})  # fmt: skip
-
-
-@pytest.mark.usefixtures("few")
 def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     begun = []
     found = compare(tmp_path, scenes, progress=lambda done, total, name, left: begun.append(name))
-    assert begun[:2] == [f"prior: {scenes[0]} read", "prior of 1 scenes learned"]
+    assert begun[0] == "gaussian prior"
     rows = {(row["code"], row["noise"], row["decoder"]): row for row in found["rows"]}
     noises = {row["noise"] for row in found["rows"]} - {""}
     wanted = {(code, noise, "likelihood") for code in SHOWN for noise in noises}
@@ -128,14 +136,18 @@ def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
 
 def test_static_rows_have_as_much_time():
     """As many times the descents and steps as a static mask is cheaper; codes that stay as they are have no more."""
-    assert plan.STARTS["diffractive element only, free-form, optimised"] == 4
-    assert "TMCA optimised K = 4" not in plan.STARTS
-    for learn, steps in ((True, 50), (False, 10)):
-        found = training_of("diffractive element only, learned", "two-headed", 0, 10, SMALL, [], None, learn)
-        assert found["optimiser"]["steps"] == steps
-    assert training_of("TMCA learned K = 4", "two-headed", 0, 10, SMALL, [], None, True)["optimiser"]["steps"] == 10
-    free = training_of("diffractive element only, free-form, learned", "two-headed", 0, 10, SMALL, [], None, True)
-    assert free["camera"]["mask"] == "free-form"
+    codes = SHIPPED.codes
+    assert codes["diffractive element only, free-form, optimised"].search.starts == 4
+    assert codes["TMCA optimised K = 4"].search.starts == 1
+    study = small(train__steps=10)
+
+    def training(code, **how):
+        return training_of(study, code, "two-headed", 0, {}, "start", **how)
+
+    for learns, steps in ((True, 50), (False, 10)):
+        assert training("diffractive element only, learned", learns=learns)["optimiser"]["steps"] == steps
+    assert training("TMCA learned K = 4")["optimiser"]["steps"] == 10
+    assert training("diffractive element only, free-form, learned")["camera"]["mask"] == "free-form"
 
 
 def test_learned_codes_stand_beside_their_start_and_their_static_case():
@@ -166,30 +178,23 @@ def test_the_right_order_is_one_and_the_opposite_minus_one():
     assert order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0)]}) == []
 
 
-def test_networks_learn_from_no_scene_that_is_measured(tmp_path):
+def test_networks_learn_from_no_scene_that_is_measured(tmp_path, scenes):
     rendered = sorted(split_rendered()["train"])
-    common = {
-        "source": "",
-        "side": 68,
-        "placed": None,
-        "from_rgb": False,
-        "checksums": [],
-        "scenes": {rendered[1]: "a"},
-    }
-    table = plan.Table(common, SMALL, ["own.nc"], ["two-headed"], range(1), {}, 2, tmp_path)
-    cells = plan.trainings(table, {})
-    learned = {name for cell in cells for part in ("train", "validation") for name in cell["training"]["data"][part]}
-    assert learned == {"own.nc", *rendered} - {rendered[1]}
+    study = small(decoders=["two-headed"])
+    plan = Plan(study, scenes[:1], study.own.places(study, {rendered[1]: "a"}, []), [], tmp_path)
+    (cells, *_) = plan.trainings({})
+    learned = {name for cell in cells for part in ("train", "validation") for name in cell.training["data"][part]}
+    assert learned == {scenes[0], *rendered} - {rendered[1]}
 
 
-def test_a_withheld_scene_chooses_steps_and_teaches_nothing(tmp_path):
-    common = {"source": "", "side": 68, "placed": None, "from_rgb": False, "checksums": [], "scenes": {}}
-    table = plan.Table(common, SMALL, ["a", "b", "c"], ["two-headed"], range(1), {}, 2, tmp_path, "b")
-    rendered = sorted(split_rendered()["train"])
-    own = plan.network_scenes(table)
-    assert own == {"train": ["a", "c", *rendered[1:]], "validation": [rendered[0], "b"], "prior": ["a", "c"]}
-    told = comparison._of_networks(table, ["A", "B", "C"])
-    assert told == {"rendered": {"train": rendered[1:], "validation": rendered[:1]}, "withheld": "B"}
+def test_a_withheld_scene_chooses_steps_and_teaches_nothing(tmp_path, scenes):
+    rendered, (first, last) = sorted(split_rendered()["train"]), scenes
+    study = small(decoders=["two-headed"])
+    own = study.own.training_scenes(study.reading, scenes, [], [], study.train)
+    assert own == {"train": [first, *rendered[1:]], "validation": [rendered[0], last], "prior": [first], "side": 68}
+    split = _split(study, {"train": scenes, "test": [], "names": {}, "validation": []})
+    assert split["rendered"] == {"train": rendered[1:], "validation": rendered[:1]}
+    assert split["withheld"] == "measured"
 
 
 def test_the_last_file_with_depth_is_withheld_where_another_is_left(tmp_path, scenes):
