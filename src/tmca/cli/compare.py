@@ -156,7 +156,9 @@ def _run(camera: str, out: Path, work: Path, grid: GridOptions, **changes: Any) 
     """Run the shipped study of a camera with other settings, and print its page."""
     from tmca.evaluation.run import run_study
     from tmca.evaluation.study import read_study
+    from tmca.evaluation.tables import check_counts
 
+    check_counts(seeds=changes["seeds"], steps=changes["train__steps"])
     study = read_study(camera)
     reading = {**study.reading, **changes.pop("reading", {})}
     found = run_study(study.with_(reading=reading, **changes), out, work, progress=cell_done, **grid.how())

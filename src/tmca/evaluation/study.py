@@ -11,12 +11,15 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from tmca.data.scene_names import read_split
 from tmca.decoders import decoders
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, TmcaError, check_choice
 from tmca.evaluation.camera import EVALUATIONS, CameraEvaluation, Settings, evaluation_of
 from tmca.evaluation.tables import decoder_labels
+from tmca.sensor import Sensor
 
 SHIPPED = Path(__file__).parent / "studies"
 """Studies of `tmca compare`, by the name of their camera."""
+INHERITED = ("settings", "options", "networks", "labels", "search", "train", "priors")
+"""What a study has from the shipped one of its camera where it says nothing."""
 
 
 class Strict(BaseModel):
@@ -177,18 +180,19 @@ class Study(Strict):
     @model_validator(mode="after")
     def _names(self) -> Study:
         """Names point to what is there."""
-        if self.camera not in EVALUATIONS:
-            raise ValueError(f"camera: found {self.camera!r}, expected one of {', '.join(EVALUATIONS)}")
+        check_choice("camera", self.camera, EVALUATIONS)
         for name, code in self.codes.items():
-            wanted: list[tuple[str, Any, Mapping[str, Any]]]
-            wanted = [("search.noise", code.search and code.search.noise, self.noises)]
-            wanted += [("learn.start", code.learn and code.learn.start, self.codes)]
-            wanted += [
-                ("learn.networks", network, self.networks) for network in (code.learn.networks if code.learn else ())
-            ]
-            for field, given, known in wanted:
-                if given is not None and given not in known:
-                    raise ValueError(f"codes.{name}.{field}: found {given!r}, expected one of {', '.join(known)}")
+            if code.search and code.search.noise is not None:
+                check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
+            if code.learn and code.learn.start is not None:
+                check_choice(f"codes.{name}.learn.start", code.learn.start, self.codes)
+            for network in code.learn.networks if code.learn else ():
+                check_choice(f"codes.{name}.learn.networks", network, self.networks)
+        for name, noise in self.noises.items():
+            try:
+                Sensor(**noise)
+            except TypeError:
+                raise SettingError(f"noises.{name}", ", ".join(noise), "arguments of a Sensor") from None
         object.__setattr__(self, "reading", self.own.Reading(**self.reading).model_dump(mode="json"))
         return self
 
@@ -243,28 +247,41 @@ def checked_study(described: Mapping[str, Any], where: str) -> Study:
         return Study.model_validate(described)
     except ValidationError as error:
         first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        message = str(first["msg"]).removeprefix("Value error, ")
-        raise SettingError(
-            where, f"{place}: {message}" if place else message, "a study, as docs/training.md says"
-        ) from None
+        place = ".".join(map(str, (where, *first["loc"])))
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, TmcaError):
+            raise SettingError(f"{place}.{cause.where}", cause.found, cause.expected, cause.remedy) from None
+        found = "nothing" if first["type"] == "missing" else str(first["input"])[:60]
+        raise SettingError(place, found, str(first["msg"]).removeprefix("Value error, ")) from None
 
 
 def read_study(path: str | Path) -> Study:
-    """A study from a YAML file; one of the shipped ones by the name of its camera.
+    """A study from a YAML file, or the shipped one of a camera by its name.
+
+    What a file does not say of networks, searches and trainings is as in the shipped study of its camera.
 
     Raises:
         DataError: no such file, or one that is no YAML.
         SettingError: a description that is no study.
     """
-    file = SHIPPED / f"{path}.yaml" if str(path) in EVALUATIONS else Path(path)
+    if str(path) in EVALUATIONS:
+        return checked_study({"name": str(path), **_described(SHIPPED / f"{path}.yaml")}, str(path))
+    described = _described(Path(path))
+    camera = str(described.get("camera"))
+    usual = _described(SHIPPED / f"{camera}.yaml") if camera in EVALUATIONS else {}
+    usual = {name: value for name, value in usual.items() if name in INHERITED}
+    return checked_study({"name": Path(path).stem, **merged(usual, described)}, str(path))
+
+
+def _described(file: Path) -> Settings:
+    """What a YAML file says."""
     try:
         described = yaml.safe_load(file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DataError(path, f"no readable YAML ({' '.join(str(error).split())})", "a study") from error
+        raise DataError(file, f"no readable YAML ({' '.join(str(error).split())})", "a study") from error
     if not isinstance(described, dict):
-        raise DataError(path, "no study", "names and values, such as camera: spectral")
-    return checked_study({"name": file.stem, **described}, str(path))
+        raise DataError(file, "no study", "names and values, such as camera: spectral")
+    return described
 
 
 def named(entries: Sequence[str]) -> list[str]:
