@@ -149,5 +149,5 @@ def test_options_of_light_fields_are_refused_for_cubes(tmp_path, capsys, monkeyp
 
 def test_help_says_what_scale_means_for_a_light_field(capsys):
     for command in ("reconstruct", "evaluate"):
-        main([command, "--help"])
+        main([command, "--help-all"])
         assert "averaged" in capsys.readouterr().out
