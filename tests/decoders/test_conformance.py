@@ -8,10 +8,10 @@ from conformance import CHECKS, SIZE, camera_for, case, values_for
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.cameras.camera import CAMERAS
 from tmca.data import read_dataset
-from tmca.decoders import DECODERS, Estimate, Weights, decode, decoders_for, settings_of, usual_decoder
+from tmca.decoders import DECODERS, Estimate, Weights, decode, decoders, decoders_for, settings_of, usual_decoder
 from tmca.errors import DataError, SettingError, ShapeError, TmcaError
 
-CASES = [(name, kind) for name, cls in sorted(DECODERS.items()) for kind in sorted(cls.cameras)]
+CASES = [(name, kind) for name, cls in sorted(decoders().items()) for kind in sorted(cls.cameras)]
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
