@@ -143,6 +143,7 @@ class SpectralDepthCamera(BandCamera):
 
     kind = "spectral-depth"
     presets = PRESETS
+    plane_names = ("heights", "shutter")
     needed = ("heights", "shutter", "filters", "cells", "response", "wavelength")
     stated = ("exposure", "bench", "depth", "energy", "full_scale", "sensor")
     page = "docs/spectral-depth.md"
