@@ -177,7 +177,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
         (["--bands", "3", "--dispersion", "200"], "GB"),
         (["--period", "0"], "1 pixel"),
         (["--seed", "-1"], "0 or more"),
-        (["--light", "1"], "at most 1"),
+        (["--light", "1"], "a share above 0 and below 1"),
         (["--light", "0.9"], "tmca: --light: found 0.9, which brings the brightest value to"),
         (["--exposure", "1", "--slot-time", "0"], "tmca: --slot-time: found 0"),
         (["--exposure", "1", "--pattern-rate", "-1"], "tmca: --pattern-rate: found -1"),
