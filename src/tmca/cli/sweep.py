@@ -162,6 +162,51 @@ def spectral_depth(
          train=named_scenes(train or ()))  # fmt: skip
 
 
+@app.default
+def any_camera(
+    kind: str | None = None,
+    /,
+    *scenes: str,
+    vary: list[str] | None = None,
+    out: Path = Path("sweep"),
+    work: Path = Path("runs/sweep"),
+    train: list[str] | None = None,
+    decoder: str | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    crop: str | None = None,
+    grid: GridOptions = _GRID,
+) -> None:
+    """Sweep settings of a camera of KIND, which has no command of its own, over SCENES.
+
+    Writes OUT.json, OUT.csv, OUT.md and OUT.png. Finished cells are kept in --work: a run that was stopped goes on.
+
+    Args:
+        kind: of a camera without a command of its own, such as one of another package.
+        scenes: that are measured.
+        vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
+            decoder, a setting of the decoder (decoder.NAME), or a number or word that the camera's constructor takes.
+        out: results, without a suffix.
+        work: folder of finished cells.
+        train: scenes that teach the prior.
+        decoder: one that `tmca decoders` lists for the camera; the usual one without it.
+        set_: NAME=VALUE of the same names for all cells.
+        crop: HEIGHTxWIDTH, the middle of the scenes.
+    """
+    from tmca.applications import application_of
+    from tmca.cli.options.numbers import size
+
+    if kind is None:
+        from tmca.cli.app import app as whole
+
+        whole.help_print(["sweep"])
+        return
+    if not scenes:
+        raise SettingError(f"sweep {kind}", "no scenes", "names or files of scenes")
+    used = decoder or application_of(kind).default_decoder
+    _run(kind, vary or (), set_, scenes, out, work, grid, reading={"size": size(crop, "--crop")}, decoder=used,
+         train=train or ())  # fmt: skip
+
+
 def _run(
     camera: str, vary: Sequence[str], fixed: Sequence[str] | None, scenes: Sequence[str], out: Path, work: Path,
     grid: GridOptions, **how: Any,

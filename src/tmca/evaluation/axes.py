@@ -147,24 +147,28 @@ class Sweep:
                 raise SettingError(option, name, f"one of {', '.join(self.axes)}")
         if {"noise", "read_noise"} <= set(settings):
             raise SettingError(option, "noise and read_noise", "one of them", "they are the same")
+        whole = {name for name, value in self.own.application.settings().items() if isinstance(value, int)}
         words = {*self.own.words, "decoder"}
-        return {
-            name: [str(v) if name in words or name.startswith(OPTION) else _number(name, v, option) for v in values]
-            for name, values in settings.items()
-        }
+
+        def converted(name: str, value: Any) -> Any:
+            if name in words or name.startswith(OPTION):
+                return str(value)
+            return _number(name, value, name in whole or name in WHOLE, option)
+
+        return {name: [converted(name, value) for value in values] for name, values in settings.items()}
 
 
-def _number(name: str, value: Any, option: str) -> Any:
+def _number(name: str, value: Any, whole: bool, option: str) -> Any:
     if name in PAIRS and ":" in str(value):
         Hardware.of({name: value})
         return str(value)
     try:
         number = float(value)
-        if name in WHOLE and not number.is_integer():
+        if whole and not number.is_integer():
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        wanted = "whole numbers" if name in WHOLE else "numbers"
+        wanted = "whole numbers" if whole else "numbers"
         raise SettingError(option, f"{name} = {value}", wanted) from None
     if not isfinite(number):
         raise SettingError(option, f"{name} = {value}", "finite numbers")
-    return int(number) if name in WHOLE else number
+    return int(number) if whole else number

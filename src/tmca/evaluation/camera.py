@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
-from tmca.applications import APPLICATIONS, Application, application_of
+from tmca.applications import Application, application_of
 from tmca.cameras import CAMERAS
 from tmca.codes import read_codes
 from tmca.data import make_folder
 from tmca.data.fitting import middle_of
 from tmca.data.scene_names import identity_of, short_names
 from tmca.decoders import Estimate, Weights
-from tmca.errors import check_choice
 from tmca.evaluation.searches import learn_examples_of, searched
 from tmca.sensor import Sensor
 
@@ -111,13 +110,6 @@ class CameraEvaluation:
         return f"{self.kind.capitalize()} camera"
 
     @property
-    def usual(self) -> Settings:
-        """Settings of the constructor that a sweep can vary, with their defaults: numbers and words."""
-        arguments = signature(CAMERAS[self.kind]).parameters.values()
-        known = {one.name: one.default for one in arguments if isinstance(one.default, int | float | str)}
-        return {name: value for name, value in known.items() if not isinstance(value, bool)}
-
-    @property
     def _draws_codes(self) -> bool:
         """Whether the constructor takes a seed, itself or among what it hands on."""
         arguments = signature(CAMERAS[self.kind]).parameters
@@ -126,12 +118,12 @@ class CameraEvaluation:
     @property
     def swept(self) -> tuple[str, ...]:
         """Settings that a sweep can vary."""
-        return tuple(self.usual)
+        return tuple(self.application.settings())
 
     @property
     def words(self) -> tuple[str, ...]:
         """Those of them that are words."""
-        return tuple(name for name, value in self.usual.items() if isinstance(value, str))
+        return tuple(name for name, value in self.application.settings().items() if isinstance(value, str))
 
     # scenes
 
@@ -321,5 +313,4 @@ def evaluation_of(kind: str) -> CameraEvaluation:
     Raises:
         SettingError: no camera of this kind.
     """
-    check_choice("camera", kind, APPLICATIONS)
-    return EVALUATIONS.get(kind) or CameraEvaluation(kind)
+    return EVALUATIONS.get(kind) or CameraEvaluation(application_of(kind).kind)

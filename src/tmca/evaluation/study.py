@@ -9,10 +9,11 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from tmca.applications import application_of
 from tmca.data.scene_names import read_split
 from tmca.decoders import decoders
 from tmca.errors import DataError, SettingError, TmcaError, check_choice
-from tmca.evaluation.camera import EVALUATIONS, CameraEvaluation, Settings, evaluation_of
+from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
 from tmca.evaluation.tables import decoder_labels
 from tmca.sensor import Sensor
 
@@ -180,7 +181,7 @@ class Study(Strict):
     @model_validator(mode="after")
     def _names(self) -> Study:
         """Names point to what is there."""
-        check_choice("camera", self.camera, EVALUATIONS)
+        application_of(self.camera)
         for name, code in self.codes.items():
             if code.search and code.search.noise is not None:
                 check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
@@ -264,11 +265,12 @@ def read_study(path: str | Path) -> Study:
         DataError: no such file, or one that is no YAML.
         SettingError: a description that is no study.
     """
-    if str(path) in EVALUATIONS:
+    if (SHIPPED / f"{path}.yaml").exists():
         return checked_study({"name": str(path), **_described(SHIPPED / f"{path}.yaml")}, str(path))
     described = _described(Path(path))
     camera = str(described.get("camera"))
-    usual = _described(SHIPPED / f"{camera}.yaml") if camera in EVALUATIONS else {}
+    shipped = SHIPPED / f"{camera}.yaml"
+    usual = _described(shipped) if shipped.exists() else {}
     usual = {name: value for name, value in usual.items() if name in INHERITED}
     return checked_study({"name": Path(path).stem, **merged(usual, described)}, str(path))
 

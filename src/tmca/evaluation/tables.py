@@ -8,8 +8,6 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from tmca.applications.spectral import METRICS as METRICS
-from tmca.applications.spectral_depth import DEPTH_METRICS as DEPTH_METRICS
 from tmca.decoders import decoders_for
 from tmca.errors import OutputError, SettingError
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.applications.spectral_depth import DEPTH_METRICS
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import read_dataset, split_rendered
 from tmca.data.fitting import middle_of
@@ -16,7 +17,7 @@ from tmca.evaluation.pages.depth_margins import study as shipped
 from tmca.evaluation.rows import mean, rows_of, training_rows
 from tmca.evaluation.spectral_depth import CONSTANT, SpectralDepthEvaluation
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import DEPTH_METRICS, Row, grouped, markdown_table, mean_over_scenes, repository_commit
+from tmca.evaluation.tables import Row, grouped, markdown_table, mean_over_scenes, repository_commit
 from tmca.plots.depth import Pair, predicted_depth_figure, rows_figure
 from tmca.plots.style import save_figure
 
