@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from inspect import signature
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from torch import Tensor
 
 from tmca.applications.camera_figures import codes_figure
+from tmca.cameras import CAMERAS, load_cameras
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
-from tmca.errors import DataError, check_choice
+from tmca.errors import DataError, SettingError, check_choice
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,6 +52,30 @@ class Application(ABC):
         super().__init_subclass__(**arguments)
         if "kind" in cls.__dict__:
             APPLICATIONS[cls.kind] = cls()
+
+    # Settings of the camera
+
+    def settings(self) -> dict[str, int | float | str]:
+        """Arguments of the camera's constructor that are numbers or words, with their defaults."""
+        arguments = signature(CAMERAS[self.kind]).parameters.values()
+        known = {one.name: one.default for one in arguments if isinstance(one.default, int | float | str)}
+        return {name: value for name, value in known.items() if not isinstance(value, bool)}
+
+    def settings_of(self, texts: Mapping[str, str]) -> dict[str, int | float | str]:
+        """Values of ``settings`` from their texts.
+
+        Raises:
+            SettingError: a name that is none of them, or no value of its type.
+        """
+        known, found = self.settings(), {}
+        for name, text in texts.items():
+            check_choice("set", name, known)
+            try:
+                found[name] = type(known[name])(text)
+            except ValueError:
+                wanted = "a whole number" if isinstance(known[name], int) else "a number"
+                raise SettingError("set", f"{name}={text}", wanted) from None
+        return found
 
     # Decoders
 
@@ -185,6 +211,8 @@ def application_of(camera: Camera | str) -> Application:
         SettingError: a kind that has none.
     """
     kind = camera if isinstance(camera, str) else camera.kind
+    if kind not in APPLICATIONS:
+        load_cameras()
     check_choice("camera", kind, APPLICATIONS)
     return APPLICATIONS[kind]
 

@@ -5,6 +5,7 @@ from tmca.cameras.described import CodesWarning, camera_of
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_scene, moving_scenes
+from tmca.cameras.plugins import load_cameras
 from tmca.cameras.snapshot import Snapshot, holds_snapshot
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
@@ -29,6 +30,7 @@ __all__ = [
     "defective",
     "holds_snapshot",
     "imperfect",
+    "load_cameras",
     "moving_scene",
     "moving_scenes",
 ]

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras.camera import CAMERAS, Camera
+from tmca.cameras.plugins import load_cameras
 from tmca.errors import DataError
 
 if TYPE_CHECKING:
@@ -70,6 +71,8 @@ class Snapshot(Generic[Kind]):
 
         dataset = read_dataset(path)
         kind = dataset.attrs.get("camera", "spectral")
+        if kind not in CAMERAS:
+            load_cameras()
         if kind not in CAMERAS:
             raise DataError(path, f"camera = {kind!r}", f"one of {', '.join(CAMERAS)}", "correct the attribute")
         _check_complete(dataset, path, CAMERAS[kind])

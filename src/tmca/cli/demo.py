@@ -37,7 +37,7 @@ def demo(
     print("tmca demo: loading", file=sys.stderr)
     from tmca.applications import APPLICATIONS
     from tmca.applications.demo import demo_columns, run_demo
-    from tmca.experiments.results import markdown_table
+    from tmca.evaluation.tables import markdown_table
 
     with progress_bar("demo") as progress:
         found = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)

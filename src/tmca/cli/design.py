@@ -199,7 +199,7 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
 
 def _say(found: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:
     """The advice as a table and a sentence, or as JSON."""
-    from tmca.experiments.results import markdown_table
+    from tmca.evaluation.tables import markdown_table
 
     if json:
         print(json_module.dumps(found, indent=1))

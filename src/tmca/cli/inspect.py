@@ -41,7 +41,7 @@ def inspect(
     found = describe(file, variable, **reading.given())
     if conditioning:
         from tmca.cameras import Snapshot
-        from tmca.experiments.corner import corner_conditioning
+        from tmca.design.corner import corner_conditioning
 
         found["matrix"] = corner_conditioning(Snapshot.load(file).camera)
     if figure is not None:

@@ -48,8 +48,8 @@ def learn(
         overwrite: replace files that exist.
         seed: of the random blocks.
     """
+    from tmca.applications.prior_files import learn_to_file
     from tmca.cli.progress import progress_bar
-    from tmca.experiments.priors import learn_to_file
 
     check_figure(figure, overwrite)
     with progress_bar(f"prior {out.name}") as progress:
@@ -98,9 +98,9 @@ def learn_views(
         overwrite: replace files that exist.
         seed: of the patches that a dictionary or a mixture learns from.
     """
+    from tmca.applications.prior_files import learn_views_to_file
     from tmca.cli.progress import progress_bar
     from tmca.data.light_field_scenes import Reading
-    from tmca.experiments.light_field.priors import learn_views_to_file
 
     check_figure(figure, overwrite)
     if dictionary and mixture:
@@ -145,7 +145,7 @@ def expect(
         prior: Gaussian prior file.
         json: print JSON instead of text.
     """
-    from tmca.experiments.priors import expected
+    from tmca.applications.prior_files import expected
 
     found = expected(prior, camera, sensor)
     if json:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, Faults, camera_for, code_files
 from tmca.cli.options.numbers import Whole, pair, size
@@ -147,6 +147,50 @@ def spectral_depth(
     _write(taken, target, output, {"bands": taken.camera.bands, **counts}, channels + _mapped(taken))
 
 
+@app.default
+def any_camera(
+    kind: str | None = None,
+    /,
+    *scenes: str,
+    crop: str | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    seed: Whole = 0,
+    sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    hardware: Faults = None,
+    output: OutputOptions = _OUTPUT,
+) -> None:
+    """Take a snapshot of SCENES with a camera of KIND, which has no command of its own.
+
+    Args:
+        kind: of a camera without a command of its own, such as one of another package.
+        scenes: names or files of scenes: one, or one for each slot of the exposure.
+        crop: HEIGHTxWIDTH, the middle of the scene.
+        set_: NAME=VALUE, a number or word that the camera's constructor takes; may be given several times.
+        seed: of the noise.
+    """
+    from tmca.applications import application_of
+    from tmca.cameras import CAMERAS
+    from tmca.cli.sweep import named_values
+    from tmca.data.fitting import middle_of
+    from tmca.sensor import Sensor
+
+    if kind is None:
+        from tmca.cli.app import app as whole
+
+        whole.help_print(["simulate"])
+        return
+    application, middle = application_of(kind), size(crop, "--crop")
+    if not scenes:
+        raise SettingError(f"simulate {kind}", "no scene", "a file or a rendered scene such as coffee")
+    texts = {name: values[0] for name, values in named_values(set_ or (), "--set").items()}
+    how = {**application.settings_of(texts), "sensor": Sensor(**sensor.model_dump())}
+    read: list[Any] = [application.read(name) for name in scenes]
+    read = [one if middle is None else middle_of(one, middle, name) for one, name in zip(read, scenes, strict=True)]
+    camera = CAMERAS[kind](**application.parts(read[0]), **how)
+    taken, target = _shot(camera, read, scenes[0], output, Hardware.read(hardware), seed=seed)
+    _write(taken, target, output, {"camera": kind}, f"{kind} camera")
+
+
 def _taken(
     spec: CameraSpec,
     sensor: SensorSpec,
@@ -160,21 +204,49 @@ def _taken(
     **how: Any,
 ) -> tuple[Any, Path]:
     """A snapshot of scenes, and the file it goes to."""
-    from tmca.applications import application_of, simulate
-    from tmca.applications.pictures import snapshot_files
-    from tmca.lab.calibration.apply import bench_of
+    from tmca.applications import application_of
 
     application, faults = application_of(spec.kind), Hardware.read(hardware)
     scenes = [application.read(name, **reading) for name in names]
     say(scenes[0])
-    target = output.out or Path(f"{scenes[0].attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, spec.kind, output.figures), output.overwrite, names[0])
+    _check_target(_target(scenes, output), spec.kind, names[0], output)
     shape = {name: value for name, value in application.parts(scenes[0]).items() if name in spec.shape}
-    placed = bench_of(camera_for(spec, sensor, bench, **shape), calibration, code_files(spec))
-    seed = getattr(spec, "seed", 0)
+    camera = camera_for(spec, sensor, bench, **shape)
+    how |= {"calibration": calibration, "codes": code_files(spec), "seed": getattr(spec, "seed", 0)}
+    return _shot(camera, scenes, names[0], output, faults, **how)
+
+
+def _shot(
+    camera: Any,
+    scenes: list[Any],
+    name: str,
+    output: OutputOptions,
+    faults: Hardware,
+    calibration: Path | None = None,
+    codes: Sequence[Path] = (),
+    **how: Any,
+) -> tuple[Any, Path]:
+    """What a camera takes of scenes, and the file it goes to."""
+    from tmca.applications import simulate
+    from tmca.lab.calibration.apply import bench_of
+
+    target = _target(scenes, output)
+    _check_target(target, camera.kind, name, output)
+    placed = bench_of(camera, calibration, codes)
     with progress_bar(f"simulate: {target.name}") as progress:
-        taken = simulate(scenes, placed.camera, seed=seed, hardware=faults, progress=progress, **how)
+        taken = simulate(scenes, placed.camera, hardware=faults, progress=progress, **how)
     return placed.recorded(taken), target
+
+
+def _target(scenes: Sequence[Any], output: OutputOptions) -> Path:
+    return output.out or Path(f"{scenes[0].attrs['name']}_snapshot.nc")
+
+
+def _check_target(target: Path, kind: str, name: str, output: OutputOptions) -> None:
+    """Refuse files that exist, before the work is done."""
+    from tmca.applications.pictures import snapshot_files
+
+    check_targets(snapshot_files(target, kind, output.figures), output.overwrite, name)
 
 
 def _mapped(taken: Any) -> str:

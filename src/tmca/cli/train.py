@@ -109,7 +109,7 @@ def spectral(
     own: dict[str, Any] = {}
     read: Any = None
     if snapshot is not None:
-        from tmca.experiments.spectral.own_camera import training_of as training_of_capture
+        from tmca.training.snapshot_camera import training_of as training_of_capture
 
         own, read = training_of_capture(snapshot)
     changes = own | _changes(set_, train, validation, steps)
@@ -205,7 +205,7 @@ def _changes(
 def _run(kind: str, described: tuple[Any, ...], out: Path, accelerator: str, json: bool, load: Any = None) -> None:
     """Train, draw how it went, and say what came out; ``described`` is preset, file and changes of the settings."""
     from tmca.cli.tune import rank, run_with_bar
-    from tmca.experiments.training_figures import training_pictures
+    from tmca.reports.training import training_pictures
     from tmca.training import scene_reader, train, training_settings
 
     settings = training_settings(kind, *described)

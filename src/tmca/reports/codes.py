@@ -29,7 +29,7 @@ from tmca.design import (
     measures,
 )
 from tmca.errors import DataError
-from tmca.experiments.results import check_new, repository_commit
+from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure
 from tmca.reports.words import code_advice

@@ -15,7 +15,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.data.fitting import at_bands
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
 from tmca.errors import DataError, SettingError
-from tmca.experiments.results import check_new
+from tmca.evaluation.tables import check_new
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior, find_prior
 from tmca.priors.spectral_depth import needed_block

@@ -12,12 +12,12 @@ from torch import Tensor
 from tmca.cameras import CodedCamera, SpectralDepthCamera
 from tmca.decoders import Network, Weights
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
-from tmca.experiments.training_figures import training_pictures
 from tmca.operators import TapOperator
 from tmca.plots.cube import reconstruction_figure
 from tmca.plots.depth import before_after as depth_before_after
 from tmca.plots.light_field import light_field_figure
 from tmca.plots.style import save_figure
+from tmca.reports.training import training_pictures
 from tmca.training.captures import Pair
 
 if TYPE_CHECKING:

@@ -1,0 +1,120 @@
+"""Tables of results: rows from measured cells, JSON and CSV for programs, Markdown for people."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from math import isnan
+from pathlib import Path
+from typing import Any
+
+from tmca.decoders import decoders_for
+from tmca.errors import OutputError, SettingError
+
+Row = dict[str, Any]
+
+
+def decoder_labels(kind: str, shown: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Name → label of the decoders of a kind of camera, those of plug-ins included.
+
+    Args:
+        kind: of the camera.
+        shown: labels that differ from the decoder's own, and those of networks that are trained row by row; first.
+    """
+    known = {name: cls.label for name, cls in decoders_for(kind).items() if name != "network"}
+    return {**(shown or {}), **{name: label for name, label in known.items() if name not in (shown or {})}}
+
+
+def check_new(files: Iterable[Path], overwrite: bool) -> None:
+    """Refuse to start where earlier results would be replaced.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is False.
+    """
+    for file in files:
+        if file.exists() and not overwrite:
+            raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
+
+
+def check_counts(**counts: int) -> None:
+    """Raises SettingError for the first of these options that is below 1."""
+    for name, value in counts.items():
+        if value < 1:
+            raise SettingError(f"--{name}", str(value), "at least 1")
+
+
+def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
+    """Raises SettingError unless there are decoders, all of them known."""
+    unknown = [name for name in decoders if name not in known]
+    if unknown or not decoders:
+        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
+
+
+def write_table(results: Row, text: str, files: Sequence[Path], overwrite: bool) -> None:
+    """Results for programs into the first file, and for people into the second.
+
+    Raises:
+        OutputError: a file exists and ``overwrite`` is False, or cannot be written.
+    """
+    from tmca.data import write_json, write_text
+
+    write_json(results, files[0], overwrite=overwrite)
+    write_text(text, files[1], overwrite=overwrite)
+
+
+def by_scene(cells: Sequence[Row]) -> dict[str, dict[str, float]]:
+    """Means over seeds of every metric, scene by scene."""
+    groups = grouped(cells, "scene").items()
+    return {
+        scene: mean_over_scenes({str(i): cell["metrics"] for i, cell in enumerate(own)}) for (scene,), own in groups
+    }
+
+
+def mean_over_scenes(scenes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Mean of every metric over the scenes that have it."""
+    names = dict.fromkeys(name for scene in scenes.values() for name in scene)
+    known = {name: [scene[name] for scene in scenes.values() if name in scene] for name in names}
+    return {name: sum(values) / len(values) for name, values in known.items()}
+
+
+def grouped(cells: Sequence[Row], *names: str) -> dict[tuple[Any, ...], list[Row]]:
+    """Cells that agree in some settings, in the order in which these first occur."""
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for cell in cells:
+        groups.setdefault(tuple(cell[name] for name in names), []).append(cell)
+    return groups
+
+
+def csv_text(rows: Sequence[Row], columns: Sequence[str]) -> str:
+    """Rows as CSV, full precision."""
+    import pandas as pd
+
+    return pd.DataFrame(rows, columns=list(columns)).to_csv(index=False, float_format=lambda value: repr(float(value)))
+
+
+def markdown_table(rows: Sequence[Row], columns: Sequence[tuple[str, str, str]]) -> str:
+    """Rows as a Markdown table.
+
+    Args:
+        rows: dictionaries.
+        columns: (key, heading, format) of each column; a missing value, None or NaN, is left empty.
+    """
+    lines = ["| " + " | ".join(heading for _, heading, _ in columns) + " |", "|" + " --- |" * len(columns)]
+    for row in rows:
+        values = [(row.get(key), spec) for key, _, spec in columns]
+        lines.append("| " + " | ".join("" if _missing(value) else format(value, spec) for value, spec in values) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _missing(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and isnan(value))
+
+
+def repository_commit() -> str | None:
+    """Commit of the checkout that the package runs from (``-dirty`` with uncommitted changes), None outside of one."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
