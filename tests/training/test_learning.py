@@ -142,20 +142,20 @@ def test_a_moving_scene_is_an_augmentation(tmp_path):
 def test_a_loss_that_is_no_number_stops_and_names_batch_and_parameter(tmp_path):
     def poison(done, steps, said):
         if done == 4:
-            for group in held[0].optimizers["decoder"].param_groups:
+            for group in runs[0].optimizers["decoder"].param_groups:
                 group["params"][0].data.fill_(float("nan"))
 
-    held = []
+    runs = []
     import tmca.training.run as room
 
     original = room.Run
 
-    class Held(original):
+    class Noted(original):
         def __post_init__(self):
             super().__post_init__()
-            held.append(self)
+            runs.append(self)
 
-    room.Run = Held
+    room.Run = Noted
     try:
         with pytest.raises(TrainingError, match=r"step 5.*not finite.*(first|second) at row.*0000004"):
             tiny.train(tmp_path / "run", poison)

@@ -57,6 +57,7 @@ class DepthSystem(TrainingSystem):
         by_likelihood = bool(self.camera.learnable and likelihood_weight)
         if by_likelihood and self.prior is None:
             raise SettingError("prior", "none", "one for codes that learn from the likelihood")
+        self.tile_size = self.camera.tile_size
         self.windows = DepthWindows(self.prior) if by_likelihood else None
         self.margin, self.depth_weight = margin, depth_weight
         self.likelihood_weight, self.likelihood_every = likelihood_weight, likelihood_every

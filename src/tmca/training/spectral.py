@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -16,17 +16,16 @@ from tmca.training.settings import MaskCameraSettings, MaskTrainSettings
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 
 class SpectralCameraSettings(MaskCameraSettings):
-    """The spectral camera of a run; names as in `SpectralCamera`.
-
-    ``response`` is the sensor's, one value per band; ones without it.
-    """
+    """The spectral camera of a run; names as in `SpectralCamera`."""
 
     dispersion: float | tuple[float, ...] = 1.0
     disperser: Literal["single", "dual"] = "single"
     response: tuple[float, ...] | None = None
+    "Of the sensor, one value per band; ones without it."
 
 
 class SpectralTrainSettings(MaskTrainSettings):
@@ -97,3 +96,19 @@ class SpectralTraining(MaskTraining):
     def channels(self, scene: xr.DataArray, camera: Any) -> NDArray[np.float32]:
         """See `CameraTraining`: the bands."""
         return np.asarray(scene.values, dtype=np.float32)
+
+    def truth(self, path: str, camera: SpectralCamera, colours: bool) -> xr.DataArray:
+        """See `CameraTraining`."""
+        from tmca.data import nearest_bands
+        from tmca.data.scenes import load_scene
+
+        return nearest_bands(load_scene(path, bands=None, negative="keep"), camera.wavelengths)
+
+    def figure(
+        self, batches: Mapping[str, NDArray[np.float32]], truth: NDArray[np.float32], camera: SpectralCamera
+    ) -> Figure:
+        """See `CameraTraining`."""
+        from tmca.plots.cube import reconstruction_figure
+
+        cubes = {name: batch[0] for name, batch in batches.items()}
+        return reconstruction_figure(cubes, list(camera.wavelengths), truth[0])
