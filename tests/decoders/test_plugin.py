@@ -12,7 +12,7 @@ from conformance import CHECKS
 from tmca.cli import main
 from tmca.data import write_split
 from tmca.decoders import DECODERS, decoders_for
-from tmca.decoders.decoder import BrokenPlugin, load_plugins
+from tmca.decoders.registry import BrokenPlugin, load_plugins
 
 PACKAGE = '''
 from dataclasses import dataclass

@@ -17,6 +17,7 @@ from torch import Tensor
 
 import tmca
 from tmca.cameras import CAMERAS
+from tmca.codes.files import differing
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
@@ -180,8 +181,9 @@ class Weights:
     def differences(self, camera: Any) -> list[str]:
         """Variables and attributes that a camera has otherwise than the one of the training, size and sensor apart."""
         one, other = self.camera_for(camera.size).variables(), camera.variables()
-        named = [str(name) for name in one.data_vars if name not in other or not _alike(one[name], other[name])]
-        return named + [name for name in one.attrs if name not in _NO_MATTER and one.attrs[name] != other.attrs[name]]
+        return differing(one, other) + [
+            name for name in one.attrs if name not in _NO_MATTER and one.attrs[name] != other.attrs[name]
+        ]
 
     def load_prior(self) -> Any:
         """The prior that the network starts from; None where it needs none.
@@ -278,11 +280,6 @@ def _read(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, Tensor]]:
     if head.get("format") not in FORMATS:
         raise DataError(path, "a safetensors file of something else", "weights from `tmca train`")
     return path, json.loads(head["tmca"]), tensors
-
-
-def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
-    """Whether two variables of a camera are the same; heights, in metres, to a nanometre."""
-    return one.shape == other.shape and np.allclose(one.values, other.values, rtol=1e-5, atol=1e-9)
 
 
 def _variables(described: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.Dataset:
