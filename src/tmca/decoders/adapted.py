@@ -210,5 +210,10 @@ class AdaptedLMMSE(LMMSE):
     iterations: int = ITERATIONS
     tile: int | None = TILE
 
+    def __post_init__(self) -> None:
+        check_range("iterations", self.iterations, 0, whole=True)
+        if self.tile is not None:
+            check_range("tile", self.tile, 1, whole=True)
+
     def setup(self, camera: Any, prior: Any) -> AdaptedEstimator:
         return AdaptedEstimator(prior, camera.taps(), camera.noise, self.iterations, self.tile)
