@@ -52,6 +52,15 @@ def test_estimates_of_several_snapshots_and_slots_are_labelled():
     assert labelled["wavelength_nm"].dims == ("wavelength",)
 
 
+def test_a_batch_of_light_fields_that_are_no_colours_is_labelled_drawn_and_saved(tmp_path):
+    camera = camera_for(DECODERS["dagger"], "light-field")
+    one, other = (Estimate(torch.rand(2, *camera.scene_shape), camera, "dagger") for _ in range(2))
+    assert one.to_xarray()["estimate"].dims == ("snapshot", "view_v", "view_u", "y", "x")
+    assert one.save(tmp_path / "e.nc").exists()
+    assert "<img" in one._repr_html_()
+    assert one != other
+
+
 def test_a_camera_of_a_new_kind_is_labelled_and_drawn_by_what_it_says_of_its_scenes():
     class Slabs(SpectralCamera):
         kind = "slabs"

@@ -48,7 +48,7 @@ def camera_for(scene, **settings):
 @pytest.mark.parametrize("mixture", [False, True])
 def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, examples, mixture):
     snapshot = simulate(scene, camera_for(scene, slots=4, sensor=Sensor(read_noise=0.01)))
-    prior = small_mixture(examples) if mixture else learn_prior(examples, spread=BANDS - 1)
+    prior = small_mixture(examples) if mixture else learn_prior(examples, extent=BANDS - 1)
     method = "mixture" if mixture else "lmmse"
     found = reconstruct_snapshot(snapshot, method, prior=prior, truth=scene, uncertainty=True)
     plain = reconstruct_snapshot(snapshot, "dagger", truth=scene)
@@ -70,23 +70,23 @@ def test_total_variation_beats_the_least_norm_estimate(scene, method):
 def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
     snapshot = simulate(scene, camera_for(scene, slots=2, relay_blur=0.5))
     assert reconstruct_snapshot(snapshot, "admm-tv-joint", truth=scene).metrics["psnr"] > 20
-    prior = learn_prior(examples, spread=BANDS - 1)
+    prior = learn_prior(examples, extent=BANDS - 1)
     with pytest.raises(SettingError, match="relay blur"):
         reconstruct_snapshot(snapshot, "lmmse", prior=prior)
 
 
 def test_a_prior_of_another_camera_is_refused(scene, examples):
     snapshot = simulate(scene, camera_for(scene))
-    other = learn_prior([e[:3] for e in examples], spread=2)
+    other = learn_prior([e[:3] for e in examples], extent=2)
     with pytest.raises(ValueError, match="3"):
         reconstruct_snapshot(snapshot, "lmmse", prior=other)
     with pytest.raises(SettingError, match="mixture"):
-        reconstruct_snapshot(snapshot, "mixture", prior=learn_prior(examples, spread=3))
+        reconstruct_snapshot(snapshot, "mixture", prior=learn_prior(examples, extent=3))
 
 
 def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
     snapshot = simulate(scene, camera_for(scene))
-    prior = learn_prior(examples, spread=3)
+    prior = learn_prior(examples, extent=3)
     found = reconstruct_snapshot(snapshot, "lmmse", prior=prior, truth=scene, uncertainty=True)
     path = found.save(tmp_path / "e.nc")
     with xr.open_dataset(path) as data:
@@ -198,7 +198,7 @@ def test_the_comparison_trains_networks_without_validation_scenes(splits, tmp_pa
 @pytest.mark.slow
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
     monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("tmca.priors.prior._VIEWS_SIZE", (40, 48))
+    monkeypatch.setattr("tmca.priors.finding._VIEWS_SIZE", (40, 48))
     found = run_demo(tmp_path / "demo", size=(40, 48))
     assert len(found["rows"]) == 10
     assert [row["throughput"] for row in found["light_field"]] == pytest.approx([0.5, 1 / 16], rel=0.2)

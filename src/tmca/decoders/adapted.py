@@ -23,15 +23,9 @@ from tmca.decoders.lmmse import (
 )
 from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
+from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.expected import error_moments, refitted
-from tmca.priors.gaussian import (
-    BlockGrid,
-    BlockModel,
-    BlockPosterior,
-    GaussianPrior,
-    GaussianSolver,
-    sufficient_precision,
-)
+from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver, sufficient_precision
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128

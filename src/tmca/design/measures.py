@@ -9,7 +9,7 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.design.expected_error import windows
-from tmca.priors.gaussian import BlockModel
+from tmca.priors.blocks import BlockModel
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def _prior_of(cell: Settings, camera: SpectralCamera) -> Path:
             "train": cell["train"],
             "checksums": cell["checksums"],
             "bands": cell["bands"],
-            "spread": camera.dispersion.spread,
+            "spread": camera.dispersion.extent,
             "mixture": kind == "mixture",
         }
     )

@@ -111,6 +111,6 @@ def _learn(scenes: Sequence[Path], work: Path, bands: int, decoders: Sequence[st
         file = work / f"prior-{kind}-{cell_key(identity)}.nc"
         if not file.exists():
             cubes = [load_scene(scene, bands=bands) for scene in scenes]
-            learn_prior(cubes, None, prior, spread=bands - 1).save(file)
+            learn_prior(cubes, None, prior, extent=bands - 1).save(file)
         files |= dict.fromkeys(users, file)
     return files
