@@ -168,7 +168,7 @@ def test_a_prior_at_other_bands_and_options_that_do_not_apply(capsys):
     small_snapshot()
     example = select_bands(rendered_scene("astronaut", size=(48, 48))["radiance"], 12)
     shifted = example.assign_coords(wavelength=example["wavelength"] + 20e-9)
-    learn_prior([shifted], spread=11, block=(2, 30)).save("prior.nc")
+    learn_prior([shifted], extent=11, block=(2, 30)).save("prior.nc")
     assert "420" in refused(capsys, "reconstruct", "s_snapshot.nc", "--prior", "prior.nc")
     assert "prior" in refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--prior", "prior.nc")
     assert "--tv-weight" in refused(capsys, "reconstruct", "s_snapshot.nc", "-d", "dagger", "--tv-weight", "0.1")

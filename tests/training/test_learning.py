@@ -51,7 +51,7 @@ def test_the_derivative_to_smooth_codes_passes_operator_start_and_network(kind, 
     for parameter in network.parameters():
         parameter.data = torch.randn(parameter.shape, generator=generator, dtype=torch.float64) * 0.1
     scene = torch.rand(1, 2, 4, 5, generator=generator, dtype=torch.float64)
-    shutter = torch.rand(2, 4, 5 + dispersion.spread, generator=generator, dtype=torch.float64)
+    shutter = torch.rand(2, 4, 5 + dispersion.extent, generator=generator, dtype=torch.float64)
 
     def loss(latent):
         operator = single_disperser(torch.sigmoid(latent), shutter, dispersion)

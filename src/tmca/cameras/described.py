@@ -208,7 +208,7 @@ def _middle(patterns: Tensor, plane: str, arguments: dict[str, Any], shape: dict
     """Patterns larger than the plane they are for: their middle."""
     wide = plane == ("shutter" if arguments.get("disperser", "single") == "single" else "aperture")
     count = shape["bands"] if isinstance(shape["bands"], int) else len(shape["bands"])
-    wider = Dispersion.of(arguments.get("dispersion", 1.0), count).spread if wide else 0
+    wider = Dispersion.of(arguments.get("dispersion", 1.0), count).extent if wide else 0
     rows, columns = shape["size"][0], shape["size"][1] + wider
     height, width = patterns.shape[-2:]
     if (height, width) == (rows, columns) or height < rows or width < columns:

@@ -14,7 +14,7 @@ from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
 from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.errors import SettingError
-from tmca.optics import Dispersion, ViewShear, gaussian_spread
+from tmca.optics import Dispersion, ViewShear, gaussian_psf
 from tmca.optics.zernike import noll, zernike_modes
 from tmca.sensor import Sensor
 from tmca.specs.hardware import Hardware
@@ -88,7 +88,7 @@ def _dispersed(dispersion: Dispersion, error: float) -> dict[str, Any]:
     """A dispersion that is stretched about its middle, on the sensor that was laid out for the right one."""
     middle = (min(dispersion.displacement) + max(dispersion.displacement)) / 2
     stretched = Dispersion(tuple(middle + (d - middle) * (1 + error) for d in dispersion.displacement))
-    ends = [(one.origin, one.origin + one.spread) for one in (dispersion, stretched)]
+    ends = [(one.origin, one.origin + one.extent) for one in (dispersion, stretched)]
     first, last = min(begin for begin, _ in ends), max(end for _, end in ends)
     wide = WideDispersion(stretched.displacement, first, last - first)
     return {"dispersion": wide, "beside": (ends[0][0] - first, last - ends[0][1])}
@@ -184,7 +184,7 @@ class FaultyCodes(nn.Module):
     ) -> None:
         super().__init__()
         self.codes, self.faults, self.hardware, self.size, self.outside = codes, shutter, hardware, size, outside
-        self.kernel = gaussian_spread(blur, 1) if blur else None
+        self.kernel = gaussian_psf(blur, 1) if blur else None
 
     @property
     def learnable(self) -> bool:
@@ -282,7 +282,7 @@ class WideDispersion(Dispersion):
         return int(self.first)  # type: ignore[attr-defined]
 
     @property
-    def spread(self) -> int:
+    def extent(self) -> int:
         """Columns that the snapshot is wider than the scene."""
         return int(self.wider)  # type: ignore[attr-defined]
 

@@ -61,6 +61,7 @@ class LightFieldCamera(CodedCamera):
 
     kind = "light-field"
     channel = "view"
+    views: tuple[int, int]  # (V, U)
     presets = PRESETS
     from_scene = ("views", "size")
     needed = ("aperture", "shutter", "vignetting")
@@ -82,9 +83,9 @@ class LightFieldCamera(CodedCamera):
         **coding: Any,
     ) -> None:
         super().__init__((270, 480) if size is None else size, slots, exposure, sensor)
-        grid = view_grid(5 if views is None else views)
-        self.shear = ViewShear(grid, shear, mask_scale)  # type: ignore[arg-type]
-        self._hold_response(torch.ones(grid) if vignetting is None else vignetting, "vignetting", grid)
+        self.views = view_grid(5 if views is None else views)
+        self.shear = ViewShear(self.views, shear, mask_scale)  # type: ignore[arg-type]
+        self._hold_response(torch.ones(self.views) if vignetting is None else vignetting, "vignetting", self.views)
         self._hold_codes(codes, self.mask_size, self.size, **coding)
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
@@ -107,11 +108,6 @@ class LightFieldCamera(CodedCamera):
         """
         shear = geometry.shear(mask_pitch)
         return cls(shear.views, size, shear=shear.step, mask_scale=shear.scale, **settings)
-
-    @property
-    def views(self) -> tuple[int, int]:
-        """(V, U)."""
-        return self.shear.views
 
     @property
     def mask_size(self) -> tuple[int, int]:

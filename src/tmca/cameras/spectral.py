@@ -25,7 +25,7 @@ from tmca.operators import (
     single_disperser,
     sum_by_channel,
 )
-from tmca.optics import Dispersion, gaussian_spread
+from tmca.optics import Dispersion, gaussian_psf
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,15 +102,16 @@ class SpectralCamera(BandCamera, CodedCamera):
         check_choice("disperser", disperser, DISPERSERS)
         self.disperser, self.beside = disperser, beside
         self.dispersion = Dispersion.of(dispersion, self.bands)
+        self.dispersion_extent = self.dispersion.extent
         self.relay_blur = relay_blur
-        gaussian_spread(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
+        gaussian_psf(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
         if self.blurred and disperser == "dual":
             raise SettingError("disperser", "'dual' with relay blur", "'single', or no blur")
         self._hold_response(torch.ones(self.bands) if response is None else response, "response", (self.bands,))
         if coloured is not None:
             self._check_coloured(coloured)
         self.register_buffer("coloured", coloured)
-        wide = (self.size[0], self.size[1] + self.dispersion.spread - sum(beside))
+        wide = (self.size[0], self.size[1] + self.dispersion.extent - sum(beside))
         self._hold_codes(codes, *((self.size, wide) if disperser == "single" else (wide, self.size)), **coding)
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
@@ -129,7 +130,7 @@ class SpectralCamera(BandCamera, CodedCamera):
     @property
     def snapshot_shape(self) -> tuple[int, int, int]:
         """(1, H, W'): wider than the scene behind a single disperser."""
-        wider = self.dispersion.spread - sum(self.beside) if self.disperser == "single" else 0
+        wider = self.dispersion.extent - sum(self.beside) if self.disperser == "single" else 0
         return (1, self.size[0], self.size[1] + wider)
 
     @property
@@ -236,8 +237,8 @@ class SpectralCamera(BandCamera, CodedCamera):
             raise SettingError("disperser", other, "'single' and binary codes for relay blur or a moving scene")
         top, left, height, width = part or (0, 0, *self.size)
         aperture, shutter = (plane[:, top : top + height, left:] for plane in self._wide_codes())
-        planes = aperture[..., :width], shutter[..., : width + self.dispersion.spread]
-        blur = gaussian_spread(self.relay_blur, self.bands).to(self.response) if self.blurred else None
+        planes = aperture[..., :width], shutter[..., : width + self.dispersion.extent]
+        blur = gaussian_psf(self.relay_blur, self.bands).to(self.response) if self.blurred else None
         slotwise = SlotwiseDisperser(*planes, self.dispersion, self.response, self.exposure, blur, moving)
         return self._on_sensor(slotwise)
 

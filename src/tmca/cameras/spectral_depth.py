@@ -182,6 +182,7 @@ class SpectralDepthCamera(BandCamera):
         self._hold_bands(8 if bands is None else bands)
         self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
         self.bench, self.period = bench or PhaseMaskBench(), int(period)
+        self.psf_window = self.bench.window
         check_choice("image formation", image_formation, IMAGE_FORMATIONS)
         self.image_formation = image_formation
         self.register_buffer("response", channel_response(channels, self.wavelengths))
@@ -388,11 +389,10 @@ def _shutter_plane(
     """K shutter patterns on a sensor (H, W), tiled unless they are given for all of it."""
     if isinstance(shutter, nn.Module):
         return shutter.resized(size) if isinstance(shutter, CodePlane) else shutter  # type: ignore[return-value]
-    tile, own_seed = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period, 2 * seed + 1
-    plane = CodePlane(shutter, slots, size, period=tile, seed=own_seed, learnable=learnable, name="shutter")
+    tile, seed = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period, 2 * seed + 1
+    plane = CodePlane(shutter, slots, size, period=tile, seed=seed, learnable=learnable, name="shutter")
     if isinstance(shutter, str) and shutter == "one-hot":
         if slots > period**2:
-            expected = f"at most {period**2}, the pixels of its period"
-            raise SettingError("slots", f"{slots} with a one-hot shutter", expected, "take a longer period")
-        plane.show(one_hot_planes(balanced_choice(slots, (period, period), own_seed), slots))
+            raise SettingError("slots", f"{slots} with a one-hot shutter", f"at most {period}²", "take a longer period")
+        plane.show(one_hot_planes(balanced_choice(slots, (period, period), seed), slots))
     return plane

@@ -6,7 +6,7 @@ import json as json_module
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from tmca.cli.cameras import CAMERA, READING, SENSOR
 from tmca.cli.options.numbers import MaybeWhole, Whole
@@ -26,7 +26,7 @@ def learn(
     split: Path | None = None,
     bands: Whole = 12,
     all_bands: bool = False,
-    spread: MaybeWhole = None,
+    extent: Annotated[MaybeWhole, Parameter(name="--spread")] = None,
     like: Path | None = None,
     reading: Annotated[CubeReading, READING] = _CUBE,
     figure: Path | None = None,
@@ -42,7 +42,7 @@ def learn(
         split: a split file whose scenes are added.
         bands: nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the files instead.
-        spread: pixels between the first and the last band on the sensor; one per band without it.
+        extent: pixels between the first and the last band on the sensor; one per band without it.
         like: snapshot of the spectral-depth camera, for whose bands and point spread functions the prior is.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
@@ -59,7 +59,7 @@ def learn(
             mixture=mixture,
             split=split,
             bands=None if all_bands else bands,
-            spread=spread,
+            extent=extent,
             like=like,
             reading=reading.given(),
             seed=seed,

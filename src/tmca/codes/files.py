@@ -41,6 +41,15 @@ def tensors(dataset: xr.Dataset, *names: str) -> dict[str, Tensor]:
     return {name: torch.from_numpy(np.array(dataset[name].values, dtype=np.float32)) for name in names}
 
 
+def differing(one: xr.Dataset, other: xr.Dataset) -> list[str]:
+    """Variables of one camera that another does not have, or has otherwise; heights, in metres, to a nanometre."""
+    return [str(name) for name in one.data_vars if name not in other or not _alike(one[name], other[name])]
+
+
+def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
+    return one.shape == other.shape and np.allclose(one.values, other.values, rtol=1e-5, atol=1e-9)
+
+
 def json_attribute(attrs: Mapping[Any, Any], name: str, default: Any, where: str) -> Any:
     """An attribute that holds JSON.
 

@@ -23,15 +23,9 @@ from tmca.decoders.lmmse import (
 )
 from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
+from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.expected import error_moments, refitted
-from tmca.priors.gaussian import (
-    BlockGrid,
-    BlockModel,
-    BlockPosterior,
-    GaussianPrior,
-    GaussianSolver,
-    sufficient_precision,
-)
+from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver, sufficient_precision
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128
@@ -209,6 +203,11 @@ class AdaptedLMMSE(LMMSE):
     name, label, cameras = "lmmse-adapted", "LMMSE adapted", frozenset({"spectral"})
     iterations: int = ITERATIONS
     tile: int | None = TILE
+
+    def __post_init__(self) -> None:
+        check_range("iterations", self.iterations, 0, whole=True)
+        if self.tile is not None:
+            check_range("tile", self.tile, 1, whole=True)
 
     def setup(self, camera: Any, prior: Any) -> AdaptedEstimator:
         return AdaptedEstimator(prior, camera.taps(), camera.noise, self.iterations, self.tile)

@@ -15,7 +15,8 @@ from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import BlockGrid, BlockModel, GaussianSolver
+from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.priors.gaussian import GaussianSolver
 from tmca.priors.mixture import MixtureSolver
 from tmca.sensor import Noise
 

@@ -67,7 +67,7 @@ class Dispersion:
         return floor(min(self.displacement))
 
     @property
-    def spread(self) -> int:
+    def extent(self) -> int:
         """Columns that the snapshot is wider than the scene: ⌈max d⌉ - ⌊min d⌋."""
         return ceil(max(self.displacement)) - self.origin
 
@@ -82,7 +82,7 @@ class Dispersion:
         return tuple(taps)
 
 
-def gaussian_spread(sigma: float | Sequence[float], bands: int, radius: int | None = None) -> Tensor:
+def gaussian_psf(sigma: float | Sequence[float], bands: int, radius: int | None = None) -> Tensor:
     """(L, 2·radius+1, 2·radius+1) blur of the relay optics between mask and sensor: Gaussians of unit energy.
 
     Args:

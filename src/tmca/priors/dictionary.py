@@ -25,7 +25,7 @@ from tmca.priors.statistics import checked_cubes
 _CORESET, _TESTED, _SWEEPS = 8000, 2048, 200
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PatchDictionary(Prior):
     """Patches x of shape (L, h, w) as ``mean + Σ_k c_k atom_k`` with few coefficients c (Marwah et al. 2013).
 
@@ -47,6 +47,8 @@ class PatchDictionary(Prior):
     kind: ClassVar[str] = "dictionary"
     called: ClassVar[str] = "a dictionary"
     argument: ClassVar[str] = "dictionary"
+    of_views: ClassVar[bool] = True
+    of_rendered: ClassVar[bool] = False
     learned_by: ClassVar[str] = "`tmca prior learn-views … --dictionary --out …`"
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {"atom": ("number", "view", "y", "x"), "scale": ("number",)}
     wavelengths: ClassVar[None] = None
@@ -134,6 +136,7 @@ class PatchDictionary(Prior):
 
     def sample(self, count: int, seed: int) -> Tensor:
         """(count, L, h, w) random blocks: Laplacian coefficients, which the LASSO has in mind, around random means."""
+        check_range("count", count, 1, whole=True)
         generator = torch.Generator().manual_seed(seed)
         uniform = torch.rand(count, len(self.atoms), generator=generator, dtype=torch.float64) - 0.5
         codes = -self.scales * uniform.sign() * (1 - 2 * uniform.abs()).log()

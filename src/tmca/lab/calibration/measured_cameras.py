@@ -158,7 +158,7 @@ def spectral_camera(camera: SpectralCamera, calibration: Calibration, sensor: Se
     if measured is not None:
         own = measured.response_at(camera.wavelengths)
         response = own * response.sum() / own.sum()
-    place = Columns(camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.spread)
+    place = Columns(camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.extent)
     return SpectralCamera(
         camera.wavelengths, camera.size, camera.slots, aperture=_codes(planes),
         shutter=_codes(place.laid(_open_shutter(shutter, calibration))), exposure=camera.exposure,
