@@ -15,7 +15,6 @@ from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.decoders import Weights, decode
 from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary, learn_prior
 
-
 SCENE = {"views": 3, "size": (24, 30)}
 
 

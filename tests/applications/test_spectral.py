@@ -66,7 +66,7 @@ def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
     snapshot = simulate(scene, camera_for(scene, slots=2, relay_blur=0.5))
     assert psnr_of(decode(snapshot, "admm-tv-joint"), scene) > 20
     prior = learn_prior(examples, extent=BANDS - 1)
-    with pytest.raises(SettingError, match="relay blur"):
+    with pytest.raises(SettingError, match=r"relay.blur"):
         decode(snapshot, "lmmse", prior=prior)
 
 

@@ -16,7 +16,7 @@ SETTINGS = {
     SpectralCamera: [
         ({"bands": 0}, "bands"), ({"bands": [550.0, 600.0]}, "bands"), ({"size": (0, 4)}, "size"),
         ({"exposure": "mean"}, "exposure"), ({"disperser": "triple"}, "disperser"),
-        ({"shutter": "oneshot"}, "pattern family"),
+        ({"shutter": "oneshot"}, "shutter"),
         ({"response": [1.0]}, "response"), ({"dispersion": [1.0, 2.0]}, "dispersion"),
         ({"bands": 3, "size": (6, 7), "coloured": torch.ones(4, 6, 7)}, "coloured"),
         *(({"bands": 4, "size": (6, 7), "coloured": torch.ones(4, 6, 7), **more}, "coloured")
@@ -28,7 +28,7 @@ SETTINGS = {
         *(({**VIEWS, "vignetting": share}, "vignetting")
           for share in (torch.ones(3, 3), -torch.ones(5, 5), [[1.0], [1.0, 2.0]], "dark")),
         *(({**VIEWS, "mask_scale": scale}, "mask_scale") for scale in (-1.0, "wide")),
-        ({**VIEWS, "aperture": torch.ones(8, 8, 9)}, "aperture"), ({**VIEWS, "shutter": "half"}, "pattern family"),
+        ({**VIEWS, "aperture": torch.ones(8, 8, 9)}, "aperture"), ({**VIEWS, "shutter": "half"}, "shutter"),
         ({**VIEWS, "exposure": "long"}, "exposure"), ({**VIEWS, "learnable": "mask"}, "learnable"),
     ],
     depth_camera: [
@@ -37,8 +37,8 @@ SETTINGS = {
         ({"filters": torch.ones(4, 2)}, "filters"), ({"filters": 2 * torch.ones(4, 3)}, "filters"),
         ({"cells": torch.tensor([[0, 7], [1, 2]])}, "cells"), ({"channels": torch.ones(2, 5)}, "channels"),
         ({"channels": "cmyk"}, "channels"), ({"depth": (2.0, 0.4)}, "depth"), ({"learnable": "lens"}, "learnable"),
-        ({"image_formation": "ray"}, "image formation"), ({"shutter": "one-hot", "slots": 5, "period": 2}, "slots"),
-        ({"bands": (250e-9, 550e-9), "bench": PhaseMaskBench(material="PMMA")}, "PMMA"),
+        ({"image_formation": "ray"}, "image_formation"), ({"shutter": "one-hot", "slots": 5, "period": 2}, "slots"),
+        ({"bands": (250e-9, 550e-9), "bench": PhaseMaskBench(material="PMMA")}, "material"),
     ],
 }  # fmt: skip
 

@@ -95,7 +95,7 @@ def rewritten(tmp_path, change):
         (lambda d: d.assign_attrs(dispersion_axis="y"), "dispersion_axis"),
         (lambda d: d.assign_attrs(origin=7), "origin 7"),
         (lambda d: d.assign_coords(x_sensor=d["x_sensor"] + 7), "origin 7"),
-        (lambda d: d.assign_attrs(relay_blur='"x"'), "relay blur"),
+        (lambda d: d.assign_attrs(relay_blur='"x"'), "relay_blur"),
         (lambda d: d.assign(aperture=d["aperture"] + 3), "aperture"),
     ],
 )

@@ -43,5 +43,5 @@ def test_impossible_dispersions_are_refused():
         Dispersion(())
     with pytest.raises(SettingError, match="nan"):
         Dispersion((0.0, float("nan")))
-    with pytest.raises(SettingError, match="relay blur"):
+    with pytest.raises(SettingError, match="relay_blur"):
         gaussian_psf([1.0, -1.0], 2)

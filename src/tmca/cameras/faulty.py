@@ -8,10 +8,12 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import Camera, CodedCamera
+from tmca.cameras.camera import Camera
+from tmca.cameras.coded import CodedCamera
 from tmca.cameras.light_field import LightFieldCamera
+from tmca.cameras.phase_parts import PhaseCodes
 from tmca.cameras.spectral import SpectralCamera
-from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
+from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear, gaussian_psf
@@ -75,7 +77,8 @@ def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int, outside: Ou
     if hardware.dispersion_error:
         parts |= _dispersed(camera.dispersion, hardware.dispersion_error)
     if hardware.blur:
-        sigmas = camera.relay_blur if isinstance(camera.relay_blur, list) else [camera.relay_blur] * camera.bands
+        blurs = camera.relay_blur
+        sigmas = [blurs] * camera.bands if isinstance(blurs, float) else blurs
         parts["relay_blur"] = [(sigma**2 + hardware.blur**2) ** 0.5 for sigma in sigmas]
     if camera.coloured is not None:
         _check_coloured(hardware)

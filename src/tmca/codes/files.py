@@ -62,6 +62,18 @@ def json_attribute(attrs: Mapping[Any, Any], name: str, default: Any, where: str
         raise DataError(where, f"attribute {name} = {attrs[name]!r}", "JSON", "correct or delete it") from error
 
 
+def number_attribute(attrs: Mapping[Any, Any], name: str, where: str) -> float:
+    """An attribute that is a finite number.
+
+    Raises:
+        DataError: it is none.
+    """
+    value = np.asarray(attrs[name])
+    if value.size != 1 or value.dtype.kind not in "uif" or not np.isfinite(value).all():
+        raise DataError(where, f"attribute {name} = {attrs[name]!r}", "a finite number", "correct it")
+    return float(value.item())
+
+
 @dataclass(frozen=True)
 class CodesFile:
     """What a codes file holds.

@@ -98,7 +98,7 @@ def gaussian_psf(sigma: float | Sequence[float], bands: int, radius: int | None 
     except (TypeError, ValueError):
         sigmas = []
     if len(sigmas) != bands or not all(0 <= s < inf for s in sigmas):
-        raise SettingError("relay blur", str(sigma), f"one or {bands} standard deviations ≥ 0, in pixels")
+        raise SettingError("relay_blur", str(sigma), f"one or {bands} standard deviations ≥ 0, in pixels")
     reach = radius if radius is not None else max(1, round(3 * max(sigmas)))
     axis = torch.arange(-reach, reach + 1, dtype=torch.float64)
     lines = [torch.exp(-(axis**2) / (2 * s**2)) if s > 0 else (axis == 0).double() for s in sigmas]
