@@ -17,7 +17,7 @@ def study(file: Path, *, out: Path = Path("results"), work: Path | None = None, 
     Writes NAME.json, NAME.csv and NAME.md for NAME.yaml. Finished cells stay in --work: a run that was stopped resumes.
 
     Args:
-        file: the study; docs/training.md shows one.
+        file: the study; docs/studies.md shows one.
         out: folder of the results.
         work: folder of priors, codes, trainings and finished cells; runs/study-NAME without it.
     """
