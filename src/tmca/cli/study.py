@@ -11,7 +11,7 @@ from tmca.cli.progress import cell_done
 _GRID = GridOptions()
 
 
-def study(file: Path, *, out: Path = Path("results"), work: Path | None = None, grid: GridOptions = _GRID) -> None:
+def study(file: Path, /, *, out: Path = Path("results"), work: Path | None = None, grid: GridOptions = _GRID) -> None:
     """Codes, noises, decoders and seeds of a YAML file over its test scenes: a comparison of your own.
 
     Writes NAME.json, NAME.csv and NAME.md for NAME.yaml. Finished cells stay in --work: a run that was stopped resumes.
