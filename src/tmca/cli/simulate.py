@@ -183,7 +183,7 @@ def any_camera(
     if not scenes:
         raise SettingError(f"simulate {kind}", "no scene", "a file or a rendered scene such as coffee")
     texts = {name: values[0] for name, values in named_values(set_ or (), "--set").items()}
-    how = {**application.settings_of(texts), "sensor": Sensor(**sensor.model_dump())}
+    how: dict[str, Any] = {**application.settings_of(texts), "sensor": Sensor(**sensor.model_dump())}
     read: list[Any] = [application.read(name) for name in scenes]
     read = [one if middle is None else middle_of(one, middle, name) for one, name in zip(read, scenes, strict=True)]
     camera = CAMERAS[kind](**application.parts(read[0]), **how)

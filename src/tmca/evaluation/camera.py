@@ -138,7 +138,7 @@ class CameraEvaluation:
     def _middle(self, source: str, reading: Settings) -> Scene:
         whole: Any = self.load(source, reading)
         size = reading.get("size")
-        return whole if size is None else middle_of(whole, (size[0], size[1]), source)  # type: ignore[no-any-return]
+        return whole if size is None else middle_of(whole, (size[0], size[1]), source)
 
     def check_scenes(self, learned: Sequence[str], measured: Sequence[str], reading: Settings) -> None:
         """Read every scene as cells will, so that one that cannot be used is named before anything is made."""
