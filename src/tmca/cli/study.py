@@ -11,13 +11,13 @@ from tmca.cli.progress import cell_done
 _GRID = GridOptions()
 
 
-def study(file: Path, *, out: Path = Path("results"), work: Path | None = None, grid: GridOptions = _GRID) -> None:
+def study(file: Path, /, *, out: Path = Path("results"), work: Path | None = None, grid: GridOptions = _GRID) -> None:
     """Codes, noises, decoders and seeds of a YAML file over its test scenes: a comparison of your own.
 
     Writes NAME.json, NAME.csv and NAME.md for NAME.yaml. Finished cells stay in --work: a run that was stopped resumes.
 
     Args:
-        file: the study; docs/training.md shows one.
+        file: the study; docs/studies.md shows one.
         out: folder of the results.
         work: folder of priors, codes, trainings and finished cells; runs/study-NAME without it.
     """

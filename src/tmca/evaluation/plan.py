@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from tmca.data.scene_names import identity_of
 from tmca.evaluation.camera import EXAMPLES, Place
@@ -121,6 +122,7 @@ class Plan:
         study, own = self.study, self.study.codes[code]
         kind = study.prior_kind(decoder)
         shown = (study.shown is None or (code, decoder) in study.shown) and noise == study.shown_noise
+        options = {} if weights else study.options.get(decoder, {})
         settings = study.settings if codes else {**study.settings, **own.camera}
         for place in self.places:
             if not place.takes(kind):
@@ -128,10 +130,10 @@ class Plan:
             yield Measurement(
                 name=f"{place.name} · {code} · {noise} · {study.decoder_labels[decoder]} · seed {seed}",
                 camera=study.camera, code=code, noise=noise, decoder=decoder, seed=seed, scene=place.scene,
-                source=place.source, identity=place.identity, reading=place.reading,
+                source=place.source, identity=_identity(place.identity, options), reading=place.reading,
                 settings=self.own.row_settings({**settings, "seed": seed}, self.reading),
                 sensor=study.noises[noise], codes=codes,
-                camera_of=camera_of, weights=weights, options={} if weights else study.options.get(decoder, {}),
+                camera_of=camera_of, weights=weights, options=options,
                 prior=None if weights or kind is None else priors.get(kind), about=place.about,
                 save=shown and place.shown and seed == study.seed,
             )  # fmt: skip
@@ -200,3 +202,9 @@ class Plan:
                     file = None if shown else codes.get((name, noise, seed))
                     found += self._row(name, noise, decoder, seed, priors, codes=file, camera_of=shown, weights=used)
         return found
+
+
+def _identity(scene: Any, options: Settings) -> Any:
+    """What tells that a scene, or the weights that a decoder is given, have changed."""
+    weights = options.get("weights")
+    return scene if weights is None else [scene, identity_of(str(weights))]

@@ -14,7 +14,7 @@ from tmca.evaluation.grid import Grid, Measured, Settings, Timed
 from tmca.evaluation.pages import page_of
 from tmca.evaluation.plan import Plan
 from tmca.evaluation.study import Study, named
-from tmca.evaluation.tables import Row, check_counts, check_decoders, check_new, csv_text, write_table
+from tmca.evaluation.tables import Row, check_counts, check_decoders, check_new, check_weights, csv_text, write_table
 
 
 def run_study(
@@ -51,6 +51,8 @@ def run_study(
     """
     check_counts(jobs=jobs)
     check_decoders(study.decoders, study.decoder_labels)
+    for name in study.decoders:
+        check_weights(name, study.options.get(name, {}), "options.network.weights of the study")
     train, test, validation = (named(scenes) for scenes in vars(study.scenes).values())
     if not test:
         raise SettingError("--test", "no scenes", "scenes or split files")

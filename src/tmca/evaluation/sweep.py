@@ -152,7 +152,8 @@ def _measurements(
         common["reading"] = sweep.own.measured_reading(sweep.reading)
         for source, scene in names.items():
             about: Settings = {"name": f"{scene}: {label}", "scene": scene, "source": source}
-            identity = [identity_of(source), identity_of(codes) if codes else None]
+            files = (codes, options.get("weights"))
+            identity = [identity_of(source), *(identity_of(str(file)) if file else None for file in files)]
             cells.append(Measurement(**about, identity=identity, **common))
     return cells
 

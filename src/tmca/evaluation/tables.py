@@ -21,7 +21,7 @@ def decoder_labels(kind: str, shown: Mapping[str, str] | None = None) -> dict[st
         kind: of the camera.
         shown: labels that differ from the decoder's own, and those of networks that are trained row by row; first.
     """
-    known = {name: cls.label for name, cls in decoders_for(kind).items() if name != "network"}
+    known = {name: cls.label for name, cls in decoders_for(kind).items()}
     return {**(shown or {}), **{name: label for name, label in known.items() if name not in (shown or {})}}
 
 
@@ -48,6 +48,12 @@ def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     unknown = [name for name in decoders if name not in known]
     if unknown or not decoders:
         raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
+
+
+def check_weights(decoder: str, settings: Mapping[str, Any], where: str) -> None:
+    """Raises SettingError for the decoder ``network`` without weights; networks of a study bring what it trained."""
+    if decoder == "network" and not settings.get("weights"):
+        raise SettingError(where, "none for the decoder network", "a run or file of `tmca train`")
 
 
 def write_table(results: Row, text: str, files: Sequence[Path], overwrite: bool) -> None:
