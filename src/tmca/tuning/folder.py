@@ -39,17 +39,17 @@ def find_pairs(folder: str | Path) -> list[PairFiles]:
     if not folder.is_dir():
         raise DataError(folder, "no such folder", "one of captures NAME.nc with NAME_truth.nc", "check the path")
     captures = [f for f in sorted(folder.iterdir()) if f.suffix in _SNAPSHOTS and not f.stem.endswith(_TRUTH)]
-    found = [_pair(file) for file in captures if not file.name.startswith(".")]
-    names = [pair.name for pair in found]
+    pairs = [_pair(file) for file in captures if not file.name.startswith(".")]
+    names = [pair.name for pair in pairs]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise DataError(folder, f"two captures called {twice[0]}", "one of each name", "rename one and its truth")
     if stray := sorted({name for name in map(_truth_of, folder.iterdir()) if name} - set(names)):
         wanted = f"{stray[0]}.nc beside it"
         raise DataError(folder, f"a truth {stray[0]}{_TRUTH} without a capture", wanted, "add it or move the truth")
-    if not found:
+    if not pairs:
         remedy = "tmca capture --snapshot NAME.nc and tmca scan join --out NAME_truth.nc write them"
         raise DataError(folder, "no captures", "NAME.nc, each with NAME_truth.nc", remedy)
-    return found
+    return pairs
 
 
 def _pair(capture: Path) -> PairFiles:
