@@ -29,8 +29,11 @@ class LightFieldCameraSettings(MaskCameraSettings):
 
     size: tuple[int, int] = (270, 480)
     views: Whole = 5
+    "n of n×n views."
     shear: float | tuple[float, float] = 1.0
+    "Mask pixels per view, along both axes or each."
     mask_scale: float = 1.0
+    "Mask pixels per sensor pixel, as the sensor sees them."
 
 
 class LightFieldDataSettings(DataSettings):

@@ -23,7 +23,9 @@ class SpectralCameraSettings(MaskCameraSettings):
     """The spectral camera of a run; names as in `SpectralCamera`."""
 
     dispersion: float | tuple[float, ...] = 1.0
+    "Pixels per band, or the displacement of every band."
     disperser: Literal["single", "dual"] = "single"
+    "How many prisms there are: behind the aperture alone, or before it too."
     response: tuple[float, ...] | None = None
     "Of the sensor, one value per band; ones without it."
 

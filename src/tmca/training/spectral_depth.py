@@ -41,27 +41,38 @@ class SpectralDepthCameraSettings(CameraSettings):
     so is the number of slots that is not given."""
 
     preset: str = "quick"
+    "Camera that says what is not said here."
     size: tuple[int, int] = (64, 64)
     "Of the patches: point spread functions and tiles fit any."
     slots: Whole = 4
     depth: tuple[float, float] | None = None
+    "Nearest and farthest plane, metres."
     planes: int | None = Field(default=None, ge=2)
+    "Depth planes, even in inverse depth."
     mask: str | None = None
+    "Family of the phase masks."
     rms: float | None = Field(default=None, ge=0)
+    "Of a random mask's heights, metres."
     modes: Whole | None = None
+    "Zernike modes of a random mask."
     stroke: tuple[float, float] | None = None
     "Lowest and highest that the device can show, metres."
     levels: int | None = Field(default=None, ge=2)
-    "Of height that the device can show."
+    "Heights that the device can show, evenly within ``stroke``."
     bench: dict[str, Any] = Field(default={})
     "Replaces arguments of `PhaseMaskBench`."
     shutter: str | None = None
+    "Family of the shutter codes."
     filters: str | None = None
+    "Colour filters over the pixels."
     channels: str | None = None
+    "Of the sensor."
     period: Whole | None = None
+    "Tile of shutter and filters, pixels."
     image_formation: Literal["linear", "occlusion"] = "linear"
+    "Whether near layers hide far ones."
     learn: Literal["none"] | tuple[Literal["mask", "shutter", "filters"], ...] = "none"
-    "What is learned."
+    "Which are learned: none, or some of mask, shutter and filters."
 
 
 class SpectralDepthDataSettings(DataSettings):
