@@ -141,35 +141,10 @@ class SpectralDepthTrainSettings(TrainSettings):
         return self
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    # thesis 5.2: 25 bands, K = 4, D = 8, R = 4, patches of 256², Adam at 1e-3, everything learned end to end. Assumed,
-    # as the thesis does not say: batches of 2, 200 epochs, L1 plus 0.1 times the depth error, the plain two-headed
-    # U-Net and no other decoder to learn from, codes started at random, code rate 0.03 and mask rate 0.001, no noise;
-    # and what `SpectralDepthCamera` assumes.
-    "thesis": {
-        "camera": {"preset": "thesis", "size": [256, 256], "learn": ["mask", "shutter", "filters"]},
-        "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [64, 128, 256]},
-        "data": {"patch": 256, "batch": 2, "side": 512, "brightness": 0.0, "tint": 0.0},
-        "optimiser": {"epochs": 200, "likelihood_weight": 0.0},
-        "codes": {"frozen": 0.0},
-        "precision": "32-true",
-    },
-    # a step takes under a second of one core (``benchmarks/training.py``)
-    "quick": {
-        "camera": {"preset": "quick", "size": [64, 64]},
-        "codes": {"start": "one-hot"},
-        "decoder": {"kind": "two-headed"},
-        "noise": [{"read_noise": 0.002}],
-        "data": {"patch": 64, "batch": 4, "pool": 256},
-        "optimiser": {"steps": 400},
-    },
-}
-
-
 class SpectralDepthTraining(CameraTraining):
     """Scenes are data sets of ``radiance`` (wavelength, y, x) and ``depth`` (y, x) in metres."""
 
-    kind, settings, presets = "spectral-depth", SpectralDepthTrainSettings, PRESETS
+    kind, settings = "spectral-depth", SpectralDepthTrainSettings
 
     def reader(self, settings: SpectralDepthTrainSettings) -> Load:
         """See `CameraTraining`."""
