@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,9 +119,9 @@ class CameraTraining(ABC):
         """(B, L, H, W) of the scene of a capture; B are the colours of a light field."""
         return self.channels(scene, camera)[None]
 
-    @abstractmethod
     def exact(self, batch: Tensor, camera: Any) -> Tensor:
         """(B, C, H, W') what a camera takes of the ``batch`` of a scene."""
+        return cast(Tensor, camera.operator().A(batch))
 
     @abstractmethod
     def decode(self, network: Any, prior: Any, values: Tensor, camera: Any) -> NDArray[np.float32]:
