@@ -226,9 +226,11 @@ def _reading(source: str, notes: Mapping[str, Any], given: dict[str, Any]) -> di
         return given
     compare_source(noted["source"], source)
     files = ("scale", "pattern", "lens") if same else ("scale",)
-    known = {name: noted[name] for name in files if noted.get(name) is not None}
-    known |= {"lens": tuple(known["lens"])} if "lens" in known else {}
+    snapshot_reading = {name: noted[name] for name in files if noted.get(name) is not None}
+    snapshot_reading |= {"lens": tuple(snapshot_reading["lens"])} if "lens" in snapshot_reading else {}
     for name, value in given.items():
-        if same and known.get(name, value) != value:
-            raise SettingError(name, str(value), f"{known[name]}, as the snapshot's scene was read", "leave it out")
-    return {**known, **given}
+        if same and snapshot_reading.get(name, value) != value:
+            raise SettingError(
+                name, str(value), f"{snapshot_reading[name]}, as the snapshot's scene was read", "leave it out"
+            )
+    return {**snapshot_reading, **given}

@@ -107,11 +107,11 @@ def learn_views(
         raise SettingError("prior learn-views", "--dictionary and --mixture", "one of them", "leave one out")
     kind = "dictionary" if dictionary else "mixture" if mixture else "gaussian"
     with progress_bar(f"prior {out.name}") as progress:
-        found = learn_views_to_file(
+        learned = learn_views_to_file(
             light_fields, out, split=split, views=reading.views, reading=Reading(**reading.files()), kind=kind,
             atoms=atoms, seed=seed, figure=figure, overwrite=overwrite, progress=progress,
         )  # fmt: skip
-    channels, rows, columns = found.block
+    channels, rows, columns = learned.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}
     print(f"{out}: {what.get(kind, 'Gaussian prior of blocks')} {channels} × {rows} × {columns} (views, rows, columns)")
 
@@ -147,8 +147,8 @@ def expect(
     """
     from tmca.applications.prior_files import expected
 
-    found = expected(prior, camera, sensor)
+    expectation = expected(prior, camera, sensor)
     if json:
-        print(json_module.dumps(found, indent=1))
+        print(json_module.dumps(expectation, indent=1))
         return
-    print(f"expected PSNR {found['expected_psnr']:.2f} dB; light throughput {found['throughput']:.1%}")
+    print(f"expected PSNR {expectation['expected_psnr']:.2f} dB; light throughput {expectation['throughput']:.1%}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 TRAININGS: dict[str, CameraTraining] = {}
 """How every kind of camera is trained."""
+_PRESETS = Path(__file__).parent / "presets"
 
 
 class NeededPrior(NamedTuple):
@@ -44,18 +45,22 @@ class NeededPrior(NamedTuple):
 class CameraTraining(ABC):
     """What a run asks of the camera that it trains; a new camera that can be trained has one.
 
-    It names the camera's ``kind``, the model of its settings and their presets, and says what follows. It is registered
-    as it is defined.
+    It names the camera's ``kind`` and the model of its settings, and says what follows. It is registered as it is
+    defined.
     """
 
     kind: ClassVar[str]
     settings: ClassVar[type[TrainSettings]]
-    presets: ClassVar[Mapping[str, dict[str, Any]]]
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
         if "kind" in cls.__dict__:
             TRAININGS[cls.kind] = cls()
+
+    @property
+    def presets(self) -> Mapping[str, dict[str, Any]]:
+        """Settings by the name of a preset."""
+        return read_yaml(_PRESETS / f"{self.kind}.yaml", "settings by the name of a preset")
 
     @abstractmethod
     def reader(self, settings: Any) -> Load:
@@ -114,9 +119,9 @@ class CameraTraining(ABC):
         """(B, L, H, W) of the scene of a capture; B are the colours of a light field."""
         return self.channels(scene, camera)[None]
 
-    @abstractmethod
     def exact(self, batch: Tensor, camera: Any) -> Tensor:
         """(B, C, H, W') what a camera takes of the ``batch`` of a scene."""
+        return cast(Tensor, camera.operator().A(batch))
 
     @abstractmethod
     def decode(self, network: Any, prior: Any, values: Tensor, camera: Any) -> NDArray[np.float32]:
@@ -164,15 +169,16 @@ def training_settings(
         DataError: the file cannot be read.
     """
     check_choice("camera", kind, TRAININGS)
+    training = TRAININGS[kind]
     described = {} if file is None else read_yaml(Path(file), "a YAML description of a run, `camera: {slots: 8}`")
     of_file = described.pop("preset", None)
     name = of_file if preset is None else preset
     if name is not None:
-        check_choice("preset", name, TRAININGS[kind].presets)
-    merged = merge({} if name is None else TRAININGS[kind].presets[name], described)
+        check_choice("preset", name, training.presets)
+    merged = merge({} if name is None else training.presets[name], described)
     for dotted, value in (changes or {}).items():
         merged = merge(merged, nested(dotted.split("."), value))
-    return checked_settings(TRAININGS[kind].settings, merged, str(file or name or "settings"))
+    return checked_settings(training.settings, merged, str(file or name or "settings"))
 
 
 def scene_reader(settings: TrainSettings) -> Load:

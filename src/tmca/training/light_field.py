@@ -29,8 +29,11 @@ class LightFieldCameraSettings(MaskCameraSettings):
 
     size: tuple[int, int] = (270, 480)
     views: Whole = 5
+    "n of n×n views."
     shear: float | tuple[float, float] = 1.0
+    "Mask pixels per view, along both axes or each."
     mask_scale: float = 1.0
+    "Mask pixels per sensor pixel, as the sensor sees them."
 
 
 class LightFieldDataSettings(DataSettings):
@@ -68,33 +71,10 @@ class LightFieldTrainSettings(MaskTrainSettings):
         return self
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    # thesis 3.2: 5×5 views of 480×270, K = 8, patches of 11×11, 500 epochs, L2, 110/20/25 scenes, the sub-network of
-    # Guo 2020. Assumed, as the thesis does not say: batches of 64, Adam at 1e-3 with cosine decay, code rate 0.03,
-    # 64 patches of a scene in an epoch, slope 4 → 40, no noise, codes started at random with half of the pixels open
-    # and no target for the light, one pixel of the mask per view, a network of five blocks of 32 channels.
-    "thesis": {
-        "camera": {"size": [270, 480], "slots": 8, "learn": "both"},
-        "decoder": {"kind": "spatial-angular", "start": "dagger", "stages": 0, "width": 32, "blocks": 5, "gather": 1},
-        "data": {"patch": 11, "batch": 64, "patches_per_scene": 64, "brightness": 0.0, "shares": [110, 20, 25]},
-        "optimiser": {"epochs": 500, "loss": "l2"},
-        "codes": {"frozen": 0.0},
-        "precision": "32-true",
-    },
-    # minutes on two cores: patches of 48, measurement-consistent stages from the patch LMMSE, a tile of codes
-    "quick": {
-        "camera": {"size": [96, 96], "slots": 4, "shutter": "one-hot", "period": 16, "learn": "both"},
-        "decoder": {"kind": "spatial-angular", "start": "lmmse"},
-        "data": {"patch": 48, "batch": 4},
-        "optimiser": {"steps": 300, "loss": "log"},
-    },
-}
-
-
 class LightFieldTraining(MaskTraining):
     """Scenes are light fields (view_v, view_u, y, x), or in colour."""
 
-    kind, settings, presets = "light-field", LightFieldTrainSettings, PRESETS
+    kind, settings = "light-field", LightFieldTrainSettings
 
     def reader(self, settings: LightFieldTrainSettings) -> Load:
         """See `CameraTraining`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -51,10 +51,6 @@ class MaskTraining(CameraTraining):
         """See `CameraTraining`."""
         codes = settings.codes if isinstance(settings, MaskTrainSettings) else None
         return CodedSystem(*given, codes=codes, **how)
-
-    def exact(self, batch: Tensor, camera: Any) -> Tensor:
-        """See `CameraTraining`."""
-        return cast(Tensor, camera.operator().A(batch))
 
     def decode(self, network: Any, prior: Any, values: Tensor, camera: Any) -> NDArray[np.float32]:
         """See `CameraTraining`; without negative irradiance."""

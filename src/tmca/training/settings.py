@@ -21,9 +21,13 @@ class CameraSettings(Spec):
     """The camera of a run; names as in its class."""
 
     size: tuple[int, int] = (256, 256)
+    "(H, W) of its scenes, pixels."
     slots: Whole = 8
+    "Time slots K within the exposure."
     exposure: Literal["equal", "per-slot"] = "equal"
+    "Whether the slots share one exposure time, or each has its own."
     seed: int = 0
+    "Of the codes."
     learn: Any = "none"
     "Which codes are learned."
 
@@ -32,9 +36,13 @@ class MaskCameraSettings(CameraSettings):
     """A camera whose masks have pixels that are open or shut."""
 
     aperture: str = "random"
+    "Family of the aperture codes."
     shutter: str = "random"
+    "Family of the shutter codes."
     transmittance: float = Field(default=0.5, gt=0, lt=1)
+    "Share of open aperture pixels."
     duty: float = Field(default=0.5, gt=0, lt=1)
+    "Share of open shutter pixels."
     period: Whole | tuple[Whole, Whole] | None = None
     "Tile of the codes, which is seen in every step; a full frame is seen rarely."
     learn: Literal["both", "aperture", "shutter", "none"] = "none"
@@ -113,7 +121,7 @@ class DecoderRate(Spec):
     clip: Share = 1.0
     "Largest norm of the decoder's gradient; 0 for none."
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l2"
-    """``"l2"``, ``"l1"`` ``"charbonnier"`` or ``"log"`` (mean PSNR)."""
+    "Mean square, absolute or Charbonnier error, or its logarithm (mean PSNR)."
 
     def decoder_rate_at(self, step: int, steps: int) -> float:
         """A linear rise over ``warmup`` of the run, then a cosine to 1 % of the peak."""
@@ -147,9 +155,13 @@ class RunSettings(Spec):
     data: BatchSettings = BatchSettings()
     optimiser: DecoderRate = DecoderRate()
     precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
+    "Of the network's layers; auto is half precision where the device computes it."
     validate_every: Whole = 100
+    "Steps."
     checkpoint_every: Whole = 50
+    "Steps."
     seed: int = 0
+    "Of patches, noise, faults and the network."
 
     @property
     def starts_trained(self) -> bool:
@@ -172,6 +184,7 @@ class TrainSettings(RunSettings):
     noise: tuple[SensorSpec, ...] = Field(default=(SensorSpec(),), min_length=1)
     "Sensors, one of them in turn in each step."
     decoder: dict[str, Any] = Field(default={"kind": "unrolled"})
+    "Kind of the network, and its settings."
     codes: LearningSettings = LearningSettings()
     data: DataSettings = DataSettings()
     optimiser: OptimiserSettings = OptimiserSettings()

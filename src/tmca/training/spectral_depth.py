@@ -41,27 +41,38 @@ class SpectralDepthCameraSettings(CameraSettings):
     so is the number of slots that is not given."""
 
     preset: str = "quick"
+    "Camera that says what is not said here."
     size: tuple[int, int] = (64, 64)
     "Of the patches: point spread functions and tiles fit any."
     slots: Whole = 4
     depth: tuple[float, float] | None = None
+    "Nearest and farthest plane, metres."
     planes: int | None = Field(default=None, ge=2)
+    "Depth planes, even in inverse depth."
     mask: str | None = None
+    "Family of the phase masks."
     rms: float | None = Field(default=None, ge=0)
+    "Of a random mask's heights, metres."
     modes: Whole | None = None
+    "Zernike modes of a random mask."
     stroke: tuple[float, float] | None = None
     "Lowest and highest that the device can show, metres."
     levels: int | None = Field(default=None, ge=2)
-    "Of height that the device can show."
+    "Heights that the device can show, evenly within ``stroke``."
     bench: dict[str, Any] = Field(default={})
     "Replaces arguments of `PhaseMaskBench`."
     shutter: str | None = None
+    "Family of the shutter codes."
     filters: str | None = None
+    "Colour filters over the pixels."
     channels: str | None = None
+    "Of the sensor."
     period: Whole | None = None
+    "Tile of shutter and filters, pixels."
     image_formation: Literal["linear", "occlusion"] = "linear"
+    "Whether near layers hide far ones."
     learn: Literal["none"] | tuple[Literal["mask", "shutter", "filters"], ...] = "none"
-    "What is learned."
+    "Which are learned: none, or some of mask, shutter and filters."
 
 
 class SpectralDepthDataSettings(DataSettings):
@@ -130,35 +141,10 @@ class SpectralDepthTrainSettings(TrainSettings):
         return self
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    # thesis 5.2: 25 bands, K = 4, D = 8, R = 4, patches of 256², Adam at 1e-3, everything learned end to end. Assumed,
-    # as the thesis does not say: batches of 2, 200 epochs, L1 plus 0.1 times the depth error, the plain two-headed
-    # U-Net and no other decoder to learn from, codes started at random, code rate 0.03 and mask rate 0.001, no noise;
-    # and what `SpectralDepthCamera` assumes.
-    "thesis": {
-        "camera": {"preset": "thesis", "size": [256, 256], "learn": ["mask", "shutter", "filters"]},
-        "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [64, 128, 256]},
-        "data": {"patch": 256, "batch": 2, "side": 512, "brightness": 0.0, "tint": 0.0},
-        "optimiser": {"epochs": 200, "likelihood_weight": 0.0},
-        "codes": {"frozen": 0.0},
-        "precision": "32-true",
-    },
-    # a step takes under a second of one core (``benchmarks/training.py``)
-    "quick": {
-        "camera": {"preset": "quick", "size": [64, 64]},
-        "codes": {"start": "one-hot"},
-        "decoder": {"kind": "two-headed"},
-        "noise": [{"read_noise": 0.002}],
-        "data": {"patch": 64, "batch": 4, "pool": 256},
-        "optimiser": {"steps": 400},
-    },
-}
-
-
 class SpectralDepthTraining(CameraTraining):
     """Scenes are data sets of ``radiance`` (wavelength, y, x) and ``depth`` (y, x) in metres."""
 
-    kind, settings, presets = "spectral-depth", SpectralDepthTrainSettings, PRESETS
+    kind, settings = "spectral-depth", SpectralDepthTrainSettings
 
     def reader(self, settings: SpectralDepthTrainSettings) -> Load:
         """See `CameraTraining`."""
