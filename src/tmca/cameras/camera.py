@@ -43,6 +43,7 @@ class Camera(Facts, nn.Module, ABC):
     decoders: ClassVar[frozenset[str]] = frozenset()  # names of those that decode it without naming its kind
     from_scene: ClassVar[tuple[str, ...]] = ("size",)  # arguments that a scene gives where they are left out
     drawn: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # arguments that only families of some parts have
+    plane_names: ClassVar[tuple[str, str]] = ("aperture", "shutter")  # what its codes are patterns of
     needed: ClassVar[tuple[str, ...]]  # variables of a file without which it makes no camera
     stated: ClassVar[tuple[str, ...]]  # attributes without which nobody knows what the variables mean
     page: ClassVar[str] = "docs/"

@@ -124,6 +124,7 @@ class SpectralDepthCamera(BandCamera):
     Spec = SpectralDepthSpec
     drawn: ClassVar = {"rms": ("mask",), "modes": ("mask",), "seed": ("mask", "shutter", "filters")}
     presets = PRESETS
+    plane_names = ("heights", "shutter")
     needed = ("heights", "shutter", "filters", "cells", "response", "wavelength")
     stated = ("exposure", "bench", "depth", "energy", "full_scale", "sensor")
     page = "docs/spectral-depth.md"

@@ -13,7 +13,7 @@ from tmca.lab.calibration import figures, fits, shots
 from tmca.lab.calibration.apply import out_of_date
 from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.file import Calibration, kind_of
-from tmca.lab.calibration.fits import Captured, Fitted, Told
+from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
 from tmca.lab.display.manifest import exposed_whole
 from tmca.lab.quality import Doubtful, Limit, Limits, quality_of, warn_of
 
@@ -97,12 +97,12 @@ def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
     One slot has no timing: no other one says when it begins and ends.
     """
     timed = exposed_whole(manifest) and camera.slots > 1
-    own = [step.name for step in STEPS.values() if camera.kind in step.cameras and (step.name != "timing" or timed)]
+    names = [step.name for step in STEPS.values() if camera.kind in step.cameras and (step.name != "timing" or timed)]
     slots = [f"psf{slot}" for slot in range(camera.slots)]
-    return tuple(part for name in own for part in (slots if name == "psf" else [name]))
+    return tuple(part for name in names for part in (slots if name == "psf" else [name]))
 
 
-def measure(name: str, calibration: Calibration, path: str | Path, told: Told | None = None) -> Calibration:
+def measure(name: str, calibration: Calibration, path: str | Path, given: StepSettings | None = None) -> Calibration:
     """A calibration with one more step, whose residuals say its ``quality``: above 1 something may be wrong with the
     captures, and a warning says what.
 
@@ -116,15 +116,15 @@ def measure(name: str, calibration: Calibration, path: str | Path, told: Told | 
         DataError: a step before it is missing, captures that are missing, saturated or dark, or a fit that failed.
         SettingError: an impossible setting.
     """
-    step, told, place = step_of(name), told or Told(), Path(path)
+    step, given, place = step_of(name), given or StepSettings(), Path(path)
     assert step.fit is not None
     for need in step.needs:
         if calibration.part(need) is None:
             remedy = f"run tmca calibrate {need} first, and name its file with --onto"
             raise DataError(calibration.where, f"no {need}", f"one, on which {step.name} builds", remedy)
     sensor = calibration.about["camera"]["sensor"]
-    frames = read_captures(path, saturation=told.saturation, may_saturate=step.may_saturate, sensor=sensor)
-    for part, fitted in step.fit(Captured(frames, place, calibration, told)).items():
+    frames = read_captures(path, saturation=given.saturation, may_saturate=step.may_saturate, sensor=sensor)
+    for part, fitted in step.fit(Captured(frames, place, calibration, given)).items():
         residuals = {**fitted.residuals, "quality": quality_of(fitted.residuals, step.limits)}
         sources = [path, *(source for source in fitted.sources if source is not None)]
         size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
@@ -139,7 +139,9 @@ def measure(name: str, calibration: Calibration, path: str | Path, told: Told | 
     return calibration
 
 
-def measure_all(folder: str | Path, start: Calibration, told: Told | None = None) -> Iterator[tuple[str, Calibration]]:
+def measure_all(
+    folder: str | Path, start: Calibration, given: StepSettings | None = None
+) -> Iterator[tuple[str, Calibration]]:
     """Every step whose frames are in a folder of its name, in the order in which they build on each other.
 
     Args:
@@ -154,7 +156,7 @@ def measure_all(folder: str | Path, start: Calibration, told: Told | None = None
     Raises:
         DataError: a folder without any of them, or see ``measure``.
     """
-    place, told = Path(folder), told or Told()
+    place, given = Path(folder), given or StepSettings()
     if not place.is_dir():
         raise DataError(folder, "no such folder", "one with the frames of steps", "check the path")
     slots = sorted(place.glob("psf*"), key=lambda one: (len(one.name), one.name))
@@ -167,14 +169,14 @@ def measure_all(folder: str | Path, start: Calibration, told: Told | None = None
     if not white.is_dir() and "flat" in there and taken_with(place / "flat"):
         remedy = "take them: tmca calibrate capture white"
         raise DataError(white, "no frames", "those of white: even light of a bench is not as bright", remedy)
-    told = replace(
-        told, patterns=place / "patterns", white=white if white.is_dir() else None,
-        reflectance=told.reflectance or taken_with(white).get("reflectance"),
-        power=told.power or (power if power.is_file() else None),
+    given = replace(
+        given, patterns=place / "patterns", white=white if white.is_dir() else None,
+        reflectance=given.reflectance or taken_with(white).get("reflectance"),
+        power=given.power or (power if power.is_file() else None),
     )  # fmt: skip
     for name in there:
         slot = int(name.removeprefix("psf")) if name.startswith("psf") else 0
-        start = measure(name, start, place / name, replace(told, slot=slot))
+        start = measure(name, start, place / name, replace(given, slot=slot))
         yield (f"wavefront{slot}" if name.startswith("psf") else name), start
 
 
