@@ -71,7 +71,7 @@ def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
     snapshot = simulate(scene, camera_for(scene, slots=2, relay_blur=0.5))
     assert reconstruct_snapshot(snapshot, "admm-tv-joint", truth=scene).metrics["psnr"] > 20
     prior = learn_prior(examples, spread=BANDS - 1)
-    with pytest.raises(SettingError, match="relay.blur"):
+    with pytest.raises(SettingError, match="relay_blur"):
         reconstruct_snapshot(snapshot, "lmmse", prior=prior)
 
 
