@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
-from functools import wraps
+from functools import partial, wraps
 from inspect import Parameter, Signature, signature
 from types import NoneType, SimpleNamespace, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -15,7 +15,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    InstanceOf,
     Strict,
     TypeAdapter,
     ValidationError,
@@ -25,6 +24,11 @@ from tmca.errors import SettingError
 
 T = TypeVar("T")
 _LONGEST = 60
+_SIMPLE = {
+    "str": "a name", "bool": "True or False", "int": "a whole number", "float": "a number", "Path": "a path",
+    "Sequence": "a list", "Mapping": "names with values",
+}  # fmt: skip
+"""Python's types in words."""
 
 
 def plain(value: Any) -> Any:
@@ -48,6 +52,7 @@ Floats = Annotated[Sequence[Float], _Plain, AfterValidator(tuple), "a list of nu
 Pair = Annotated[tuple[Float, Float], _Plain, "two numbers"]
 IntPair = Annotated[tuple[Int, Int], _Plain, "two whole numbers"]
 Size = Annotated[tuple[Count, Count], _Plain, "two whole numbers, 1 or more each"]
+Kind = Annotated[str, "the kind of a camera, such as its .kind"]
 Names = Annotated[Sequence[str], BeforeValidator(_one), AfterValidator(tuple), "a name or a list of names"]
 """Types of arguments: numbers are those of numpy and torch too, but no texts and no True; the text is for errors."""
 
@@ -105,7 +110,15 @@ def _instances(hint: Any) -> Any:
     """A type whose data classes have to be given as such: pydantic would make them of mappings."""
     if get_origin(hint) in (Union, UnionType):
         return Union[tuple(map(_instances, get_args(hint)))]  # noqa: UP007
-    return InstanceOf[hint] if isinstance(hint, type) and is_dataclass(hint) else hint  # type: ignore[misc]
+    if isinstance(hint, type) and is_dataclass(hint):
+        return Annotated[Any, AfterValidator(partial(_instance, hint))]
+    return hint
+
+
+def _instance(kind: type, value: Any) -> Any:
+    if not isinstance(value, kind):
+        raise ValueError(kind.__name__)
+    return value
 
 
 def _taken(parameter: Parameter, value: Any, wanted: tuple[TypeAdapter[Any], str]) -> Any:
@@ -124,10 +137,12 @@ def _words(hint: Any) -> str:
         return next((words for words in hint.__metadata__ if isinstance(words, str)), _words(hint.__origin__))
     if get_origin(hint) in (Union, UnionType):
         return ", or ".join(_words(part) for part in get_args(hint) if part is not NoneType)
+    if isinstance(hint, TypeVar):
+        return _words(hint.__bound__)
     if get_origin(hint) is Literal:
         return ", or ".join(map(repr, get_args(hint)))
-    simple = {str: "a name", bool: "True or False"}
-    return simple.get(hint) or f"a {getattr(hint, '__name__', hint)}"
+    name = str(getattr(hint, "__name__", hint))
+    return _SIMPLE.get(name) or f"a {name}"
 
 
 def described(value: Any) -> str:

@@ -66,7 +66,7 @@ def test_singular_values_and_coherence_are_those_of_the_cameras_matrix(dispersio
 
 
 def test_what_cannot_be_measured_is_refused():
-    with pytest.raises(SettingError, match=r"relay.blur"):
+    with pytest.raises(SettingError, match="relay_blur"):
         measures(camera(relay_blur=0.5))
     with pytest.raises(ShapeError, match="dispersion"):
         measures(camera(), block=(2, 2))

@@ -100,6 +100,21 @@ class LightFieldApplication(Application):
     pictures = (".png", "_refocus.png", ".gif")
     demo = LightFieldDemo()
 
+    def labelled(self, scene: Any, where: str) -> xr.DataArray:
+        """See ``Application``."""
+        from tmca.data.in_memory import as_views
+
+        return as_views(scene, where)
+
+    def of_array(self, values: np.ndarray, camera: Any, where: str) -> xr.DataArray:
+        """See ``Application``; (V, U, H, W), or with three colours first."""
+        from tmca.data import label_light_field
+        from tmca.data.in_memory import of_shape
+
+        views = ("V", "U") if "views" in getattr(camera, "unbound", ()) else camera.views
+        colours = (3,) if values.ndim == 5 and len(values) == 3 else ()
+        return label_light_field(of_shape(values, (*colours, *views, "H", "W"), where))
+
     def parts(self, scene: xr.DataArray) -> dict[str, Any]:
         """See ``Application``."""
         views = (scene.sizes["view_v"], scene.sizes["view_u"])

@@ -225,7 +225,7 @@ class Camera(Facts, nn.Module, ABC):
                 raise SettingError(name, "a part", f"one of {', '.join(self._arguments())}, for a {self.kind} camera")
             families = self.drawn.get(name, ())
             if families and not any(isinstance(described.get(part, ""), str) for part in families):
-                found = f"{parts[name]} of a {self.kind} camera whose {' and '.join(families)} are given, not drawn"
+                found = f"{parts[name]} for {' and '.join(families)} that are given, not drawn"
                 raise SettingError(name, found, "a named family", f"replace {' or '.join(families)} too")
 
     def _described(self, parts: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from tmca.applications.camera_figures import codes_figure
 from tmca.applications.report import Section, write_report
+from tmca.arguments import checked
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.design import (
@@ -72,6 +73,7 @@ def named_once(names: Sequence[str]) -> None:
             raise DataError(name, "the same scene twice", "each scene once", "leave one out")
 
 
+@checked
 def search_codes(
     sheet: SensorSheet,
     out: Path,

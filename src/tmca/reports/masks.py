@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from tmca.applications.example_scenes import JUDGING, judge_on
+from tmca.arguments import checked
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.fitting import at_bands
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
@@ -26,6 +27,7 @@ SLOTS = (1, 2, 4)
 """Numbers of slots that are tried."""
 
 
+@checked
 def design_spectral_depth(
     sheet: SensorSheet,
     out: Path,
