@@ -18,7 +18,7 @@ from tmca.decoders.lmmse import (
     Places,
     blend_weights,
     equal_windows,
-    spread_out,
+    evenly_chosen,
     usual_stride,
 )
 from tmca.errors import check_range, check_shape
@@ -143,7 +143,7 @@ class Frame:
         """The priors of the next iteration."""
         blend, unknown = self._blend(snapshot, priors, scatter=True), dict[Tile, _Unknown]()
         for tile, places, solver in self._solved(blend, priors, progress):
-            windows = self.layout.grid.code_windows(self.layout.code, spread_out(places, _SAMPLES))
+            windows = self.layout.grid.code_windows(self.layout.code, evenly_chosen(places, _SAMPLES))
             unknown[tile] = _Unknown.of(priors[tile], solver.posterior(windows))
         scene = blend.result()
         return priors | {tile: self._fitted(tile, priors[tile], scene, unknown[tile]) for tile in unknown}

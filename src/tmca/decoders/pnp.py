@@ -168,7 +168,7 @@ def pnp_admm(
         snapshot: (B, 1, H, W').
         denoise: `Denoiser`.
         noise_sigma: standard deviation of the snapshot's noise, > 0.
-        sigma: standard deviation that the denoiser is told, constant or (first, last), see `sigma_schedule`.
+        sigma: standard deviation that the denoiser works with, constant or (first, last), see `sigma_schedule`.
         max_iterations: most iterations done.
         tolerance: the iteration stops, once sigma is held, when the two copies of the scene differ by less
             than this share of its norm (primal) and the denoised one changed by less than this share of the

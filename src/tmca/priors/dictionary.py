@@ -120,11 +120,11 @@ class PatchDictionary(Prior):
             raise DataError("light fields", "no texture", "patches that vary", "learn from other scenes")
         penalty *= float(np.sqrt(np.square(inside).sum(1).mean()))
         report(0.1)
-        found = _fit(inside, atoms, penalty, passes, batch, seed, lambda share: report(0.1 + 0.8 * share))
+        learned = _fit(inside, atoms, penalty, passes, batch, seed, lambda share: report(0.1 + 0.8 * share))
         tested = even_sample(examples, patch, _TESTED, seed + 1)
-        codes = _encode(np.asarray((_centred(tested) @ basis).double()), found, penalty)
+        codes = _encode(np.asarray((_centred(tested) @ basis).double()), learned, penalty)
         report(1.0)
-        scales, full = codes.abs().mean(0), torch.from_numpy(found) @ basis.double().mT
+        scales, full = codes.abs().mean(0), torch.from_numpy(learned) @ basis.double().mT
         order = scales.argsort(descending=True, stable=True)
         unit = torch.nn.functional.normalize(_centred(full), dim=1)[order].unflatten(1, examples[0].shape[:1] + patch)
         residual = float((_centred(tested).double() - codes @ full).square().mean())
@@ -205,8 +205,8 @@ def _fit(
         for done, part in enumerate(batches, start=1):
             learner.partial_fit(inside[part])
             progress(done / len(batches))
-    found = np.asarray(learner.components_, dtype=np.float64)
-    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-12)
+    learned = np.asarray(learner.components_, dtype=np.float64)
+    return learned / np.maximum(np.linalg.norm(learned, axis=1, keepdims=True), 1e-12)
 
 
 def _encode(inside: NDArray[np.float64], atoms: NDArray[np.float64], penalty: float) -> Tensor:
