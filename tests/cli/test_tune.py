@@ -5,7 +5,6 @@ import json
 import pytest
 import torch
 
-from tests.cli.refusals import refused
 from tests.training.test_tuning import system_of
 from tmca.cameras import Snapshot
 from tmca.cli import main
@@ -44,8 +43,7 @@ def tune(*more):
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def folder(tmp_path):
     (tmp_path / "captures").mkdir()
     return tmp_path
 
@@ -123,19 +121,3 @@ def test_a_spectral_depth_decoder(capsys, folder):
     windows_are_parts_of_the_whole(folder)
     assert (folder / "tuned" / "before_after.png").exists()
     main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ([], "train: found no camera, and no --from"),
-        (["--from", "default"], "train: found no camera, and no --captures"),
-        (["--from", "nowhere", "--captures", "captures"], "nowhere: found no such"),
-        (["--from", "default", "--captures", "none"], "none: found no such folder"),
-        (["--from", "default", "--captures", "captures"], "captures: found no captures"),
-        (["--from", "default", "--captures", "captures", "--rate", "-1"], "captures: found no captures"),
-    ],
-)
-def test_what_is_missing_is_said_in_one_line(capsys, folder, more, words):
-    assert words in refused(capsys, "train", *more, *(("--out", "tuned") if more else ()))
-    assert not (folder / "tuned").exists()
