@@ -13,8 +13,7 @@ from tmca.data import label, split_rendered, write_dataset
 from tmca.data.depth_scenes import withheld_scene
 from tmca.evaluation.pages.depth_margins import learning, margins, order
 from tmca.evaluation.pages.spectral_depth import _split, markdown
-from tmca.evaluation.plan import Plan
-from tmca.evaluation.run import run_study
+from tmca.evaluation.run import Plan, run_study
 from tmca.evaluation.spectral_depth import CONSTANT
 from tmca.evaluation.study import checked_study, read_study, training_of
 

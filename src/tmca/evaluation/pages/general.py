@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from tmca.evaluation.grid import Measured
-from tmca.evaluation.rows import rows_of, training_rows
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, markdown_table, repository_commit
+from tmca.evaluation.tables import Row, markdown_table, repository_commit, rows_of, training_rows
 
 
 def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> Row:
