@@ -82,7 +82,7 @@ def with_search(study):
 def test_every_decoder_is_accepted(kind, tmp_path):
     scenes = ["rocket", "coffee"]
     study = with_search(study_of(kind, scenes, "weights.safetensors"))
-    places = study.own.places(study, {"coffee": "coffee"}, ["coffee"])
+    places = study.evaluation.places(study, {"coffee": "coffee"}, ["coffee"])
     cells = Plan(study, scenes[:1], places, [], tmp_path).untrained({}, {})
     assert {cell.decoder for cell in cells} == set(decoders_for(kind))
     vary = {"decoder": [name for name in decoders_for(kind) if name != "network"]}

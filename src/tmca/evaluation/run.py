@@ -57,13 +57,13 @@ def run_study(
     train, test, validation = (named(scenes) for scenes in vars(study.scenes).values())
     if not test:
         raise SettingError("--test", "no scenes", "scenes or split files")
-    names = short_names([*test, *(study.own.always_measured() if study.page else ())])
+    names = short_names([*test, *(study.evaluation.always_measured() if study.page else ())])
     page, files = page_of(study), [out / f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
     check_new([*files, *page.picture_files(study, [*names.values()], out)], overwrite)
-    study.own.check_study(study, [*train, *validation], test)
+    study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
     grid = Grid(partial(compute, folder=str(work)), make_folder(work), jobs, cluster, progress)
-    plan = Plan(study, train, study.own.places(study, names, test), validation, work)
+    plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
     measured = _measured(plan, grid, test)
     if not any("metrics" in cell for cell in measured):
         grid.failures.check()
@@ -78,14 +78,14 @@ def run_study(
 
 def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
     """All cells that can be measured, those first that others need."""
-    study, own = plan.study, plan.own
+    study, evaluation = plan.study, plan.evaluation
     priors = {cell["prior_kind"]: cell["prior"] for cell in grid.run(plan.priors())}
     grid.failures.check()
     searches = plan.searches(priors)
     for many in (True, False):  # a search of multiplexed codes contains that of the static ones
         grid.run([cell for cell in searches.values() if (cell.settings.get("slots", 1) > 1) == many])
-    checks = grid.run(own.checks_before(study, plan.places))
-    plan.places = own.informed(plan.places, checks)
+    checks = grid.run(evaluation.checks_before(study, plan.places))
+    plan.places = evaluation.informed(plan.places, checks)
     measured = grid.run([*searches.values()]) + checks
     codes = plan.files(searches, measured[: len(measured) - len(checks)])
     scenes = (plan.train, test)
@@ -98,7 +98,7 @@ def _rows(
     grid: Grid, plan: Plan, cells: Sequence[Measurement], priors: dict[str, str], scenes: tuple[Sequence[str], ...]
 ) -> list[Measured]:
     """Measurements, and checks of their codes."""
-    return grid.run(cells) + grid.run(plan.own.checks_after(plan.study, cells, priors, *scenes))
+    return grid.run(cells) + grid.run(plan.evaluation.checks_after(plan.study, cells, priors, *scenes))
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
@@ -126,16 +126,16 @@ class Plan:
         self, study: Study, train: Sequence[str], places: Sequence[Place], validation: Sequence[str], work: Path
     ) -> None:
         self.study, self.train, self.places, self.work = study, list(train), list(places), work
-        self.own, self.reading = study.own, study.reading
+        self.evaluation, self.reading = study.evaluation, study.reading
         measured = list(dict.fromkeys(place.source for place in places))
-        self.scenes = self.own.training_scenes(self.reading, self.train, list(validation), measured, study.train)
+        self.scenes = self.evaluation.training_scenes(self.reading, self.train, list(validation), measured, study.train)
         self.identities = tuple(identity_of(name) or name for name in (*self.train, *validation))
 
     def priors(self) -> list[LearnedPrior]:
         """One of every kind that is needed, and the examples of the searches; none without scenes to learn from, where
         decoders have that of the rendered scenes."""
         study = self.study
-        kinds = {study.prior_kind(name) for name in study.decoders} | set(self.own.always_learned)
+        kinds = {study.prior_kind(name) for name in study.decoders} | set(self.evaluation.always_learned)
         kinds |= {EXAMPLES} if any(code.search and code.search.kind for code in study.codes.values()) else set()
         return [
             LearnedPrior(
@@ -147,7 +147,7 @@ class Plan:
         ]  # fmt: skip
 
     def _prior_settings(self, kind: str) -> Settings:
-        return {**self.own.study_prior_settings(kind, self.study), **self.study.priors.get(kind, {})}
+        return {**self.evaluation.study_prior_settings(kind, self.study), **self.study.priors.get(kind, {})}
 
     def searches(self, priors: Mapping[str, str]) -> dict[Need, Search]:
         """Every search that rows of some noise and seed need, once; those of codes that are searched for each noise
@@ -157,7 +157,7 @@ class Plan:
         for seed in study.all_seeds:
             for name, search in sorted(codes, key=lambda code: code[1].noise is not None):
                 for noise in study.noises if search.noise is None else [search.noise]:
-                    settings = self.own.search_settings(study, study.codes[name], self.train, priors)
+                    settings = self.evaluation.search_settings(study, study.codes[name], self.train, priors)
                     cell = Search(
                         name=f"search · {name} · {noise} · seed {seed}", camera=study.camera, code=name, noise=noise,
                         sensor=study.noises[noise], seed=seed, settings=settings,
@@ -213,11 +213,11 @@ class Plan:
         camera_of: str | None = None, weights: str | None = None,
     ) -> Iterator[Measurement]:  # fmt: skip
         """Measurements of one row and seed in every place."""
-        study, own = self.study, self.study.codes[code]
+        study, chosen = self.study, self.study.codes[code]
         kind = study.prior_kind(decoder)
         shown = (study.shown is None or (code, decoder) in study.shown) and noise == study.shown_noise
         options = {} if weights else study.options.get(decoder, {})
-        settings = study.settings if codes else {**study.settings, **own.camera}
+        settings = study.settings if codes else {**study.settings, **chosen.camera}
         for place in self.places:
             if not place.takes(kind):
                 continue
@@ -225,7 +225,7 @@ class Plan:
                 name=f"{place.name} · {code} · {noise} · {study.decoder_labels[decoder]} · seed {seed}",
                 camera=study.camera, code=code, noise=noise, decoder=decoder, seed=seed, scene=place.scene,
                 source=place.source, identity=_identity(place.identity, options), reading=place.reading,
-                settings=self.own.row_settings({**settings, "seed": seed}, self.reading),
+                settings=self.evaluation.row_settings({**settings, "seed": seed}, self.reading),
                 sensor=study.noises[noise], codes=codes,
                 camera_of=camera_of, weights=weights, options=options,
                 prior=None if weights or kind is None else priors.get(kind), about=place.about,
@@ -288,9 +288,9 @@ class Plan:
             name, network, seed, weights = cell["code"], cell["decoder"], cell["seed"], cell["weights"]
             learn = study.codes[name].learn
             others = learn.networks.get(network, ()) if learn else ()
-            own = [(network, weights)]
-            own += [(other, None) for other in others if other in study.decoders and other not in study.networks]
-            for decoder, used in own:
+            behind = [(network, weights)]
+            behind += [(other, None) for other in others if other in study.decoders and other not in study.networks]
+            for decoder, used in behind:
                 for noise in study.noises:
                     shown = weights if learn else None
                     file = None if shown else codes.get((name, noise, seed))

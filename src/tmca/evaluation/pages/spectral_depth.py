@@ -76,7 +76,9 @@ def _split(study: Study, split: dict[str, Any]) -> Row:
     found |= {name: study.reading[name] for name in how}
     if not {*study.decoders} & {*study.networks}:
         return found
-    own = study.own.training_scenes(study.reading, split["train"], split["validation"], split["test"], study.train)
+    own = study.evaluation.training_scenes(
+        study.reading, split["train"], split["validation"], split["test"], study.train
+    )
     rendered = {*split_rendered()["train"]} if study.train.rendered else set()
     found["rendered"] = {part: [name for name in own[part] if name in rendered] for part in ("train", "validation")}
     withheld = [name for name in own["validation"] if name in names]
