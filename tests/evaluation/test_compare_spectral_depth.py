@@ -13,8 +13,7 @@ from tmca.data import label, split_rendered, write_dataset
 from tmca.data.depth_scenes import withheld_scene
 from tmca.evaluation.pages.depth_margins import learning, margins, order
 from tmca.evaluation.pages.spectral_depth import _split, markdown
-from tmca.evaluation.plan import Plan
-from tmca.evaluation.run import run_study
+from tmca.evaluation.run import Plan, run_study
 from tmca.evaluation.spectral_depth import CONSTANT
 from tmca.evaluation.study import checked_study, read_study, training_of
 
@@ -183,7 +182,7 @@ def test_the_right_order_is_one_and_the_opposite_minus_one():
 def test_networks_learn_from_no_scene_that_is_measured(tmp_path, scenes):
     rendered = sorted(split_rendered()["train"])
     study = small(decoders=["two-headed"])
-    plan = Plan(study, scenes[:1], study.own.places(study, {rendered[1]: "a"}, []), [], tmp_path)
+    plan = Plan(study, scenes[:1], study.evaluation.places(study, {rendered[1]: "a"}, []), [], tmp_path)
     (cells, *_) = plan.trainings({})
     learned = {name for cell in cells for part in ("train", "validation") for name in cell.training["data"][part]}
     assert learned == {scenes[0], *rendered} - {rendered[1]}
@@ -192,7 +191,7 @@ def test_networks_learn_from_no_scene_that_is_measured(tmp_path, scenes):
 def test_a_withheld_scene_chooses_steps_and_teaches_nothing(tmp_path, scenes):
     rendered, (first, last) = sorted(split_rendered()["train"]), scenes
     study = small(decoders=["two-headed"])
-    own = study.own.training_scenes(study.reading, scenes, [], [], study.train)
+    own = study.evaluation.training_scenes(study.reading, scenes, [], [], study.train)
     assert own == {"train": [first, *rendered[1:]], "validation": [rendered[0], last], "prior": [first], "side": 68}
     split = _split(study, {"train": scenes, "test": [], "names": {}, "validation": []})
     assert split["rendered"] == {"train": rendered[1:], "validation": rendered[:1]}

@@ -10,8 +10,7 @@ from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import Weights, build_network, decoders_for
 from tmca.decoders.nets.build import build_depth_network
 from tmca.errors import SettingError
-from tmca.evaluation.plan import Plan
-from tmca.evaluation.run import run_study
+from tmca.evaluation.run import Plan, run_study
 from tmca.evaluation.study import checked_study, read_study
 from tmca.evaluation.sweep import Sweep, run_sweep
 
@@ -83,7 +82,7 @@ def with_search(study):
 def test_every_decoder_is_accepted(kind, tmp_path):
     scenes = ["rocket", "coffee"]
     study = with_search(study_of(kind, scenes, "weights.safetensors"))
-    places = study.own.places(study, {"coffee": "coffee"}, ["coffee"])
+    places = study.evaluation.places(study, {"coffee": "coffee"}, ["coffee"])
     cells = Plan(study, scenes[:1], places, [], tmp_path).untrained({}, {})
     assert {cell.decoder for cell in cells} == set(decoders_for(kind))
     vary = {"decoder": [name for name in decoders_for(kind) if name != "network"]}

@@ -1,6 +1,8 @@
 """Studies of one's own: what their YAML may say, rows that are those of the cameras, resumption."""
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 import yaml
@@ -99,3 +101,25 @@ def test_files_that_are_no_yaml_are_refused(tmp_path, capsys):
             read_study(tmp_path / name)
     assert "--decoders" in refused(capsys, "study", written(tmp_path, decoders=["guess"]), "--out", tmp_path / "o")
     assert not (tmp_path / "o").exists()
+
+
+def documented():
+    text = (Path(__file__).parents[2] / "docs" / "studies.md").read_text()
+    return re.findall(r"```yaml\n(.*?)```", text, re.S)[0]
+
+
+def test_the_study_of_the_docs_is_one(tmp_path):
+    (tmp_path / "mine.yaml").write_text(documented())
+    study = read_study(tmp_path / "mine.yaml")
+    assert study.name == "mine"
+    assert len(study.codes) == len(study.noises) == len(study.decoders) == 2
+
+
+@pytest.mark.slow
+def test_the_study_of_the_docs_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(documented())
+    main(["study", "mine.yaml"])
+    page = capsys.readouterr().out
+    assert page == (tmp_path / "results" / "mine.md").read_text()
+    assert "one-hot K = 4" in page

@@ -65,7 +65,7 @@ class Sweep:
         object.__setattr__(self, "fixed", settled)
 
     @property
-    def own(self) -> CameraEvaluation:
+    def evaluation(self) -> CameraEvaluation:
         """The camera's evaluation."""
         return evaluation_of(self.camera)
 
@@ -73,7 +73,7 @@ class Sweep:
     def learned(self) -> list[str]:
         """Scenes that priors and codes are learned from: the given ones, or rendered ones where the camera's evaluation
         learns from these itself."""
-        return [*self.train] or self.own.usual_train()
+        return [*self.train] or self.evaluation.usual_train()
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -84,18 +84,18 @@ class Sweep:
     def axes(self) -> tuple[str, ...]:
         """Everything that can be varied."""
         options = {f"{OPTION}{one.name}" for cls in decoders_for(self.camera).values() for one in settings_of(cls)}
-        return (*SENSOR, *self.own.swept, "decoder", "seed", *sorted(options), *self.faults)
+        return (*SENSOR, *self.evaluation.swept, "decoder", "seed", *sorted(options), *self.faults)
 
     @property
     def networks(self) -> Mapping[str, Network]:
         """That are trained at every combination: those of `tmca compare`, where the camera's sweeps have any."""
-        return read_study(self.camera).networks if self.own.sweeps_networks else {}
+        return read_study(self.camera).networks if self.evaluation.sweeps_networks else {}
 
     @property
     def labels(self) -> dict[str, str]:
         """Decoders as tables show them."""
         shown = {name: network.label for name, network in self.networks.items()}
-        return decoder_labels(self.camera, {**self.own.labels, **shown})
+        return decoder_labels(self.camera, {**self.evaluation.labels, **shown})
 
     def points(self) -> list[Point]:
         """Every combination of the varied settings, with the fixed ones, each of which makes a camera."""
@@ -111,14 +111,14 @@ class Sweep:
         for point in points:
             if point["decoder"] not in self.labels:
                 raise SettingError("decoder", repr(point["decoder"]), f"one of {', '.join(self.labels)}")
-            self.own.check_point(self.camera_of(point), self.sensor_of(point))
+            self.evaluation.check_point(self.camera_of(point), self.sensor_of(point))
             self.faults_of(point)
             self.options_of(point)
         return points
 
     def camera_of(self, point: Point) -> Settings:
         """Arguments of the camera in a combination, and what else of it is varied."""
-        return {name: value for name, value in point.items() if name in self.own.swept or name == "seed"}
+        return {name: value for name, value in point.items() if name in self.evaluation.swept or name == "seed"}
 
     def sensor_of(self, point: Point) -> Settings:
         """Arguments of the sensor in a combination."""
@@ -148,8 +148,8 @@ class Sweep:
                 raise SettingError(option, name, f"one of {', '.join(self.axes)}")
         if {"noise", "read_noise"} <= set(settings):
             raise SettingError(option, "noise and read_noise", "one of them", "they are the same")
-        whole = {name for name, value in self.own.application.settings().items() if isinstance(value, int)}
-        words = {*self.own.words, "decoder"}
+        whole = {name for name, value in self.evaluation.application.settings().items() if isinstance(value, int)}
+        words = {*self.evaluation.words, "decoder"}
 
         def converted(name: str, value: Any) -> Any:
             if name in words or name.startswith(OPTION):

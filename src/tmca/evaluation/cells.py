@@ -29,7 +29,7 @@ class Cell(BaseModel):
     name: str
     camera: str
 
-    def compute(self, own: CameraEvaluation, folder: Path) -> Measured:
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
         """Measured values, JSON; ``folder`` takes files."""
         raise NotImplementedError
 
@@ -57,8 +57,8 @@ class LearnedPrior(Cell):
     reading: Settings
     settings: Settings = {}
 
-    def compute(self, own: CameraEvaluation, folder: Path) -> Measured:
-        return {"prior": str(own.learn(self.model_dump(), folder / f"prior-{self.prior_kind}-{self.key}"))}
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        return {"prior": str(evaluation.learn(self.model_dump(), folder / f"prior-{self.prior_kind}-{self.key}"))}
 
 
 class Search(Cell):
@@ -79,8 +79,8 @@ class Search(Cell):
     seed: int
     settings: Settings
 
-    def compute(self, own: CameraEvaluation, folder: Path) -> Measured:
-        return own.search(self.model_dump(), folder)
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        return evaluation.search(self.model_dump(), folder)
 
 
 class Training(Cell):
@@ -105,8 +105,8 @@ class Training(Cell):
         """Of the run, where a stopped one resumes."""
         return work / f"training-{self.key}"
 
-    def compute(self, own: CameraEvaluation, folder: Path) -> Measured:
-        run = own.train(self.training, self.folder(folder))
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        run = evaluation.train(self.training, self.folder(folder))
         return {"weights": str(run.weights), "best": run.best, "seconds": run.cpu_seconds}
 
 
@@ -150,16 +150,20 @@ class Measurement(Cell):
     about: Settings = {}
     save: bool = False
 
-    def compute(self, own: CameraEvaluation, folder: Path) -> Measured:
-        scene = own.scene(self)
-        camera = own.camera(self, scene)
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        scene = evaluation.scene(self)
+        camera = evaluation.camera(self, scene)
         snapshot = simulate(scene, camera, seed=self.seed, hardware=Hardware.of(self.faults))
         given: Settings = {**self.options, **({"weights": self.weights} if self.weights else {})}
         with catch_warnings():
             simplefilter("ignore", OtherCodes)  # rows name both codes and network
             estimate = decode(snapshot, "network" if self.weights else self.decoder, prior=self.prior, **given)
-        shown, truth = own.middle(self, estimate, scene)
-        found = {"seconds": estimate.seconds, "throughput": camera.throughput(), **own.measured(self, shown, truth)}
+        shown, truth = evaluation.middle(self, estimate, scene)
+        found = {
+            "seconds": estimate.seconds,
+            "throughput": camera.throughput(),
+            **evaluation.measured(self, shown, truth),
+        }
         if self.save:
             from tmca.data import write_dataset
 
@@ -177,8 +181,8 @@ class Check(Cell):
     seed: int = 0
     arguments: Settings
 
-    def compute(self, own: CameraEvaluation, folder: Path) -> Measured:
-        return dict(getattr(own, self.method)(self, folder))
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        return dict(getattr(evaluation, self.method)(self, folder))
 
 
 STEPS: Mapping[str, type[Cell]] = {

@@ -194,11 +194,11 @@ class Study(Strict):
                 Sensor(**noise)
             except TypeError:
                 raise SettingError(f"noises.{name}", ", ".join(noise), "arguments of a Sensor") from None
-        object.__setattr__(self, "reading", self.own.Reading(**self.reading).model_dump(mode="json"))
+        object.__setattr__(self, "reading", self.evaluation.Reading(**self.reading).model_dump(mode="json"))
         return self
 
     @property
-    def own(self) -> CameraEvaluation:
+    def evaluation(self) -> CameraEvaluation:
         """The camera's evaluation."""
         return evaluation_of(self.camera)
 
@@ -314,23 +314,23 @@ def training_of(
         start: file of codes or weights that the run starts from.
         learns: whether codes that can learn do; else they stay as they start.
     """
-    own, chosen, stage = study.networks[network], study.codes[code], study.train
+    about, chosen, stage = study.networks[network], study.codes[code], study.train
     learn = chosen.learn if learns and chosen.learn and network in chosen.learn.networks else None
-    pace = own.pace * (own.learning_pace * learn.steps if learn else 1)
+    pace = about.pace * (about.learning_pace * learn.steps if learn else 1)
     steps = max(stage.least_steps, round(stage.steps * pace))
     often = max(1, steps // (learn.steps if learn else 1) // stage.validations)
     stays = chosen.learn is not None and learn is None  # learned codes are no longer of a kind
     camera = {"slots": chosen.camera["slots"]} if stays else chosen.camera
     camera = {
         **study.settings,
-        **study.own.training_camera(study),
+        **study.evaluation.training_camera(study),
         **camera,
         "seed": seed,
         "learn": learn.what if learn else "none",
     }
     codes = {} if start is None else {"start": start, **({"decoder": start} if learn and learn.decoder else {})}
     run: Settings = {
-        "camera": camera, "noise": list(study.noises.values()), "decoder": own.decoder, "codes": codes, "data": scenes,
-        "optimiser": {"steps": steps}, "validate_every": often, "seed": seed,
+        "camera": camera, "noise": list(study.noises.values()), "decoder": about.decoder, "codes": codes,
+        "data": scenes, "optimiser": {"steps": steps}, "validate_every": often, "seed": seed,
     }  # fmt: skip
-    return merged(run, stage.settings, own.training, own.learning if learn else {})
+    return merged(run, stage.settings, about.training, about.learning if learn else {})

@@ -94,7 +94,7 @@ def run_sweep(
     check_counts(jobs=jobs)
     points, names = sweep.points(), short_names(sweep.scenes)
     check_folder(out.parent)
-    sweep.own.check_scenes([*sweep.train, *sweep.validation], sweep.scenes, sweep.reading)
+    sweep.evaluation.check_scenes([*sweep.train, *sweep.validation], sweep.scenes, sweep.reading)
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
     grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
@@ -103,7 +103,7 @@ def run_sweep(
     if not rows:
         grid.failures.check()
     results = {
-        "camera": sweep.own.title, "command": " ".join(command), "commit": repository_commit(),
+        "camera": sweep.evaluation.title, "command": " ".join(command), "commit": repository_commit(),
         "scenes": [*names.values()], "vary": {name: [*values] for name, values in sweep.vary.items()},
         "fixed": {name: value for name, value in sweep.fixed.items() if name not in sweep.vary},
         "train": [Path(name).name for name in sweep.learned], "rows": rows,
@@ -115,17 +115,17 @@ def run_sweep(
 
 def _window(sweep: Sweep, point: Point) -> int | None:
     """Side of the windows of a camera that decodes depth from windows."""
-    side: Callable[..., int] | None = getattr(sweep.own, "window", None)
+    side: Callable[..., int] | None = getattr(sweep.evaluation, "window", None)
     settings, codes = _camera_settings(sweep, point)
     return side and side(settings, sweep.reading["crop"], sweep.reading.get("window"), codes)
 
 
 def _camera_settings(sweep: Sweep, point: Point) -> tuple[Settings, str | None]:
     """Arguments of the constructor, and a file of codes where one is named."""
-    own = sweep.camera_of(point)
-    settings = {name: value for name, value in own.items() if name not in ("design", "codes", "contrast")}
+    camera = sweep.camera_of(point)
+    settings = {name: value for name, value in camera.items() if name not in ("design", "codes", "contrast")}
     preset = {"preset": sweep.reading["preset"]} if "preset" in sweep.reading else {}
-    return {**preset, **settings}, own.get("codes")
+    return {**preset, **settings}, camera.get("codes")
 
 
 def _measurements(
@@ -149,7 +149,7 @@ def _measurements(
         common |= {"settings": settings, "sensor": sweep.sensor_of(point), "codes": codes, "options": options}
         common |= {"faults": sweep.faults_of(point), "prior": priors.get(key), "weights": networks.get(key)}
         common |= {"about": {"contrast": point["contrast"]} if "contrast" in point else {}}
-        common["reading"] = sweep.own.measured_reading(sweep.reading)
+        common["reading"] = sweep.evaluation.measured_reading(sweep.reading)
         for source, scene in names.items():
             about: Settings = {"name": f"{scene}: {label}", "scene": scene, "source": source}
             files = (codes, options.get("weights"))
@@ -169,7 +169,7 @@ def _priors(sweep: Sweep, points: Sequence[Point], grid: Grid, window: int | Non
         kind = decoders()[point["decoder"]].prior_kind if point["decoder"] in decoders() else None
         if kind is not None:
             reading = {**sweep.reading, **({"window": window} if window else {})}
-            settings = sweep.own.prior_settings(kind, _camera_settings(sweep, point)[0], reading)
+            settings = sweep.evaluation.prior_settings(kind, _camera_settings(sweep, point)[0], reading)
             asked[str(point)] = _learned(sweep, kind, settings)
     files = {cell["name"] + str(cell["settings"]): cell["prior"] for cell in grid.run([*asked.values()])}
     return {key: files[cell.name + str(cell.settings)] for key, cell in asked.items()}
@@ -213,10 +213,10 @@ def _networks(sweep: Sweep, points: Sequence[Point], grid: Grid) -> dict[str, st
     cells = {}
     for point in points:
         if point["decoder"] in sweep.networks:
-            camera, own = sweep.camera_of(point), sweep.networks[point["decoder"]]
-            scenes = sweep.own.training_scenes(sweep.reading, sweep.train, sweep.validation, (), STAGE)
-            training = {"camera": camera, "noise": [sweep.sensor_of(point)], "decoder": own.decoder, "data": scenes}
-            training = merged(training, {"optimiser": {"steps": sweep.steps}}, own.training)
+            camera, network = sweep.camera_of(point), sweep.networks[point["decoder"]]
+            scenes = sweep.evaluation.training_scenes(sweep.reading, sweep.train, sweep.validation, (), STAGE)
+            training = {"camera": camera, "noise": [sweep.sensor_of(point)], "decoder": network.decoder, "data": scenes}
+            training = merged(training, {"optimiser": {"steps": sweep.steps}}, network.training)
             identities = tuple(map(identity_of, (*sweep.train, *sweep.validation)))
             cells[str(point)] = Training(
                 name=f"training for {_label(point)}", camera=sweep.camera, decoder=point["decoder"], training=training,

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from functools import cache
 
-from tmca.evaluation.rows import mean
 from tmca.evaluation.spectral_depth import CONSTANT
 from tmca.evaluation.study import Study, read_study
-from tmca.evaluation.tables import Row
+from tmca.evaluation.tables import Row, mean
 
 STATIC_CASES = {
     "TMCA learned K = 4": "diffractive element only, learned",

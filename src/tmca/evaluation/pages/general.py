@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from tmca.evaluation.grid import Measured
-from tmca.evaluation.rows import rows_of, training_rows
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, markdown_table, repository_commit
+from tmca.evaluation.tables import Row, markdown_table, repository_commit, rows_of, training_rows
 
 
 def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> Row:
@@ -47,7 +46,7 @@ def markdown(results: Row, study: Study) -> str:
 def _table(rows: Sequence[Row], study: Study) -> str:
     metric = metric_of(study)
     heading = "PSNR" if metric == "psnr" else metric
-    metrics = [column for column in study.own.application.columns if any(column[0] in row for row in rows)]
+    metrics = [column for column in study.evaluation.application.columns if any(column[0] in row for row in rows)]
     columns = [("code", "code", ""), ("label", "decoder", ""), *metrics]
     columns += [(f"{metric} {scene}", f"{heading} {scene}", ".2f") for scene in rows[0]["scenes"]]
     columns += [("throughput", "light", ".1%"), ("seconds", "seconds a scene", ".1f")]
@@ -57,7 +56,7 @@ def _table(rows: Sequence[Row], study: Study) -> str:
 
 def metric_of(study: Study) -> str:
     """The metric that is shown scene by scene and seed by seed: PSNR, or the first of the camera's."""
-    names = [name for name, *_ in study.own.application.columns]
+    names = [name for name, *_ in study.evaluation.application.columns]
     return "psnr" if "psnr" in names else names[0]
 
 

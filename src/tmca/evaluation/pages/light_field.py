@@ -25,9 +25,8 @@ from tmca.evaluation.pages.view_margins import (
     steps_between,
     thesis_table,
 )
-from tmca.evaluation.rows import mean, rows_of, training_rows
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, grouped, markdown_table, repository_commit
+from tmca.evaluation.tables import Row, grouped, markdown_table, mean, repository_commit, rows_of, training_rows
 from tmca.plots.light_field import centre_view, disparity_figure, light_field_figure, view_psnr_figure
 from tmca.plots.style import save_figure
 from tmca.plots.views import brightest

@@ -10,9 +10,8 @@ from tmca.applications.spectral import METRICS
 from tmca.data import read_dataset
 from tmca.data.scenes import load_scene
 from tmca.evaluation.grid import Measured
-from tmca.evaluation.rows import rows_of, training_rows
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, grouped, markdown_table, repository_commit
+from tmca.evaluation.tables import Row, grouped, markdown_table, repository_commit, rows_of, training_rows
 from tmca.plots.cube import bands, composites, signatures
 from tmca.plots.style import save_figure
 

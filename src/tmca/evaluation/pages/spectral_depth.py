@@ -14,10 +14,18 @@ from tmca.data.scene_names import short_names
 from tmca.evaluation.grid import Measured
 from tmca.evaluation.pages.depth_margins import labels, learning, margins, order
 from tmca.evaluation.pages.depth_margins import study as shipped
-from tmca.evaluation.rows import mean, rows_of, training_rows
 from tmca.evaluation.spectral_depth import CONSTANT, SpectralDepthEvaluation
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, grouped, markdown_table, mean_over_scenes, repository_commit
+from tmca.evaluation.tables import (
+    Row,
+    grouped,
+    markdown_table,
+    mean,
+    mean_over_scenes,
+    repository_commit,
+    rows_of,
+    training_rows,
+)
 from tmca.plots.depth import Pair, predicted_depth_figure, rows_figure
 from tmca.plots.style import save_figure
 
@@ -68,7 +76,9 @@ def _split(study: Study, split: dict[str, Any]) -> Row:
     found |= {name: study.reading[name] for name in how}
     if not {*study.decoders} & {*study.networks}:
         return found
-    own = study.own.training_scenes(study.reading, split["train"], split["validation"], split["test"], study.train)
+    own = study.evaluation.training_scenes(
+        study.reading, split["train"], split["validation"], split["test"], study.train
+    )
     rendered = {*split_rendered()["train"]} if study.train.rendered else set()
     found["rendered"] = {part: [name for name in own[part] if name in rendered] for part in ("train", "validation")}
     withheld = [name for name in own["validation"] if name in names]
