@@ -59,8 +59,9 @@ class CameraTraining(ABC):
 
     @property
     def presets(self) -> Mapping[str, dict[str, Any]]:
-        """Settings by the name of a preset."""
-        return read_yaml(_PRESETS / f"{self.kind}.yaml", "settings by the name of a preset")
+        """Settings by the name of a preset; those of this package are files."""
+        file = _PRESETS / f"{self.kind}.yaml"
+        return read_yaml(file, "settings by the name of a preset") if file.exists() else {}
 
     @abstractmethod
     def reader(self, settings: Any) -> Load:
