@@ -10,15 +10,7 @@ from inspect import Parameter, Signature, signature
 from types import NoneType, SimpleNamespace, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    Strict,
-    TypeAdapter,
-    ValidationError,
-)
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
 from tmca.errors import SettingError
 
@@ -81,8 +73,9 @@ def checked(called: T) -> T:
             return function(*given, **named)  # raises as Python does: one is missing, or too many
         if not types:
             types.update(_types(function, takes))
-        for name in bound.arguments.keys() & types.keys():
-            bound.arguments[name] = _taken(takes.parameters[name], bound.arguments[name], types[name])
+        for name, value in bound.arguments.items():
+            if name in types:
+                bound.arguments[name] = _taken(takes.parameters[name], value, types[name])
         return function(*bound.args, **bound.kwargs)
 
     return checking  # type: ignore[return-value]
@@ -142,7 +135,11 @@ def _words(hint: Any) -> str:
     if get_origin(hint) is Literal:
         return ", or ".join(map(repr, get_args(hint)))
     name = str(getattr(hint, "__name__", hint))
-    return _SIMPLE.get(name) or f"a {name}"
+    return _SIMPLE.get(name) or _a(name)
+
+
+def _a(name: str) -> str:
+    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
 
 
 def described(value: Any) -> str:
@@ -150,6 +147,6 @@ def described(value: Any) -> str:
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if not isinstance(value, str | int | float | list | tuple | dict | None):
-        return f"a {type(value).__name__}"
+        return _a(type(value).__name__)
     text = repr(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"

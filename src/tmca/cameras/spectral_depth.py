@@ -199,7 +199,8 @@ class SpectralDepthCamera(BandCamera):
     def _outdated(self, parts: Mapping[str, Any]) -> set[str]:
         """Cells count the filters that they were drawn for."""
         filters = parts.get("filters")
-        table = isinstance(filters, Tensor) and len(filters) == len(self.filters.filters)
+        named = isinstance(filters, str | nn.Module)
+        table = not named and filters is not None and len(filters) == len(self.filters.filters)
         return set() if filters is None or table or "cells" in parts else {"cells"}
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
