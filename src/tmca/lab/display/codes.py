@@ -27,6 +27,10 @@ from tmca.optics.zernike import fit_zernike, noll, zernike_modes
 Size = tuple[int, int]
 
 
+SENSOR = "sensor"
+"""Setting of an export: (rows, columns) of the frames that its camera takes."""
+
+
 @dataclass(frozen=True)
 class Planes:
     """Codes of one exposure.
@@ -99,7 +103,8 @@ def _of_weights(path: Path) -> Planes:
     weights = Weights.load(path)
     if weights.kind == SpectralDepthCamera.kind:
         return planes_of(weights.camera, str(path))
-    planes, about = weights.codes, {"size": weights.size, "exposure": weights.variables.attrs["exposure"]}
+    planes, camera = weights.codes, weights.camera
+    about = {"size": weights.size, "exposure": camera.exposure, SENSOR: camera.snapshot_shape[1:]}
     return Planes(str(path), weights.kind, planes, tuple(planes) if weights.period else (), None, about)
 
 
@@ -135,13 +140,15 @@ def planes_of(camera: Camera, source: str) -> Planes:
     """
     if isinstance(camera, SpectralDepthCamera):
         heights, shutter = camera.codes()
-        modes, settings = family_parameters(camera.point_spread.heights), {"material": camera.bench.material}
+        modes = family_parameters(camera.point_spread.heights)
+        settings = {"material": camera.bench.material, SENSOR: camera.snapshot_shape[1:]}
         return Planes(source, camera.kind, {"heights": heights, "shutter": shutter}, (), modes, settings)
     if getattr(camera, "coloured", None) is not None:
         raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
     aperture, shutter = camera.codes()  # type: ignore[operator]
     planes = {"aperture": aperture, "shutter": shutter}
-    return Planes(source, camera.kind, planes, (), None, {"size": camera.size, "exposure": camera.exposure})
+    settings = {"size": camera.size, "exposure": camera.exposure, SENSOR: camera.snapshot_shape[1:]}
+    return Planes(source, camera.kind, planes, (), None, settings)
 
 
 COLUMNS = ("slot", "noll", "n", "m", "rms_um", "peak_um")
