@@ -34,7 +34,7 @@ def test_codes_hold_the_light_that_is_asked_for(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     for row in (found["static"], found["chosen"], *found["surveyed"]):
         assert row["throughput"] == pytest.approx(0.3, abs=0.03)
-    assert "a share above 0 and below 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
+    assert "at most 1" in refused(capsys, *SMALL, "--throughput", "1.5", "--out", tmp_path / "e")
 
 
 def test_the_page_names_codes_that_were_left_out(tmp_path, capsys):
@@ -160,8 +160,8 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
     ("options", "words"),
     [
         (["--sensor", "none.yaml"], "no such file"),
-        (["--full-well", "-1"], "above 0 electrons"),
-        (["--bits", "0"], "1 to 32"),
+        (["--full-well", "-1"], "--full-well: found -1, expected a number above 0"),
+        (["--bits", "0"], "--bits: found 0, expected 1 or more"),
         (["--exposure", "0.01", "--pattern-rate", "300", "--slots", "8"], "at most 3"),
         (["--pattern-rate", "300"], "exposure"),
         (["--kinds", "pretty"], "--kinds: found 'pretty', expected some of free, one-hot"),
@@ -173,7 +173,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(tmp_path, capsys, monkeyp
             "found 7 of 31 bands, 11.6 GB for what they say of blocks, expected at most 10 GB; name fewer scenes",
         ),
         (["--slots", "2000"], "code pixels"),
-        (["--slots", "two"], "whole numbers"),
+        (["--slots", "two"], "--slots: found two, expected a whole number"),
         (["--bands", "3", "--dispersion", "200"], "GB"),
         (["--period", "0"], "1 pixel"),
         (["--seed", "-1"], "0 or more"),

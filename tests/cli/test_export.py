@@ -176,7 +176,7 @@ def test_patterns_beyond_open_are_named_with_their_file(capsys, tmp_path):
 
     savemat("shutter.mat", {"S": 255.0 * (torch.rand(24, 30, 2) > 0.5).double().numpy()})
     said = refused(capsys, "simulate", "spectral", *SMALL[:-1], "b.nc", "--shutter", "shutter.mat")
-    assert "--shutter shutter.mat: S: found values from 0 to 255, expected 0 = closed to 1 = open" in said
+    assert "--shutter shutter.mat: found values from 0 to 255, expected 0 = closed to 1 = open" in said
 
 
 def test_a_motion_that_is_too_large_does_not_hinder_the_next(capsys, tmp_path):

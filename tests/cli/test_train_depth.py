@@ -69,7 +69,7 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
     assert "channels = 1, expected 3" in refused(capsys, "reconstruct", "rgb.nc", "--weights", "run")
     assert "none come with tmca" in refused(capsys, "reconstruct", "taken.nc", "--weights", "default")
     said = refused(capsys, "simulate", "spectral-depth", "checked.nc", "--codes", "run", "--slots", "2")
-    assert "--slots beside weights" in said
+    assert "--slots: found 2, expected 4, as these weights have" in said
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,7 @@ def test_true_disparity_comes_with_rendered_light_fields():
     [
         (["simulate", "light-field", "nowhere"], "no such file, folder or rendered scene"),
         (["simulate", "light-field", "coffee", "--views", "4"], "odd"),
-        (["simulate", "light-field", "coffee", "--crop", "24x30", "--shear", "1,2,3"], "one number, or two"),
+        (["simulate", "light-field", "coffee", "--crop", "24x30", "--shear", "1,2,3"], "at most 2 values"),
         (["simulate", "light-field", "coffee:x"], "whole number"),
         (["simulate", "light-field", "coffee", "--scale", "2"], "rendered scene"),
         (["train", "light-field", "--train", "coffee", "--out", "r", "--set", "camera.views=4", "--steps", "1"], "odd"),

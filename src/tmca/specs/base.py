@@ -4,14 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 
 from tmca.errors import DataError, SettingError, TmcaError
 
+if TYPE_CHECKING:
+    from pydantic import ValidationInfo
+    from pydantic_core import ErrorDetails
+
 SEEDS = 2**30
 """Seeds lie below."""
+EXPECTED = {
+    "greater_than": "a number above {gt}",
+    "greater_than_equal": "{ge} or more",
+    "less_than": "a number below {lt}",
+    "less_than_equal": "at most {le}",
+    "too_long": "at most {max_length} values",
+    "too_short": "at least {min_length} values",
+    "int": "a whole number",
+    "float": "a number",
+}
+"""Type of a validation error, or its first part → what is expected."""
 S = TypeVar("S", bound="Spec")
 
 
@@ -21,6 +36,15 @@ class Spec(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False, protected_namespaces=()
     )
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """YAML's ``yes`` and ``on`` are not 1."""
+        field = cls.model_fields[str(info.field_name)]
+        if isinstance(value, bool) and "bool" not in str(field.annotation):
+            raise SettingError(str(info.field_name), str(value), "a value, not yes or no")
+        return value
 
     def given(self, *left_out: str) -> dict[str, Any]:
         """Fields that were given, without some; in their order."""
@@ -58,10 +82,16 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
     where = next((str(part) for part in first["loc"] if isinstance(part, str)), "settings")
     if first["type"] == "extra_forbidden":
         return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
-    found, expected = first["input"], first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    if first["type"].startswith("int_"):
-        expected = "a whole number"
-    return SettingError(where, str(found), expected.partition(", unable")[0], "leave it out for the usual")
+    return SettingError(where, str(first["input"]), _expected(first), "leave it out for the usual")
+
+
+def _expected(error: ErrorDetails) -> str:
+    """What a validation error asks for, in the words of the package's other messages."""
+    words = EXPECTED.get(error["type"]) or EXPECTED.get(error["type"].partition("_")[0])
+    if words:
+        return words.format(**error.get("ctx", {}))
+    said = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return said.partition(", unable")[0]
 
 
 def read_yaml(file: Path, expected: str) -> dict[str, Any]:
@@ -143,8 +173,9 @@ Numbers = Annotated[float | tuple[float, ...], BeforeValidator(_text)]
 _PAIR = Field(min_length=2, max_length=2)
 Both = Annotated[tuple[float, ...], BeforeValidator(lambda value: _both(_joined(value))), _PAIR]
 """Two numbers, or one that stands for both: ``1`` or ``1,0.5``."""
-Range = Annotated[tuple[float, ...], BeforeValidator(_text), _PAIR]
-"""Two numbers: ``0.4,2``."""
+_Distance = Annotated[float, Field(gt=0, allow_inf_nan=True)]
+Distances = Annotated[tuple[_Distance, ...], BeforeValidator(_text), _PAIR]
+"""Two distances in metres, the far one infinite perhaps: ``0.4,inf``."""
 Words = Annotated[tuple[str, ...], BeforeValidator(_words)]
 """Words separated by commas."""
 Wholes = Annotated[tuple[int, ...], BeforeValidator(_words)]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from tmca.errors import SettingError
-from tmca.specs.base import Both, Numbers, Range, Seed, Share, Spec, Whole
+from tmca.specs.base import Both, Distances, Numbers, Seed, Share, Spec, Whole
 
 CAMERA_SPECS: dict[str, type[CameraSpec]] = {}
 """The spec of every kind of camera."""
@@ -114,7 +114,7 @@ class SpectralDepthSpec(CameraSpec):
     "Phase mask: flat, zernike, free-form, rotational or lens."
     shutter: str | None = None
     "Shutter codes: random, open, one-hot, complementary or blue-noise."
-    depth: Range = (0.4, 2.0)
+    depth: Distances = (0.4, 2.0)
     "NEAR,FAR of the depth planes, metres."
     planes: int | None = None
     "Number of depth planes, even in inverse depth."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tmca.specs.base import Length, Range, Seed, Share, Spec, Whole, Wholes, Words
+from tmca.specs.base import Distances, Length, Seed, Share, Spec, Whole, Wholes, Words
 
 
 class CodeSearchSpec(Spec):
@@ -30,7 +30,7 @@ class MaskCameraSpec(Spec):
 
     preset: str = "quick"
     "Camera whose bench, bands and planes are taken: quick or thesis."
-    depth: Range | None = None
+    depth: Distances | None = None
     "NEAR,FAR of the depth planes, metres. [default: 0.4,2]"
     planes: Whole | None = None
     "Number of depth planes, even in inverse depth. [default: 8]"
