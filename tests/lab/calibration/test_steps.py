@@ -88,7 +88,10 @@ def benches(tmp_path_factory):
 
 
 MEASURED = [
-    (kind, name) for kind in BENCHES for name, step in STEPS.items() if kind in step.cameras and step.fit is not None
+    (kind, name)
+    for kind in BENCHES
+    for name, step in STEPS.items()
+    if name in LAB_CAMERAS[kind].steps and step.fit is not None
 ]
 each_step = pytest.mark.parametrize(("kind", "name"), MEASURED, ids=[" ".join(one) for one in MEASURED])
 

@@ -14,6 +14,7 @@ from tmca.lab.calibration.apply import out_of_date
 from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.file import Calibration, kind_of
 from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
+from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import exposed_whole
 from tmca.lab.quality import Doubtful, Limit, Limits, quality_of, warn_of
 
@@ -29,7 +30,6 @@ class Step:
 
     Args:
         name: of its folder; of ``psf`` there is one per slot, with its number at the end.
-        cameras: kinds that have it.
         acquire: frames for it: camera, manifest of the export, what is asked, slot → shots.
         fit: what the frames say, by the name of the part; None where the frames are another step's.
         figure: draws a part onto two axes.
@@ -39,7 +39,6 @@ class Step:
     """
 
     name: str
-    cameras: tuple[str, ...]
     acquire: Acquire
     fit: Callable[[Captured], dict[str, Fitted]] | None = None
     figure: Callable[..., None] | None = None
@@ -48,39 +47,38 @@ class Step:
     may_saturate: bool = False
 
 
-_ALL, _MASKED = ("spectral", "light-field", "spectral-depth"), ("spectral", "light-field")
 _COVER = "cover the lens in every frame; give --saturation where the sensor's top is another"
 _EVEN = "capture the same even light in every frame, out of focus"
 _WAVES = "are the wavelengths of the captures and of the registration right?"
 STEPS: dict[str, Step] = {step.name: step for step in (
-    Step("dark", _ALL, shots.dark, fits.dark, figures.dark, limits={
+    Step("dark", shots.dark, fits.dark, figures.dark, limits={
         "level_of_saturation": Limit(0.25, _COVER),
         "noise_of_saturation": Limit(0.05, _COVER),
         "drift_of_noise": Limit(10.0, _COVER),
     }),
-    Step("flat", _MASKED, shots.flat, fits.flat, figures.flat, ("dark",), {
+    Step("flat", shots.flat, fits.flat, figures.flat, ("dark",), {
         "change_from_frame_to_frame": Limit(0.2, _EVEN),
         "dead_share": Limit(0.05, _EVEN),
         "white_level_of_saturation": Limit(1.1, "no capture of a white scene is whole; is --reflectance right?"),
     }),
-    Step("white", _MASKED, shots.white),
-    Step("linearity", _MASKED, shots.linearity, fits.linearity, figures.linearity, ("dark",), {
+    Step("white", shots.white),
+    Step("linearity", shots.linearity, fits.linearity, figures.linearity, ("dark",), {
         "frames_of_one_exposure": Limit(0.05, "check the file names; keep the lamp steady"),
     }, may_saturate=True),
-    Step("registration", _MASKED, shots.registration, fits.registration, figures.registration),
-    Step("timing", _MASKED, shots.timing, fits.timing, figures.timing, ("dark",), {
+    Step("registration", shots.registration, fits.registration, figures.registration),
+    Step("timing", shots.timing, fits.timing, figures.timing, ("dark",), {
         "delay_over_the_largest": Limit(1.0, "check which slots each capture had open, and both triggers"),
     }),
-    Step("dispersion", ("spectral",), shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"), {
+    Step("dispersion", shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"), {
         "turning_back_pixels": Limit(0.1, f"prisms and gratings displace one way; {_WAVES}"),
         "red_beyond_blue_pixels": Limit(0.25, f"neither glass nor gratings spread red wider than blue; {_WAVES}"),
         "off_registration_pixels": Limit(0.25, f"the registration's own light is displaced; {_WAVES}"),
     }),
-    Step("shear", ("light-field",), shots.shear, fits.shear, figures.shear, ("registration", "dark"), {
+    Step("shear", shots.shear, fits.shear, figures.shear, ("registration", "dark"), {
         "along_the_other_axis": Limit(0.5, "name the frames view_ROW_COLUMN; turn the aperture's device upright"),
         "backwards": Limit(0.5, "as for a --shear below 0; are the views named from the other side?"),
     }),
-    Step("psf", ("spectral-depth",), shots.psf, fits.psf, figures.wavefront, ("dark",), {
+    Step("psf", shots.psf, fits.psf, figures.wavefront, ("dark",), {
         "worst_point": Limit(1.0, "check the depths and wavelengths in the names"),
     }),
 )}  # fmt: skip
@@ -97,7 +95,7 @@ def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
     One slot has no timing: no other one says when it begins and ends.
     """
     timed = exposed_whole(manifest) and camera.slots > 1
-    names = [step.name for step in STEPS.values() if camera.kind in step.cameras and (step.name != "timing" or timed)]
+    names = [name for name in STEPS if name in lab_camera(camera).steps and (name != "timing" or timed)]
     slots = [f"psf{slot}" for slot in range(camera.slots)]
     return tuple(part for name in names for part in (slots if name == "psf" else [name]))
 

@@ -32,6 +32,7 @@ class LabCamera(ABC):
     """
 
     kind: ClassVar[str]
+    steps: ClassVar[frozenset[str]]  # of its calibration, see `tmca.lab.calibration.steps.STEPS`
     unmeasured: ClassVar[frozenset[str]] = frozenset()  # parts of a calibration that it does not have
     masked: ClassVar[bool] = True  # whether it codes by pixels that open and close
 

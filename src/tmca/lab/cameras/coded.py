@@ -18,6 +18,9 @@ from tmca.lab.display.codes import Planes
 from tmca.lab.frames import Array
 from tmca.lab.light import Light
 
+MASK_STEPS = frozenset({"dark", "flat", "white", "linearity", "registration", "timing"})
+"""Steps of a camera behind a mask, whatever its optics."""
+
 
 class CodedLab(LabCamera):
     """A camera with an aperture and a shutter of pixels."""

@@ -12,7 +12,7 @@ from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.calibration.registration import nominal_matrix
 from tmca.lab.cameras.base import BRIGHT, check_light
-from tmca.lab.cameras.coded import CodedLab, grey_codes, leaking_shutter, mixed_aperture
+from tmca.lab.cameras.coded import MASK_STEPS, CodedLab, grey_codes, leaking_shutter, mixed_aperture
 from tmca.lab.frames import Array
 from tmca.lab.light import Light
 from tmca.optics import ViewShear
@@ -23,6 +23,7 @@ class LightFieldLab(CodedLab):
     """Light fields behind a mask in front of the sensor."""
 
     kind = "light-field"
+    steps = MASK_STEPS | {"shear"}
     unmeasured = frozenset({"dispersion", "wavefront"})
 
     def brightness(self, camera: LightFieldCamera, light: Light) -> Array:

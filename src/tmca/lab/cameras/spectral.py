@@ -15,7 +15,7 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.cameras.base import BRIGHT, check_light
-from tmca.lab.cameras.coded import CodedLab, grey_codes, leaking_shutter, mixed_aperture
+from tmca.lab.cameras.coded import MASK_STEPS, CodedLab, grey_codes, leaking_shutter, mixed_aperture
 from tmca.lab.frames import Array
 from tmca.lab.light import Light
 from tmca.sensor import Sensor
@@ -28,6 +28,7 @@ class SpectralLab(CodedLab):
     """Cubes behind a single disperser."""
 
     kind = "spectral"
+    steps = MASK_STEPS | {"dispersion"}
     unmeasured = frozenset({"shear", "wavefront"})
 
     def brightness(self, camera: SpectralCamera, light: Light) -> Array:

@@ -25,6 +25,7 @@ class SpectralDepthLab(LabCamera):
     """Cubes with depth behind phase masks."""
 
     kind = "spectral-depth"
+    steps = frozenset({"dark", "psf"})
     unmeasured = frozenset({"shear", "dispersion", "registration", "timing"})
     masked = False
 
