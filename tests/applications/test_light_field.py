@@ -96,6 +96,7 @@ def test_a_dictionary_is_learned_and_decodes(tmp_path, capsys, monkeypatch):
     assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
 
 
+@pytest.mark.slow
 def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
     main(["prior", "learn-views", "rocket", "--views", "3", "--out", str(tmp_path / "p.nc")])
     assert not GaussianPrior.load(tmp_path / "p.nc").mirrored

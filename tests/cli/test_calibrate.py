@@ -248,6 +248,7 @@ def exported(shown, tmp_path):
 FAULTS = ("--hardware", "misregistration=0.6:-0.8,rotation=0.4,delay=0.2", "--seed", "4")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("exported")
 def test_a_bench_with_faults_is_calibrated_by_its_own_frames(capsys):
     told = said(capsys, "calibrate", "capture", "all", "shown", "--out", "bench", "--frames", "4", *FAULTS)

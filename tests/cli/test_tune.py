@@ -86,6 +86,7 @@ def views_of(name):
     return rendered_light_field(name, views=3, size=SIZE)["light_field"]
 
 
+@pytest.mark.slow
 def test_a_light_field_decoder(capsys, folder):
     write_dataset(views_of("chelsea").to_dataset(name="light_field"), folder / "chelsea.nc")
     train("light-field", "chelsea.nc", *SMALL, "camera.views=3")
@@ -102,6 +103,7 @@ def test_a_light_field_decoder(capsys, folder):
     main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
 
 
+@pytest.mark.slow
 def test_a_spectral_depth_decoder(capsys, folder):
     train(
         "spectral-depth", "chelsea", "camera.size=[16, 16]", "camera.planes=3", "camera.period=2", "camera.slots=2",
