@@ -49,7 +49,7 @@ def test_it_is_the_pseudo_inverse_where_the_operator_makes_the_snapshot(rank):
     torch.testing.assert_close(scene, snapshot @ torch.linalg.pinv(camera.matrix).mT, atol=1e-7, rtol=1e-7)
 
 
-@pytest.mark.parametrize("smallest", [-1, -2, -5])
+@pytest.mark.parametrize("smallest", [-1, -2, -3])
 def test_what_the_operator_cannot_make_is_left_and_warned_of(smallest):
     camera = operator(smallest, rank=20)
     snapshot = taken(camera, noise=0.05)

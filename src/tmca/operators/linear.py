@@ -22,7 +22,7 @@ EXPOSURES = ("equal", "per-slot")
 _TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
 _LARGEST = 20_000
 _GROWTH = 100.0
-"""Residuals of conjugate gradients rise and fall by less than this where they converge at all."""
+"""An iteration whose residual ends this far above its least leads nowhere."""
 
 
 def exposure_weight(exposure: str, slots: int) -> float:
@@ -47,7 +47,7 @@ def conjugate_gradients(
     start: Tensor | None = None,
     preconditioner: Tensor | None = None,
     progress: Callable[[float], None] | None = None,
-    watch: Callable[[Tensor, Tensor], bool] | None = None,
+    watch: Callable[[Tensor, Tensor], None] | None = None,
 ) -> Tensor:
     """Solve ``apply(x) + shift · x = right`` for a batch, each entry with steps of its own (Hestenes, Stiefel 1952).
 
@@ -61,7 +61,7 @@ def conjugate_gradients(
         start: a solution that is near, such as that of the iteration before; zero if None.
         preconditioner: (…) near inverse of the diagonal.
         progress: called with the share of the steps that is done.
-        watch: called after every step with the solution and the squared norms (B, 1, …) of the residual; true stops.
+        watch: called after every step with the solution and the squared norms (B, 1, …) of the residual.
     """
     shifted = isinstance(shift, Tensor) or shift != 0
 
@@ -87,8 +87,8 @@ def conjugate_gradients(
         direction = scaled + energy / previous.clamp_min(tiny) * direction
         if progress is not None:
             progress(step / steps)
-        if watch is not None and watch(solution, inner(residual, residual)):
-            break
+        if watch is not None:
+            watch(solution, inner(residual, residual))
     return solution
 
 
@@ -97,19 +97,19 @@ class Diverged(UserWarning):
 
 
 class _Best:
-    """The iterate of every entry of a batch that left the least residual; where all have grown far beyond it, the
-    iteration leads nowhere."""
+    """The iterate of every entry of a batch that left the least residual, and whether the last is far beyond it."""
 
     def __init__(self, right: Tensor) -> None:
         self.solution, self.first = torch.zeros_like(right), _inner(right, right)
-        self.residual, self.diverged = self.first, torch.zeros_like(self.first, dtype=torch.bool)
+        self.residual = self.last = self.first
 
-    def __call__(self, solution: Tensor, residual: Tensor) -> bool:
+    def __call__(self, solution: Tensor, residual: Tensor) -> None:
         better = residual < self.residual
         self.solution = torch.where(better, solution, self.solution)
-        self.residual = torch.where(better, residual, self.residual)
-        self.diverged = self.diverged | ~(residual <= _GROWTH**2 * self.residual)
-        return bool((self.diverged | (residual == 0)).all())
+        self.residual, self.last = torch.where(better, residual, self.residual), residual
+
+    def diverged(self) -> bool:
+        return bool((~(self.last <= _GROWTH**2 * self.residual)).any())
 
     def share(self) -> float:
         """Norm of the least residual over that of the right-hand side, the largest of all entries."""
@@ -186,7 +186,7 @@ class LinearOperator(nn.Module, ABC):
             return self.A_adjoint(self.gram_solve(snapshot, 0.0))
         best, tolerance = _Best(snapshot), _TOLERANCE[snapshot.dtype]
         conjugate_gradients(lambda y: self.A(self.A_adjoint(y)), snapshot, tolerance=tolerance, steps=1000, watch=best)
-        if bool((best.diverged & (best.residual > tolerance**2 * best.first)).any()):
+        if best.diverged():
             found = f"its best scene leaves {best.share():.2g} of the snapshot's norm"
             warn(f"A_dagger diverges: {found}; use a regularised decoder such as tikhonov", Diverged, stacklevel=2)
         return self.A_adjoint(best.solution)

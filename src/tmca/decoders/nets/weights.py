@@ -297,7 +297,7 @@ def _of_version_0_1(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.
     check_choice("camera", kind, _ARGUMENTS_0_1)
     settings: dict[str, Any] = {name: torch.from_numpy(values.astype(np.float32)) for name, values in arrays.items()}
     settings = _ARGUMENTS_0_1[kind]({**settings, **about["camera"], "bands": about.get("wavelengths")})
-    return CAMERAS[kind](**settings, slots=len(settings["shutter"])).variables(tiled=True)
+    return CAMERAS[kind](**{"slots": len(settings["shutter"]), **settings}).variables(tiled=True)
 
 
 def _views_of_version_0_1(settings: dict[str, Any]) -> dict[str, Any]:
