@@ -7,8 +7,7 @@ from small_cameras import BlurredCamera, TapCamera, blocky_scene, coded_camera, 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Result, admm_tv, decode, default_weight
 from tmca.decoders.least_squares import DataStep
-from tmca.operators.linear import Diverged
-from tmca.operators.linear import conjugate_gradients
+from tmca.operators.linear import Diverged, conjugate_gradients
 from tmca.sensor import Sensor
 
 SHAPE = (3, 6, 7)

@@ -52,7 +52,7 @@ def test_a_camera_of_ones_own_is_captured_and_calibrated(tmp_path, toy):
 
 
 def test_a_kind_that_was_never_on_the_table_is_named():
-    with pytest.raises(SettingError, match="found 'pinhole', expected one of .*spectral-depth"):
+    with pytest.raises(SettingError, match=r"found 'pinhole', expected one of .*spectral-depth"):
         lab_camera("pinhole")
 
 
