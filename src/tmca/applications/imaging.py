@@ -75,7 +75,7 @@ def simulate(
         check_light(_light(one), name or "scene")
     faults = hardware or Hardware()
     moved = motion if any(motion) else faults.movement
-    check_displacement(moved, camera.size, "motion" if any(motion) else "hardware")
+    check_displacement(moved, camera.size, "motion" if any(motion) else "hardware motion")
     light, *depth = _slots([application.tensors(one) for one in fitted], camera, moved)
     notes: dict[str, Any] = {"scene": name, "noise_seed": seed, **application.check(fitted[0], camera)}
     notes |= {"motion_pixels": list(moved)} if any(moved) else {}
