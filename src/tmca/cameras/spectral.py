@@ -188,7 +188,8 @@ class SpectralCamera(BandCamera, CodedCamera):
             columns = origin + np.arange(self.snapshot_shape[2])
             coordinates["x_sensor"] = ("x_sensor", columns, {"units": "pixel", "long_name": "scene column"})
         optics = {"disperser": self.disperser, "dispersion_axis": "x", "origin": origin}
-        optics |= {"relay_blur": json.dumps(self.relay_blur), "beside": json.dumps(self.beside)}
+        optics |= {"relay_blur": json.dumps(self.relay_blur)}
+        optics |= {"beside": json.dumps(self.beside)} if any(self.beside) else {}
         return parts, coordinates, {**attributes, **optics}
 
     @classmethod
