@@ -296,16 +296,12 @@ def _of_version_0_1(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.
     kind = about.get("application", "spectral")
     check_choice("camera", kind, _ARGUMENTS_0_1)
     settings: dict[str, Any] = {name: torch.from_numpy(values.astype(np.float32)) for name, values in arrays.items()}
-    settings = _ARGUMENTS_0_1[kind]({**settings, **about["camera"], "bands": about.get("wavelengths")})
-    return CAMERAS[kind](**{"slots": len(settings["shutter"]), **settings}).variables(tiled=True)
+    settings = _ARGUMENTS_0_1[kind]({**settings, **about["camera"]}, about)
+    return CAMERAS[kind](**settings, slots=len(settings["shutter"])).variables(tiled=True)
 
 
-def _views_of_version_0_1(settings: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in settings.items() if name != "bands"}
-
-
-def _masks_of_version_0_1(settings: dict[str, Any]) -> dict[str, Any]:
-    given = _views_of_version_0_1(settings)
+def _masks_of_version_0_1(settings: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
+    given = {name: value for name, value in settings.items() if name != "slots"}
     stroke = given.pop("stroke", None)
     family = {str(name): given.pop(name) for name in ("coefficients", "noll", "radii") if name in given}
     heights = restored_maps(given.pop("heights"), family, None if stroke is None else Stroke(**stroke))
@@ -313,9 +309,9 @@ def _masks_of_version_0_1(settings: dict[str, Any]) -> dict[str, Any]:
     return given | {"bench": changed_bench(PhaseMaskBench(), given["bench"])}
 
 
-_ARGUMENTS_0_1: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
-    "spectral": lambda settings: settings,
-    "light-field": _views_of_version_0_1,
+_ARGUMENTS_0_1: dict[str, Callable[[dict[str, Any], dict[str, Any]], dict[str, Any]]] = {
+    "spectral": lambda settings, about: {**settings, "bands": about["wavelengths"]},
+    "light-field": lambda settings, about: settings,
     "spectral-depth": _masks_of_version_0_1,
 }
 """Arguments of the cameras of version 0.1 from what their files hold."""
