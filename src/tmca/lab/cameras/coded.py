@@ -30,12 +30,14 @@ class CodedLab(LabCamera):
         """Of every band, or view, under a light; DeviceError for one that is not simulated."""
 
     def lit(self, camera: Any, light: Light) -> tuple[Tensor, ...]:
+        """See ``LabCamera``."""
         check_light(light.kind != "point", f"a point before a {self.kind} camera", "a white scene")
         shares, shape = self.brightness(camera, light), tuple(camera.scene_shape)
         share = torch.from_numpy(shares).float().reshape(1, *shares.shape, *(1 for _ in shape[shares.ndim :]))
         return (share.expand(1, *shape) * light.reflectance * light.exposure,)
 
     def showing(self, camera: Any, codes: Planes) -> Any:
+        """See ``LabCamera``."""
         nominal = dict(zip(camera.plane_names, camera.codes(), strict=True))
         shown = {name: codes.planes.get(name, plane) for name, plane in nominal.items()}
         if codes.slots != camera.slots:  # one slot after the other, none of them masked
@@ -48,13 +50,16 @@ class CodedLab(LabCamera):
         return camera.replace(codes=Codes(shown["aperture"], shown["shutter"]), slots=codes.slots)
 
     def timed_codes(self, camera: Any) -> nn.Module:
+        """See ``LabCamera``."""
         codes: nn.Module = camera.codes
         return codes
 
     def opened(self, camera: Any, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:
+        """See ``LabCamera``."""
         return camera.replace(codes=_OpenedCodes(camera.codes, patterns, shares), **parts)
 
     def on_camera(self, values: Tensor, nominal: Any, measured: Any) -> Tensor:
+        """See ``LabCamera``."""
         return values * (measured.codes()[1].amax(0) > 0)
 
 
