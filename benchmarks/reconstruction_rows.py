@@ -30,12 +30,14 @@ from tmca.decoders.nets.build import build_depth_network
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import DEPTH_STARTS
 from tmca.errors import SettingError
-from tmca.experiments.light_field.rows import NETWORKS
+from tmca.evaluation.study import read_study
 from tmca.lab.deploy import FORMATS, export_decoder, load_exported
 from tmca.operators import TapOperator
 from tmca.optics import DepthPlanes
 from tmca.priors import PatchDictionary, find_prior, learn_prior
 from tmca.sensor import Sensor
+
+NETWORKS = {name: network.decoder for name, network in read_study("light-field").networks.items()}
 
 SIZES = {
     "spectral": "256x256x12",

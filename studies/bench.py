@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tmca.experiments.spectral.own_camera import scene_at, training_of
 from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.bench_physics import REFERENCE
 from tmca.lab.calibration.dispersion import MeasuredDispersion
@@ -33,6 +32,7 @@ from tmca.lab.registering import (
     register_mask,
     registered,
 )
+from tmca.training.snapshot_camera import scene_at, training_of
 
 __all__ = [
     "DEPTH", "REFERENCE", "WAVES", "Calibration", "MeasuredDispersion", "PixelShutter",

@@ -194,6 +194,7 @@ def test_rows_and_columns_of_views_in_each_others_place_are_doubted():
     assert measure_shear(shown, [(u, v) for v, u in views], PATTERN, REGISTERED).turned() > most
 
 
+@pytest.mark.slow
 def test_every_two_views_under_each_others_names_are_refused():
     shown = displaced([(-0.9 * v, -1.1 * u) for v, u in VIEWS])
     for one, other in list(combinations(range(9), 2))[::5]:
@@ -203,6 +204,7 @@ def test_every_two_views_under_each_others_names_are_refused():
             measure_shear(shown[order], VIEWS, PATTERN, REGISTERED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [0, 2])
 def test_two_wavelengths_of_a_point_under_each_others_names_are_refused_or_doubted(depth):
     shown = points(mirror(1, 0.08e-6), seed=1)

@@ -123,7 +123,7 @@ def test_frames_carry_their_slots():
 
 
 def test_what_cannot_be_framed_is_refused():
-    with pytest.raises(SettingError, match="--frames: found 3, expected a divisor of the 8 slots"):
+    with pytest.raises(SettingError, match="frames: found 3, expected a divisor of the 8 slots"):
         frame_operator(camera(), 3)
     moving = SpectralCamera(bands=1, size=(4, 4), slots=4, dispersion=0.0)
     with pytest.raises(

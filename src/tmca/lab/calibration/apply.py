@@ -192,7 +192,9 @@ class CalibratedBench:
 
         Columns of the sensor that no light reaches are 0.
         """
-        values = lab_camera(self.nominal).on_sensor(taken.values, self.nominal, self.camera)
+        values = taken.values
+        if self.camera is not self.nominal:
+            values = lab_camera(self.nominal).on_sensor(values, self.nominal, self.camera)
         return Snapshot(values, self.nominal, {**taken.notes, **self.notes})
 
 

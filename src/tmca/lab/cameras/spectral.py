@@ -57,7 +57,7 @@ class SpectralLab(CodedLab):
         if measured is not None:
             relative = measured.response_at(camera.wavelengths)
             response = relative * response.sum() / relative.sum()
-        first, width = camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.spread
+        first, width = camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.extent
         wide = _columns(torch.from_numpy(leaking_shutter(shutter, calibration)), first, width)
         kappa = torch.from_numpy(response).clamp(min=0).to(torch.get_default_dtype())
         return camera.replace(

@@ -27,6 +27,10 @@ from tmca.optics.zernike import fit_zernike, noll, zernike_modes
 Size = tuple[int, int]
 
 
+SENSOR = "sensor"
+"""Setting of an export: (rows, columns) of the frames that its camera takes."""
+
+
 @dataclass(frozen=True)
 class Planes:
     """Codes of one exposure.
@@ -97,9 +101,10 @@ def read_planes(source: str | Path) -> Planes:
 
 def _of_weights(path: Path) -> Planes:
     weights = Weights.load(path)
-    planes, about = weights.codes, {"size": weights.size, "exposure": weights.variables.attrs["exposure"]}
+    planes, camera = weights.codes, weights.camera
     if "heights" in planes:
-        return planes_of(weights.camera, str(path))
+        return planes_of(camera, str(path))
+    about = {"size": weights.size, "exposure": camera.exposure, SENSOR: camera.snapshot_shape[1:]}
     return Planes(str(path), weights.kind, planes, tuple(planes) if weights.period else (), None, about)
 
 
@@ -136,10 +141,12 @@ def planes_of(camera: Any, source: str) -> Planes:
     if getattr(camera, "coloured", None) is not None:
         raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
     planes = dict(zip(camera.plane_names, camera.codes(), strict=True))
+    frame = {SENSOR: camera.snapshot_shape[1:]}
     if "heights" not in planes:
-        return Planes(source, camera.kind, planes, (), None, {"size": camera.size, "exposure": camera.exposure})
-    modes, settings = family_parameters(camera.point_spread.heights), {"material": camera.bench.material}
-    return Planes(source, camera.kind, planes, (), modes, settings)
+        settings = {"size": camera.size, "exposure": camera.exposure, **frame}
+        return Planes(source, camera.kind, planes, (), None, settings)
+    modes = family_parameters(camera.point_spread.heights)
+    return Planes(source, camera.kind, planes, (), modes, {"material": camera.bench.material, **frame})
 
 
 COLUMNS = ("slot", "noll", "n", "m", "rms_um", "peak_um")
