@@ -10,6 +10,7 @@ import pytest
 SOURCE = Path(__file__).parents[1] / "src" / "tmca"
 FLOORS = {
     "errors": 0,
+    "arguments": 0.2,
     "specs": 0.5,
     "data": 1,
     "metrics": 1,
@@ -26,13 +27,18 @@ FLOORS = {
     "training": 7,
     "lab": 7,
     "applications": 7,
-    "experiments": 8,
-    "reports": 9,
+    "evaluation": 8,
+    "reports": 8.5,
     "tuning": 9,
     "cli": 10,
     "viewer": 10,
 }
-ALONE = {"data": {"errors"}, "metrics": {"errors"}, "plots": {"errors", "data", "metrics"}, "dbd": {"errors", "data"}}
+ALONE = {
+    "data": {"errors", "arguments"},
+    "metrics": {"errors", "arguments"},
+    "plots": {"errors", "data", "metrics"},
+    "dbd": {"errors", "data"},
+}
 """Rooms that know no camera, and what they know."""
 FILES = sorted(SOURCE.rglob("*.py"))
 

@@ -32,7 +32,7 @@ def files(tmp_path_factory):
         np.save("colours.npy", np.ones((12, 24, 24), np.float32))
         example = select_bands(rendered_scene("astronaut", size=(48, 48))["radiance"], 12)
         shifted = example.assign_coords(wavelength=example["wavelength"] + 20e-9)
-        learn_prior([shifted], spread=11, block=(2, 30)).save("prior.nc")
+        learn_prior([shifted], extent=11, block=(2, 30)).save("prior.nc")
     return folder
 
 

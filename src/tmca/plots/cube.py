@@ -54,7 +54,7 @@ def rgb_composite(cube: np.ndarray, wavelengths: Sequence[float], white: float |
 def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> Figure:
     """A cube: colour composite, the spectra of a few points, and bands from the first to the last."""
     figure, axes = grid(1, 3, width=4.2, aspect=cube.shape[1] / cube.shape[2])
-    picture, points, chosen = rgb_composite(cube, wavelengths), spread_points(cube), evenly(len(cube), 12)
+    picture, points, chosen = rgb_composite(cube, wavelengths), sample_points(cube), evenly(len(cube), 12)
     image(axes[0, 0], picture, title)
     mark(axes[0, 0], points)
     spectra(axes[0, 1], {"": cube}, wavelengths, points)
@@ -67,14 +67,14 @@ def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> F
     return figure
 
 
-def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
+def sample_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
     """A few lit pixels (row, column), each of a spectrum whose shape is farthest from those before; of a large picture
     every second pixel, or third, … is looked at."""
     from scipy.ndimage import uniform_filter
 
     apart = 1 + isqrt(cube.shape[1] * cube.shape[2] // _LOOKED_AT)
     if apart > 1:
-        return [(apart * row, apart * column) for row, column in spread_points(cube[:, ::apart, ::apart], count)]
+        return [(apart * row, apart * column) for row, column in sample_points(cube[:, ::apart, ::apart], count)]
     smooth = np.stack([uniform_filter(band, 7) for band in cube]).reshape(len(cube), -1)
     strength = np.linalg.norm(smooth, axis=0)
     shape = smooth / np.maximum(strength, 0.3 * strength.max() + 1e-12)
@@ -135,7 +135,7 @@ def reconstruction_figure(
     """
     deviations = deviations or {}
     reference = truth if truth is not None else next(iter(estimates.values()))
-    white, points = white_level(reference, wavelengths), spread_points(reference)
+    white, points = white_level(reference, wavelengths), sample_points(reference)
     many = len(estimates) > _TOGETHER
     rows = 1 + (truth is not None) + bool(deviations) + many
     columns = len(estimates) + 1 + (rows == 1)
@@ -143,26 +143,26 @@ def reconstruction_figure(
     image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
     mark(axes[0, 0], points)
     errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
-    spreads = {name: _rms(deviations[name]) for name in estimates if name in deviations}
-    maps = [values.ravel() for values in (*errors.values(), *spreads.values())]
+    predicted = {name: _rms(deviations[name]) for name in estimates if name in deviations}
+    maps = [values.ravel() for values in (*errors.values(), *predicted.values())]
     top = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
     for column, (name, cube) in enumerate(estimates.items(), start=1):
         image(axes[0, column], rgb_composite(cube, wavelengths, white), _caption(name, cube, truth))
         if name in errors:
             image(axes[1, column], errors[name], "error (rms over bands)", colours="magma", top=top, bar=_UNIT)
-        if name in spreads:
+        if name in predicted:
             place = axes[rows - 1 - many, column]
-            image(place, spreads[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
-        elif spreads:
+            image(place, predicted[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
+        elif predicted:
             _say(axes[rows - 1 - many, column], "no error predicted")
-    known = {"truth": truth} if truth is not None else {}
+    true = {"truth": truth} if truth is not None else {}
     if many:
         for axis in axes[1:, 0]:
             axis.set_axis_off()
         for axis, (name, cube) in zip(axes[-1, 1:], estimates.items(), strict=False):
-            spectra(axis, {**known, name: cube}, wavelengths, points)
+            spectra(axis, {**true, name: cube}, wavelengths, points)
     else:
-        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**known, **estimates}, wavelengths, points)
+        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**true, **estimates}, wavelengths, points)
     return figure
 
 
@@ -208,7 +208,7 @@ def composites(
 
 def signatures(truth: np.ndarray, estimates: Mapping[str, np.ndarray], wavelengths: Sequence[float]) -> Figure:
     """Spectra of the truth and of some rows at a few points (figure 21)."""
-    points = spread_points(truth, _POINTS)
+    points = sample_points(truth, _POINTS)
     figure, axes = grid(1, 1 + _POINTS, width=3.6, aspect=0.85)
     image(axes[0, 0], rgb_composite(truth, wavelengths), "truth")
     mark(axes[0, 0], points)

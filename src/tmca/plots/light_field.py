@@ -144,9 +144,9 @@ def _quality(estimate: np.ndarray, truth: np.ndarray) -> str:
     """PSNR of the whole light field and SSIM."""
     from tmca.metrics import light_field_metrics
 
-    found = light_field_metrics(estimate, truth)
-    similarity = f", SSIM {found['ssim']:.3f}" if np.isfinite(found["ssim"]) else ""
-    return f"{found['psnr']:.2f} dB{similarity}"
+    scores = light_field_metrics(estimate, truth)
+    similarity = f", SSIM {scores['ssim']:.3f}" if np.isfinite(scores["ssim"]) else ""
+    return f"{scores['psnr']:.2f} dB{similarity}"
 
 
 def view_psnr_figure(maps: Mapping[str, np.ndarray]) -> Figure:
@@ -240,8 +240,8 @@ def _cells(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, mask: Any, 
 
 
 def _disparities(reference: np.ndarray) -> dict[str, Any]:
-    known = reference[np.isfinite(reference)]
-    low, high = (float(q) for q in np.quantile(known, (0.005, 0.995))) if known.size else (0.0, 1.0)
+    finite = reference[np.isfinite(reference)]
+    low, high = (float(q) for q in np.quantile(finite, (0.005, 0.995))) if finite.size else (0.0, 1.0)
     return {"cmap": "viridis", "vmin": low, "vmax": max(high, low + 0.1)}
 
 
@@ -251,8 +251,8 @@ def error_top(errors: Sequence[np.ndarray]) -> float:
     Args:
         errors: maps, not finite where they are unknown.
     """
-    known = np.concatenate([values[np.isfinite(values)] for values in errors])
-    most = float(np.quantile(known, 0.9)) if known.size else 0.0
+    finite = np.concatenate([values[np.isfinite(values)] for values in errors])
+    most = float(np.quantile(finite, 0.9)) if finite.size else 0.0
     if most <= 0:
         return 1.0
     step = 10 ** np.floor(np.log10(most)) / 2
@@ -261,8 +261,8 @@ def error_top(errors: Sequence[np.ndarray]) -> float:
 
 def _error_label(maps: Mapping[str, np.ndarray], truth: np.ndarray, top: float) -> str:
     errors = np.stack([np.abs(values - truth) for values in maps.values()])
-    known = errors[np.isfinite(errors)]
-    share = f"\n{np.mean(known > top):.1%} above {top:g}" if known.size else ""
+    finite = errors[np.isfinite(errors)]
+    share = f"\n{np.mean(finite > top):.1%} above {top:g}" if finite.size else ""
     return f"error ({_STEP}){share}"
 
 
@@ -270,5 +270,5 @@ def _numbers(estimate: np.ndarray, truth: np.ndarray, mask: Any) -> str:
     from tmca.metrics import disparity_error
     from tmca.metrics.disparity import BAD_PIXEL
 
-    found = disparity_error(estimate, truth, mask)
-    return f"MAE {found['mae']:.3f} px, {found['badpix']:.1%} above {BAD_PIXEL:g} px"
+    errors = disparity_error(estimate, truth, mask)
+    return f"MAE {errors['mae']:.3f} px, {errors['badpix']:.1%} above {BAD_PIXEL:g} px"

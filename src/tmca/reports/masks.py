@@ -11,11 +11,12 @@ import numpy as np
 import torch
 
 from tmca.applications.example_scenes import JUDGING, judge_on
+from tmca.arguments import checked
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.fitting import at_bands
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
 from tmca.errors import DataError, SettingError
-from tmca.experiments.results import check_new
+from tmca.evaluation.tables import check_new
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior, find_prior
 from tmca.priors.spectral_depth import needed_block
@@ -26,6 +27,7 @@ SLOTS = (1, 2, 4)
 """Numbers of slots that are tried."""
 
 
+@checked
 def design_spectral_depth(
     sheet: SensorSheet,
     out: Path,

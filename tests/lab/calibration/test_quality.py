@@ -28,7 +28,7 @@ from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.dispersion import measure_dispersion
 from tmca.lab.calibration.displacement import measure_shear
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.fits import Told
+from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf
 from tmca.lab.calibration.registration import register
 from tmca.lab.calibration.sensor import measure_dark, measure_linearity
@@ -218,4 +218,4 @@ def test_a_step_needs_those_before_it(tmp_path):
     with pytest.raises(DataError, match="found no dark, expected one, on which flat builds"):
         measure("flat", Calibration.empty(), tmp_path)
     with pytest.raises(DataError, match="found no registration, expected one, on which shear builds"):
-        measure("shear", Calibration.empty(), tmp_path, Told(tmp_path))
+        measure("shear", Calibration.empty(), tmp_path, StepSettings(tmp_path))
