@@ -28,7 +28,7 @@ def prior(tmp_path_factory):
     return learned.save(tmp_path_factory.mktemp("prior") / "prior.nc")
 
 
-SIMULATE = ("simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "48x52")
+SIMULATE = ("simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44")
 
 
 def simulate(*more):
@@ -46,11 +46,11 @@ def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, p
     found = answer(capsys, "reconstruct", "motorcycle_snapshot.nc", "--prior", prior, "--truth", "motorcycle")
     assert found["decoder"] == "likelihood"
     assert found["metrics"]["psnr"] > 15
-    truth = load_spectral_depth("motorcycle", WAVES, near=0.4, far=2.0, size=(48, 52), reduce=8)["depth"]
+    truth = load_spectral_depth("motorcycle", WAVES, near=0.4, far=2.0, size=(40, 44), reduce=8)["depth"]
     middle = 2 / (1 / 0.4 + 1 / 2.0)
     assert found["metrics"]["depth_mae"] < 0.8 * float(abs(truth - middle).mean())
     with xr.open_dataset("motorcycle_likelihood.nc") as kept:
-        assert kept["depth"].shape == (48, 52)
+        assert kept["depth"].shape == (40, 44)
         assert float(kept["depth"].min()) >= 0.4 - 1e-6
         assert float(kept["depth"].max()) <= 2 + 1e-6
     assert (tmp_path / "motorcycle_likelihood.png").exists()

@@ -110,7 +110,7 @@ def test_a_batch_gives_what_its_snapshots_give_alone() -> None:
 
 
 @pytest.mark.parametrize("decoder", ["admm-tv", "admm-tv-joint", "pnp-tv"])
-@pytest.mark.parametrize("size", [(20, 24), (21, 23)])
+@pytest.mark.parametrize("size", [pytest.param((20, 24), marks=pytest.mark.slow), (21, 23)])
 def test_behind_a_blurred_relay_noise_does_not_outgrow_the_scene(size: tuple[int, int], decoder: str) -> None:
     """Where the relay's blur leaves next to no light, the pseudo-inverse says anything."""
     sensor = Sensor(read_noise=0.01)
