@@ -51,7 +51,7 @@ def extra(folder):
 
 def unequal(folder):
     Image.fromarray(VIEWS[0, 0, 1:]).save(folder / "scene" / "input_Cam003.png")
-    return "scene/input_Cam003.png: found 95×100 pixels (height × width), expected 96×100"
+    return "scene/input_Cam003.png: found a view of 95×100 pixels, expected 96×100"
 
 
 def even(folder):
@@ -123,7 +123,7 @@ def test_a_light_field_that_cannot_be_used_is_refused(place, capsys, spoil, comm
 def test_a_disparity_of_another_size_is_refused(place, capsys):
     write_pfm(place / "scene" / "gt_disp_lowres.pfm", np.zeros((95, 100)))
     line = refused(capsys, *words_of("evaluate", "scene"))
-    assert "gt_disp_lowres.pfm: found 95×100 pixels (height × width), expected 96×100 as the views have; fetch" in line
+    assert "gt_disp_lowres.pfm: found a map of 95×100 pixels, expected 96×100 (height × width) as the views" in line
     assert not list((place / "out").iterdir())
 
 

@@ -68,21 +68,21 @@ def load_light_field(
     Warns:
         UnevenGrid: the centre of views that stand on no square grid was taken.
     """
-    asked: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
+    reading: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
     if Path(source).exists():
-        found = read_light_field(source, crop=size, **asked)
-        rows, columns = found.attrs["grid"]
+        light_field = read_light_field(source, crop=size, **reading)
+        rows, columns = light_field.attrs["grid"]
         if rows != columns:
             odd = f"{rows}×{columns} views are no square, some may be missing"
-            warn(f"{source}: {odd}; taken are {taken_views(found)}", UnevenGrid, stacklevel=2)
+            warn(f"{source}: {odd}; taken are {taken_views(light_field)}", UnevenGrid, stacklevel=2)
     elif source.partition(":")[0] in rendered_names():
         _refuse_files(pattern=pattern, lens=lens)
-        found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
+        light_field = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
     else:
         wanted = f"a path, or one of {', '.join(rendered_names())}"
         raise DataError(source, "no such file, folder or rendered scene", wanted)
-    noted = {"source": source, "size": size, **asked, "scale": scale or 1}
-    return found.assign_attrs({READING: json.dumps(noted, default=int)})
+    noted = {"source": source, "size": size, **reading, "scale": scale or 1}
+    return light_field.assign_attrs({READING: json.dumps(noted, default=int)})
 
 
 def taken_views(light_field: xr.DataArray) -> str:

@@ -134,6 +134,7 @@ def _whole_picture(file: Path) -> AbstractContextManager[None]:
     return whole_file(file, _KINDS.get(file.suffix.lower(), "PNG, JPEG or BMP"))
 
 
+@reads(".pfm")
 def open_picture(path: Path) -> Contents:
     """A single picture as one array, ``(y, x)`` or ``(y, x, channel)``."""
     pixels = read_picture(path)
@@ -215,8 +216,8 @@ def _tiff_array(path: Path, tiff: Any) -> Stored:
 
 def _from_labels(labels: list[str]) -> NDArray[np.float64] | None:
     """Metres from page labels that each name a wavelength with its unit."""
-    found = [_LABEL_NM.search(label) for label in labels]
-    nm = [float(m[1]) * (1.0 if m[2].lower() == "nm" else 1e3) for m in found if m]
+    matches = [_LABEL_NM.search(label) for label in labels]
+    nm = [float(m[1]) * (1.0 if m[2].lower() == "nm" else 1e3) for m in matches if m]
     return wavelengths.nm_to_metres(nm) if len(nm) == len(labels) else None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -83,6 +84,11 @@ def photograph(name: str) -> Photograph:
 def rendered_names() -> tuple[str, ...]:
     """Names of the scenes that :func:`rendered_scene` renders, training scenes first."""
     return tuple(PHOTOGRAPHS)
+
+
+def is_rendered(source: object) -> bool:
+    """Whether this is the name of a rendered scene, and not of a file."""
+    return str(source) in PHOTOGRAPHS and not Path(str(source)).exists()
 
 
 def split_rendered() -> dict[str, tuple[str, ...]]:
