@@ -59,7 +59,7 @@ SPOILT = {
     "a number too many": (lambda f: replaced(hci(f), "input_Cam025.png", ONE), "bad", "number 25"),
     "another size": (lambda f: replaced(plain(f), "3_2.png", ONE[:-1]), "bad/3_2.png", "39×48"),
     "another depth": (lambda f: replaced(plain(f), "3_2.png", ONE.astype(np.uint16)), "bad/3_2.png", "uint16"),
-    "other colours": (lambda f: replaced(plain(f), "3_2.png", np.stack([ONE] * 3, -1)), "bad/3_2.png", "colour"),
+    "other colours": (lambda f: replaced(plain(f), "3_2.png", np.stack([ONE] * 3, -1)), "bad/3_2.png", "(40, 48, 3)"),
     "a broken view": (lambda f: cut(plain(f) / "3_2.png", 300), "bad/3_2.png", "truncated"),
     "no picture": (lambda f: (plain(f) / "3_2.png").write_text("hello"), "bad/3_2.png", "unreadable"),
     "an empty view": (lambda f: cut(plain(f) / "3_2.png", 0), "bad/3_2.png", "empty"),

@@ -16,8 +16,9 @@ from tmca.data.formats.opening import is_picture
 from tmca.data.formats.view_names import has_names
 from tmca.data.light_fields import find_disparity, read_disparity, read_light_field
 from tmca.data.rendering import rendered_light_field, rendered_names
+from tmca.data.rendering.photographs import no_such_scene
 from tmca.data.scene_names import READING, SceneWarning
-from tmca.errors import DataError, SettingError
+from tmca.errors import SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,8 +80,7 @@ def load_light_field(
         _refuse_files(pattern=pattern, lens=lens)
         light_field = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
     else:
-        wanted = f"a path, or one of {', '.join(rendered_names())}"
-        raise DataError(source, "no such file, folder or rendered scene", wanted)
+        raise no_such_scene(source)
     noted = {"source": source, "size": size, **reading, "scale": scale or 1}
     return light_field.assign_attrs({READING: json.dumps(noted, default=int)})
 

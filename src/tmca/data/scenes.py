@@ -14,11 +14,12 @@ from tmca.data.fitting import middle_of, select_bands
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_field_scenes import load_light_field
 from tmca.data.light_fields import find_light_field
-from tmca.data.rendering import is_rendered, rendered_names, rendered_scene
+from tmca.data.rendering import is_rendered, rendered_scene
+from tmca.data.rendering.photographs import no_such_scene
 from tmca.data.rgbd import holds_rgbd, refuse_rgbd
 from tmca.data.scene_names import SceneWarning
 from tmca.data.spectral_depth import scene_parts
-from tmca.errors import DataError, check_choice
+from tmca.errors import check_choice
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -106,9 +107,7 @@ def load_scene(
         cube = rendered_scene(name)["radiance"]
     elif not Path(name).exists() and not Path(name).suffix:
         refuse_rgbd(name)
-        raise DataError(
-            name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
-        )
+        raise no_such_scene(name)
     else:
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
     if bands is not None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.formats.images import PICTURES, open_picture, picture_size, read_picture
+from tmca.data.formats.images import PICTURES, open_picture, picture_size, read_picture, stack_pictures
 from tmca.data.formats.stored import Contents, Index, Stored, reads, whole_file
 from tmca.data.formats.view_names import Place, ViewFiles, find_views
 from tmca.data.pixels import wrong_size
@@ -52,7 +52,7 @@ def open_views(folder: Path, pattern: str | None = None) -> Contents | None:
     if about and stated != size:
         found = f"a resolution of {stated[0]:g}×{stated[1]:g} pixels (height × width)"
         raise DataError(folder / PARAMETERS, found, f"{size[0]}×{size[1]} as the views have", _CORRECT)
-    stored = _stored(folder, views, size)
+    stored = stack_pictures(folder.name or "light_field", views.files, views.shape, DIMS[:2])
     return Contents(folder, "folder of views", {stored.name: stored}, attrs={"pattern": views.naming, **_si(about)})
 
 
@@ -64,32 +64,6 @@ def _size(views: ViewFiles) -> Place:
         if size != usual:
             raise wrong_size(file, "a view", size, usual, "most views have")
     return usual
-
-
-def _stored(folder: Path, views: ViewFiles, size: Place) -> Stored:
-    first, numbers = read_picture(views.files[0]), np.arange(len(views.files)).reshape(views.shape)
-    channels = first.shape[2:]
-
-    def load(index: Index) -> NDArray[Any]:
-        chosen = numbers[index[:2]]
-        pixels = [_like(first, views.files[number])[index[2:]] for number in np.ravel(chosen)]
-        return np.stack(pixels).reshape(*np.shape(chosen), *pixels[0].shape)
-
-    dims = (*DIMS, *("channel" for _ in channels))
-    return Stored(folder.name or "light_field", (*views.shape, *size, *channels), first.dtype, load, dims)
-
-
-def _like(first: NDArray[Any], file: Path) -> NDArray[Any]:
-    pixels = read_picture(file)
-    if pixels.shape != first.shape or pixels.dtype != first.dtype:
-        found, wanted = (f"{_kind(p)} pixels of type {p.dtype}" for p in (pixels, first))
-        raise DataError(file, found, f"{wanted} as in the first view", "save all views alike, or replace it")
-    return pixels
-
-
-def _kind(pixels: NDArray[Any]) -> str:
-    channels = pixels.shape[2] if pixels.ndim == 3 else 1
-    return {1: "grey", 2: "grey and alpha", 3: "colour", 4: "colour and alpha"}.get(channels, f"{channels}-channel")
 
 
 def read_parameters(path: Path) -> dict[str, float]:
