@@ -41,12 +41,12 @@ def good(folder):
 
 def missing(folder):
     (folder / "scene" / "input_Cam004.png").unlink()
-    return "scene: found 8 views, without number 4, expected 3×3 views numbered 0 to 8; add what is missing"
+    return "scene: found 8 views, without number 4, expected 3×3 views numbered 0 to 8 as parameters.cfg says; add"
 
 
 def extra(folder):
     Image.fromarray(VIEWS[0, 0]).save(folder / "scene" / "input_Cam009.png")
-    return "scene: found 10 views, with number 9 too, expected 3×3 views numbered 0 to 8; add what is missing"
+    return "scene: found 10 views, with number 9 too, expected 3×3 views numbered 0 to 8 as parameters.cfg says; add"
 
 
 def unequal(folder):
