@@ -65,7 +65,7 @@ def large(name: str) -> dict[str, float]:
 
 def page(found: dict[str, dict[str, float]], seeds: int) -> str:
     """The ratios and the large sizes as Markdown."""
-    from tmca.experiments.results import repository_commit
+    from tmca.evaluation.tables import repository_commit
 
     lines = ["# Dual blind deconvolution: speed", ""]
     lines += [f"Command: `python benchmarks/dbd.py --seeds {seeds}` at commit `{repository_commit()}`.", ""]

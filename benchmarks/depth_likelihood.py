@@ -13,12 +13,13 @@ from itertools import product
 
 import torch
 
+from tmca.applications import simulate
+from tmca.applications.spectral_depth import reading_range
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.data.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
 from tmca.decoders import PatchLikelihood
 from tmca.decoders.likelihood import DepthPosterior
-from tmca.experiments.spectral_depth.imaging import reading_range, take_spectral_depth_snapshot
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 from tmca.training.scenes import named_scenes
@@ -59,7 +60,7 @@ def taken(camera: SpectralDepthCamera, scenes: tuple[str, ...]) -> Iterator[tupl
         scene = load_any_depth_scene(name, **reading_range(camera), side=256, placed="random", from_rgb=True)
         scene = middle_of(scene, SIZE, name)
         cube = torch.from_numpy(scene["radiance"].values.copy())[None]
-        yield take_spectral_depth_snapshot(scene, camera).values, depth_tensor(scene), cube
+        yield simulate(scene, camera).values, depth_tensor(scene), cube
 
 
 def main() -> None:

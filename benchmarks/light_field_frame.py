@@ -17,10 +17,12 @@ import torch
 from tmca.cameras import LightFieldCamera
 from tmca.decoders import build_network
 from tmca.decoders.nets.tiles import CollapsedNetwork
-from tmca.experiments.light_field.rows import NETWORKS
+from tmca.evaluation.study import read_study
 from tmca.operators import TapOperator
 from tmca.priors import find_prior
 from tmca.training import TRAININGS
+
+NETWORKS = {name: network.decoder for name, network in read_study("light-field").networks.items()}
 
 BOUND = 4.0
 """GB."""

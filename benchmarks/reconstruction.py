@@ -169,7 +169,7 @@ def page(found: dict[str, dict[str, dict[str, Row]]], options: argparse.Namespac
     """All rows as Markdown."""
     import torch
 
-    from tmca.experiments.results import repository_commit
+    from tmca.evaluation.tables import repository_commit
 
     clock = Clock(options.device, options.threads).name
     command = shlex.join(["python", "benchmarks/reconstruction.py", *options.given])

@@ -13,12 +13,11 @@ from pathlib import Path
 import torch
 import xarray as xr
 
-from tmca.applications import simulate
+from tmca.applications import evaluate, simulate
 from tmca.cameras import SpectralCamera
 from tmca.data import read_split, split_rendered
 from tmca.data.scenes import load_scene
-from tmca.decoders import Weights
-from tmca.experiments.spectral.imaging import reconstruct_snapshot
+from tmca.decoders import Weights, decode
 from tmca.sensor import Sensor
 
 SENSORS = {
@@ -50,11 +49,12 @@ def rows(scene: xr.DataArray, slots: int) -> list[str]:
         learned = simulate(scene, weights.camera_for(size, sensor=sensor))
         plain = simulate(scene, random_camera(weights, size, sensor))
         prior = weights.load_prior()
-        values = [
-            reconstruct_snapshot(plain, "lmmse", prior=prior, truth=scene).metrics["psnr"],
-            reconstruct_snapshot(learned, "lmmse", prior=prior, truth=scene).metrics["psnr"],
-            reconstruct_snapshot(learned, "network", weights=weights, truth=scene).metrics["psnr"],
-        ]
+        estimates = (
+            decode(plain, "lmmse", prior=prior),
+            decode(learned, "lmmse", prior=prior),
+            decode(learned, "network", weights=weights),
+        )
+        values = [evaluate(estimate, scene)["psnr"] for estimate in estimates]
         numbers = " | ".join(f"{value:.2f}" for value in values)
         found.append(f"| {scene.attrs['name']} | {weights.slots} | {noise} | {numbers} |")
     return found

@@ -5,9 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from tmca.experiments.cells import CellsFailed, Grid, Settings, Timed, cell_key, run_cells, timed
-from tmca.experiments.results import check_new, repository_commit
-from tmca.experiments.source import source_digest
+from tmca.evaluation.grid import CellsFailed, Grid, Settings, Timed, cell_key, package_version, run_cells, timed
+from tmca.evaluation.tables import check_new, repository_commit
 
 __all__ = [
     "CellsFailed",
@@ -24,14 +23,12 @@ __all__ = [
 
 
 def source(*names: str) -> str:
-    """Digest of the source of some numbers, which names their cells: other code makes other cells.
+    """Digest of the source of some numbers, which names their cells: that of the package, and of files of this folder.
 
     Args:
-        names: rooms of ``tmca``, such as ``"tmca.design"``, with all that they import; and files of this folder.
+        names: files of this folder.
     """
-    rooms = [name for name in names if name.startswith("tmca.")]
-    digest = hashlib.sha256(source_digest(*rooms).encode())
+    digest = hashlib.sha256(package_version().encode())
     for name in names:
-        if name not in rooms:
-            digest.update((Path(__file__).parent / name).read_bytes())
+        digest.update((Path(__file__).parent / name).read_bytes())
     return digest.hexdigest()[:20]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tmca.cameras import LightFieldCamera, SpectralDepthCamera
-from tmca.experiments.light_field.tables import markdown
+from tmca.evaluation.pages.light_field import markdown
 from tmca.training import TRAININGS
 
 ROOT = Path(__file__).parents[1]

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from tmca.data import read_scene as read
     from tmca.decoders import Decoder, Estimate
     from tmca.decoders import decode as reconstruct
-    from tmca.experiments.face import train
     from tmca.reports import design_codes
     from tmca.sensor import Sensor
+    from tmca.training.face import train
 
 __version__ = "0.1.0"
 
@@ -35,7 +35,7 @@ _FACE = {
     "reconstruct": "decoders:decode",
     "evaluate": "applications:evaluate",
     "design_codes": "reports:design_codes",
-    "train": "experiments.face:train",
+    "train": "training.face:train",
     "SpectralCamera": "cameras:SpectralCamera",
     "LightFieldCamera": "cameras:LightFieldCamera",
     "SpectralDepthCamera": "cameras:SpectralDepthCamera",
@@ -54,7 +54,7 @@ _ROOMS = (
     "decoders",
     "design",
     "errors",
-    "experiments",
+    "evaluation",
     "metrics",
     "operators",
     "optics",

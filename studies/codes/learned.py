@@ -46,7 +46,7 @@ def prior_file(scenes: Sequence[str], work: Path, bands: int) -> Path:
     """The prior of the decoder."""
 
     def learn(cubes: Cubes, file: Path) -> None:
-        learn_prior(list(cubes.values()), spread=bands - 1).save(file)
+        learn_prior(list(cubes.values()), extent=bands - 1).save(file)
 
     return _stored("prior", scenes, work, bands, ".nc", learn)
 
@@ -57,7 +57,7 @@ def _stored(
 ) -> Path:  # fmt: skip
     """Path of what is learned of scenes; learned where it, or the last file of its folder, is not there yet."""
     identity = {"scenes": [identity_of(scene) or scene for scene in scenes], "bands": bands}
-    identity["source"] = source("codes/learned.py", "tmca.design", "tmca.priors", "tmca.data")
+    identity["source"] = source("codes/learned.py")
     path = work / f"{name}-{cell_key(identity)}{suffix}"
     if not (path / last if last else path).exists():
         learn({Path(scene).stem: load_scene(scene, bands=bands) for scene in scenes}, path)

@@ -161,7 +161,6 @@ def _first_cell(train: Sequence[str], work: Path, bands: int, period: tuple[int,
         effort=dict(vars(effort)),
         source=source(
             *(f"codes/{name}.py" for name in ("ablation", "ranking", "records", "searches")),
-            *("tmca.design", "tmca.applications", "tmca.decoders", "tmca.training"),
         ),
     )
 

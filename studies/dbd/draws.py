@@ -205,7 +205,7 @@ class Study:
     def cells(self) -> list[Draw]:
         """Every draw of every combination."""
         how: dict[str, Any] = {"certify": self.certify, "tolerance": self.tolerance}
-        how["source"] = source("dbd/draws.py", "tmca.dbd")
+        how["source"] = source("dbd/draws.py")
         made = [Draw(**{**self._settings(values), **how}) for values in self._combinations()]
         return [replace(one, name=self._name(one, seed), seed=seed) for one in made for seed in range(self.draws)]
 

@@ -89,7 +89,7 @@ def _input_digest(snapshot: Snapshot[SpectralCamera], decoder: str, weights: Wei
     """Of what an estimate depends on: the source of the decoders, values, camera, and a network's weights."""
     camera = snapshot.camera
     optics = (camera.dispersion, camera.response, camera.exposure, camera.noise)
-    digest = hashlib.sha256(repr((source("real/decoding.py", "tmca.decoders"), *map(repr, optics))).encode())
+    digest = hashlib.sha256(repr((source("real/decoding.py"), *map(repr, optics))).encode())
     learned = weights.network.state_dict().values() if weights is not None and decoder == "network" else ()
     for values in (snapshot.values, *camera.codes(), *learned):
         digest.update(values.detach().float().numpy().tobytes())

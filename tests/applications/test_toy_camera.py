@@ -1,13 +1,16 @@
 """A fourth camera: one class of a camera and one of its application, and every face of the package takes it."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 import xarray as xr
+import yaml
 
 import tmca
+from tests.cli.refusals import refused
 from tmca.applications import APPLICATIONS, Application
 from tmca.applications.demo import Demo, Trial, run_demo
 from tmca.cameras import CAMERAS, Camera, Snapshot
@@ -186,3 +189,47 @@ def test_the_demo_shows_it(tmp_path, monkeypatch):
     page = (tmp_path / "demo" / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 2
     assert "<h2>One pixel</h2>" in page
+
+
+def test_the_command_line_takes_its_snapshots(capsys):
+    main(["simulate", "single-pixel", "coffee", "--crop", "14x17", "--set", "slots=60", "--out", "s.nc", "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert (told["camera"], told["slots"]) == ("single-pixel", 60)
+    assert told["files"] == ["s.nc", "s.png", "s_masks.png"]
+    taken = tmca.simulate("coffee", SinglePixelCamera(SIZE, 60))
+    torch.testing.assert_close(Snapshot.load("s.nc").values, taken.values)
+    assert "slots=few" in refused(capsys, "simulate", "single-pixel", "coffee", "--set", "slots=few")
+    assert "spectral" in refused(capsys, "simulate", "pinhole", "coffee")
+
+
+def psnr(slots, decoder, seed=0):
+    taken = tmca.simulate("coffee", SinglePixelCamera(SIZE, slots, sensor=tmca.Sensor(0.001)), seed=seed)
+    scene = middle_of(APPLICATIONS["single-pixel"].read("coffee"), SIZE, "coffee")
+    return tmca.evaluate(tmca.reconstruct(taken, decoder), scene)["psnr"]
+
+
+def test_a_study_compares_it(capsys):
+    about = {
+        "camera": "single-pixel", "scenes": {"test": ["coffee"]}, "reading": {"size": [*SIZE]},
+        "codes": {"few": {"camera": {"slots": 60}}, "many": {"camera": {"slots": 160}}},
+        "noises": {"some": {"read_noise": 0.001}}, "decoders": ["dagger", "admm-tv"],
+    }  # fmt: skip
+    Path("mine.yaml").write_text(yaml.safe_dump(about))
+    main(["study", "mine.yaml", "--json"])
+    rows = {(row["code"], row["decoder"]): row for row in json.loads(capsys.readouterr().out)["rows"]}
+    assert set(rows) == {(code, decoder) for code in about["codes"] for decoder in about["decoders"]}
+    assert rows["many", "dagger"]["psnr"] == pytest.approx(psnr(160, "dagger"), abs=1e-4)
+    assert rows["few", "admm-tv"]["psnr"] == pytest.approx(psnr(60, "admm-tv"), abs=1e-4)
+    assert "| many |" in Path("results/mine.md").read_text()
+
+
+def test_a_sweep_varies_its_settings(capsys):
+    main(["sweep", "single-pixel", "coffee", "--vary", "slots=60,160", "--vary", "decoder=dagger,admm-tv",
+          "--set", "noise=0.001", "--crop", "14x17", "--json"])  # fmt: skip
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [(row["slots"], row["decoder"]) for row in rows] == [
+        (60, "dagger"), (60, "admm-tv"), (160, "dagger"), (160, "admm-tv"),
+    ]  # fmt: skip
+    assert rows[2]["psnr"] == pytest.approx(psnr(160, "dagger"), abs=1e-4)
+    assert Path("sweep.png").exists()
+    assert "masks" in refused(capsys, "sweep", "single-pixel", "coffee", "--vary", "masks=1")

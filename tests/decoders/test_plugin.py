@@ -12,7 +12,7 @@ from conformance import CHECKS
 from tmca.cli import main
 from tmca.data import write_split
 from tmca.decoders import DECODERS, decoders_for
-from tmca.decoders.decoder import BrokenPlugin, load_plugins
+from tmca.decoders.registry import BrokenPlugin, load_plugins
 
 PACKAGE = '''
 from dataclasses import dataclass
@@ -81,36 +81,49 @@ def test_it_reconstructs(plugin, scene, capsys):
 
 
 def test_it_is_compared(plugin, tmp_path):
-    from tmca.experiments.spectral.comparison import compare_spectral
+    from tmca.evaluation.run import run_study
+    from tmca.evaluation.study import read_study
 
     rng = np.random.default_rng(0)
     for name in ("a", "b"):
         scipy.io.savemat(tmp_path / f"{name}.mat", {"cube": rng.random((32, 34, 31))})
         write_split([tmp_path / f"{name}.mat"], tmp_path / f"{name}.txt")
-    places = (tmp_path / name for name in ("a.txt", "b.txt", "out", "work"))
-    found = compare_spectral(*places, bands=3, decoders=["backprojection"], patches=8)
+    scenes = {"train": [str(tmp_path / "a.txt")], "test": [str(tmp_path / "b.txt")]}
+    study = read_study("spectral").with_(scenes=scenes, reading={"bands": 3}, decoders=["backprojection"])
+    found = run_study(study, tmp_path / "out", tmp_path / "work")
     assert {row["decoder"] for row in found["rows"]} == {"backprojected"}
 
 
-@pytest.mark.parametrize("kind", ["spectral", "light-field"])
-def test_it_is_swept(plugin, tmp_path, kind):
-    from tmca.experiments.light_field.sweep import sweep_light_field
-    from tmca.experiments.spectral.sweep import sweep_spectral
+@pytest.mark.parametrize(("kind", "reading"), [("spectral", {"bands": 3}), ("light-field", {"views": 3})])
+def test_it_is_swept(plugin, tmp_path, kind, reading):
+    from tmca.evaluation.sweep import Sweep, run_sweep
 
-    sweep, more = (sweep_spectral, {"bands": 3}) if kind == "spectral" else (sweep_light_field, {"views": 3})
+    def swept(vary, **more):
+        asked = Sweep(kind, vary, ["coffee"], {**reading, "size": (24, 26)}, **more)
+        return run_sweep(asked, tmp_path / f"out{len(more)}", tmp_path / "work")["rows"]
+
     names = ["backprojection", "dagger"]
-    found = sweep({"decoder": names}, ["coffee"], tmp_path / "out", tmp_path / "work", size=(24, 26), **more)
-    assert [row["decoder"] for row in found["rows"]] == names
-    fixed = {"decoder": "backprojection"}
-    gains = {"decoder.gain": [0.5, 1.0]}
-    found = sweep(gains, ["coffee"], tmp_path / "gains", tmp_path / "work", fixed=fixed, size=(24, 26), **more)
-    assert [row["decoder.gain"] for row in found["rows"]] == ["0.5", "1.0"]
-    assert found["rows"][0]["psnr"] != found["rows"][1]["psnr"]
+    assert [row["decoder"] for row in swept({"decoder": names})] == names
+    rows = swept({"decoder.gain": [0.5, 1.0]}, fixed={"decoder": "backprojection"})
+    assert [row["decoder.gain"] for row in rows] == ["0.5", "1.0"]
+    assert rows[0]["psnr"] != rows[1]["psnr"]
 
 
-def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(tmp_path, monkeypatch):
-    install(tmp_path, monkeypatch, "broken_lines", "raise RuntimeError('no luck')\n")
-    with pytest.warns(BrokenPlugin, match="no luck"):
+@pytest.mark.parametrize(("source", "reason"), [
+    ("raise RuntimeError('no luck')\n", "no luck"),
+    ("raise SystemExit('bye')\n", "bye"),
+    (PACKAGE.replace('"backprojection", "backprojected"', '"lmmse", "mine"'), "'lmmse', which tmca.decoders.lmmse has"),
+    (PACKAGE.replace('"light-field"', "7"), "cameras: found frozenset"),
+    (PACKAGE.replace('frozenset({"spectral", "light-field"})', '"spectral"'), "cameras: found 'spectral'"),
+    (PACKAGE.replace('"backprojected"', "None"), "label: found None"),
+    (PACKAGE.replace("def reconstruct", "def restore"), "reconstruct: found no such method"),
+])  # fmt: skip
+def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(source, reason, tmp_path, monkeypatch, capsys):
+    install(tmp_path, monkeypatch, "broken_lines", source)
+    before = dict(DECODERS)
+    with pytest.warns(BrokenPlugin, match=reason):
         assert "lmmse" in decoders_for("spectral")
+    assert before == DECODERS
+    sys.modules.pop("broken_lines", None)
     monkeypatch.undo()
     load_plugins.cache_clear()

@@ -7,9 +7,11 @@ from torch.nn.functional import conv2d
 
 from tmca.decoders import build_network
 from tmca.decoders.nets.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
-from tmca.experiments.light_field.rows import NETWORKS
+from tmca.evaluation.study import read_study
 from tmca.sensor import Noise
 from tmca.training import TRAININGS
+
+NETWORKS = {name: network.decoder for name, network in read_study("light-field").networks.items()}
 
 
 @pytest.mark.parametrize("views", [(3, 3), (5, 5), (1, 3), (7, 1), (5, 3)])

@@ -9,8 +9,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tmca.data import label_light_field
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError, ShapeError
-from tmca.experiments.light_field.comparison_figures import in_pairs
-from tmca.experiments.light_field.rows import SHOWN, STATIC_CODES
+from tmca.evaluation.pages.light_field import in_pairs
+from tmca.evaluation.pages.view_margins import is_static
+from tmca.evaluation.study import read_study
 from tmca.metrics import light_field_metrics, psnr_per_view
 from tmca.plots.codes import sub_images, sub_images_figure
 from tmca.plots.light_field import disparity_figure, error_top, light_field_figure, view_psnr_figure
@@ -220,11 +221,12 @@ def test_the_maps_of_views_name_the_psnr_of_the_tables():
 
 
 def test_pictures_show_static_codes_beside_their_multiplexed_partners():
-    rows = in_pairs(SHOWN)
-    assert set(rows) == set(SHOWN)
+    shown = read_study("light-field").shown
+    rows = in_pairs(shown)
+    assert set(rows) == set(shown)
     for static, multiplexed in zip(rows[::2], rows[1::2], strict=True):
-        assert static[0] in STATIC_CODES
-        assert multiplexed[0] not in STATIC_CODES
+        assert is_static(static[0])
+        assert not is_static(multiplexed[0])
         assert static[1] == multiplexed[1]
     assert rows[0] not in in_pairs(rows[1:])
     assert rows[1] not in in_pairs(rows[:1] + rows[2:])

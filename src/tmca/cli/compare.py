@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
@@ -51,13 +51,8 @@ def spectral(
         seeds: how many codes and trainings, from --seed on (ADMM-TV: one).
         steps: optimiser steps of the unrolled network with fixed codes; others take as many minutes.
     """
-    from tmca.experiments.spectral.comparison import compare_spectral
-
-    results = compare_spectral(
-        train, test, out, work, bands=bands, decoders=decoders.split(","), validation=validation,
-        seed=seed, seeds=seeds, steps=steps, progress=cell_done, **grid.how(),
-    )  # fmt: skip
-    print(json.dumps(results, indent=1) if grid.json else (out / "spectral.md").read_text())
+    _run("spectral", out, work, grid, scenes=_scenes(train, test, validation), reading={"bands": bands},
+         decoders=decoders.split(","), seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
 
 
 @app.command
@@ -98,19 +93,12 @@ def light_field(
         steps: optimiser steps of every network.
     """
     from tmca.cli.options.numbers import size
-    from tmca.data.light_field_scenes import Reading
-    from tmca.experiments.light_field.comparison import compare_light_field
-    from tmca.experiments.light_field.rows import Sizes
 
-    middle = size(frame, "--frame")
-    assert middle is not None
-    sizes = Sizes(views=reading.views, period=period, frame=middle)
-    results = compare_light_field(
-        train, test, out, work, decoders=decoders.split(","), sizes=sizes, reading=Reading(**reading.files()),
-        test_scale=reading.test_scale, atoms=atoms, seed=seed, seeds=seeds, steps=steps, progress=cell_done,
-        **grid.how(),
-    )  # fmt: skip
-    print(json.dumps(results, indent=1) if grid.json else (out / "light-field.md").read_text())
+    asked = {"views": reading.views, **reading.files(), "test_scale": reading.test_scale}
+    asked["frame"] = size(frame, "--frame")
+    _run("light-field", out, work, grid, scenes=_scenes(train, test), reading=asked,
+         settings={"period": [period, period]}, decoders=decoders.split(","), priors={"dictionary": {"atoms": atoms}},
+         seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
 
 
 @app.command
@@ -153,12 +141,26 @@ def spectral_depth(
         steps: optimiser steps of a training.
     """
     from tmca.cli.options.numbers import size
-    from tmca.experiments.spectral_depth.comparison import compare_spectral_depth
-    from tmca.experiments.spectral_depth.rows import Sizes
 
-    sizes = Sizes(preset=preset, side=side, crop=size(crop, "--crop") or Sizes.crop)
-    found = compare_spectral_depth(
-        train, test, out, work, decoders=decoders.split(","), placed=placed, from_rgb=from_rgb, sizes=sizes,
-        seed=seed, seeds=seeds, steps=steps, progress=cell_done, **grid.how(),
-    )  # fmt: skip
-    print(json.dumps(found, indent=1) if grid.json else (out / "spectral-depth.md").read_text())
+    reading = {"preset": preset, "side": side, "placed": placed, "from_rgb": from_rgb, "crop": size(crop, "--crop")}
+    _run("spectral-depth", out, work, grid, scenes=_scenes(train, test), reading=reading, decoders=decoders.split(","),
+         seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
+
+
+def _scenes(train: Path | list[str], test: Path | list[str], validation: Path | None = None) -> dict[str, list[str]]:
+    """Scenes of a study."""
+    lists = {"train": train, "test": test, "validation": validation or []}
+    return {name: [*given] if isinstance(given, list) else [str(given)] for name, given in lists.items()}
+
+
+def _run(camera: str, out: Path, work: Path, grid: GridOptions, **changes: Any) -> None:
+    """Run the shipped study of a camera with other settings, and print its page."""
+    from tmca.evaluation.run import run_study
+    from tmca.evaluation.study import read_study
+    from tmca.evaluation.tables import check_counts
+
+    check_counts(seeds=changes["seeds"], steps=changes["train__steps"])
+    study = read_study(camera)
+    reading = {**study.reading, **changes.pop("reading", {})}
+    found = run_study(study.with_(reading=reading, **changes), out, work, progress=cell_done, **grid.how())
+    print(json.dumps(found, indent=1) if grid.json else (out / f"{study.name}.md").read_text().rstrip())

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, Faults, camera_for, code_files
 from tmca.cli.options.numbers import Whole, pair, size
-from tmca.cli.options.output import OutputOptions, check_targets
+from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import (
@@ -64,8 +64,6 @@ def spectral(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.cli.options.scenes import assumed
-
     if not scenes:
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
     how = {"bands": None if all_bands else bands, "size": size(crop, "--crop"), **reading.given()}
@@ -99,8 +97,6 @@ def light_field(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.cli.options.scenes import centre_assumed
-
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
     taken = _taken(camera, sensor, bench, how, (scene,), calibration, hardware, output, centre_assumed)
     views = list(taken[0].camera.views)
@@ -147,6 +143,50 @@ def spectral_depth(
     _write(taken, target, output, {"bands": taken.camera.bands, **counts}, channels + _mapped(taken))
 
 
+@app.default
+def any_camera(
+    kind: str | None = None,
+    /,
+    *scenes: str,
+    crop: str | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    seed: Whole = 0,
+    sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    hardware: Faults = None,
+    output: OutputOptions = _OUTPUT,
+) -> None:
+    """Take a snapshot of SCENES with a camera of KIND, which has no command of its own.
+
+    Args:
+        kind: of a camera without a command of its own, such as one of another package.
+        scenes: names or files of scenes: one, or one for each slot of the exposure.
+        crop: HEIGHTxWIDTH, the middle of the scene.
+        set_: NAME=VALUE, a number or word that the camera's constructor takes; may be given several times.
+        seed: of the noise.
+    """
+    from tmca.applications import application_of
+    from tmca.cameras import CAMERAS
+    from tmca.cli.sweep import named_values
+    from tmca.data.fitting import middle_of
+    from tmca.sensor import Sensor
+
+    if kind is None:
+        from tmca.cli.app import app as whole
+
+        whole.help_print(["simulate"])
+        return
+    application, middle = application_of(kind), size(crop, "--crop")
+    if not scenes:
+        raise SettingError(f"simulate {kind}", "no scene", "a file or a rendered scene such as coffee")
+    texts = {name: values[0] for name, values in named_values(set_ or (), "--set").items()}
+    how: dict[str, Any] = {**application.settings_of(texts), "sensor": Sensor(**sensor.model_dump())}
+    read: list[Any] = [application.read(name) for name in scenes]
+    read = [one if middle is None else middle_of(one, middle, name) for one, name in zip(read, scenes, strict=True)]
+    camera = CAMERAS[kind](**application.parts(read[0]), **how)
+    taken, target = _shot(camera, read, scenes[0], output, Hardware.read(hardware), seed=seed)
+    _write(taken, target, output, {"camera": kind}, f"{kind} camera")
+
+
 def _taken(
     spec: CameraSpec,
     sensor: SensorSpec,
@@ -160,21 +200,49 @@ def _taken(
     **how: Any,
 ) -> tuple[Any, Path]:
     """A snapshot of scenes, and the file it goes to."""
-    from tmca.applications import application_of, simulate
-    from tmca.applications.pictures import snapshot_files
-    from tmca.lab.calibration.apply import bench_of
+    from tmca.applications import application_of
 
     application, faults = application_of(spec.kind), Hardware.read(hardware)
     scenes = [application.read(name, **reading) for name in names]
     say(scenes[0])
-    target = output.out or Path(f"{scenes[0].attrs['name']}_snapshot.nc")
-    check_targets(snapshot_files(target, spec.kind, output.figures), output.overwrite, names[0])
+    _check_target(_target(scenes, output), spec.kind, names[0], output)
     shape = {name: value for name, value in application.parts(scenes[0]).items() if name in spec.shape}
-    placed = bench_of(camera_for(spec, sensor, bench, **shape), calibration, code_files(spec))
-    seed = getattr(spec, "seed", 0)
+    camera = camera_for(spec, sensor, bench, **shape)
+    how |= {"calibration": calibration, "codes": code_files(spec), "seed": getattr(spec, "seed", 0)}
+    return _shot(camera, scenes, names[0], output, faults, **how)
+
+
+def _shot(
+    camera: Any,
+    scenes: list[Any],
+    name: str,
+    output: OutputOptions,
+    faults: Hardware,
+    calibration: Path | None = None,
+    codes: Sequence[Path] = (),
+    **how: Any,
+) -> tuple[Any, Path]:
+    """What a camera takes of scenes, and the file it goes to."""
+    from tmca.applications import simulate
+    from tmca.lab.calibration.apply import bench_of
+
+    target = _target(scenes, output)
+    _check_target(target, camera.kind, name, output)
+    placed = bench_of(camera, calibration, codes)
     with progress_bar(f"simulate: {target.name}") as progress:
-        taken = simulate(scenes, placed.camera, seed=seed, hardware=faults, progress=progress, **how)
+        taken = simulate(scenes, placed.camera, hardware=faults, progress=progress, **how)
     return placed.recorded(taken), target
+
+
+def _target(scenes: Sequence[Any], output: OutputOptions) -> Path:
+    return output.out or Path(f"{scenes[0].attrs['name']}_snapshot.nc")
+
+
+def _check_target(target: Path, kind: str, name: str, output: OutputOptions) -> None:
+    """Refuse files that exist, before the work is done."""
+    from tmca.applications.pictures import snapshot_files
+
+    check_targets(snapshot_files(target, kind, output.figures), output.overwrite, name)
 
 
 def _mapped(taken: Any) -> str:
@@ -184,9 +252,9 @@ def _mapped(taken: Any) -> str:
     scale, shift = taken.notes["inverse_depth_scale"], taken.notes["inverse_depth_shift"]
     planes = taken.camera.planes
     inverse = [(1 / end - shift) / scale for end in (planes.near, planes.far)]
-    own = [1 / value if value > 1e-9 else float("inf") for value in inverse]
-    kept = f"{planes.near:g} to {planes.far:g} m (--metric-depth keeps metres)"
-    return f", depths of {own[0]:.3g} to {own[1]:.3g} m mapped onto {kept}"
+    depths = [1 / value if value > 1e-9 else float("inf") for value in inverse]
+    camera_range = f"{planes.near:g} to {planes.far:g} m (--metric-depth keeps metres)"
+    return f", depths of {depths[0]:.3g} to {depths[1]:.3g} m mapped onto {camera_range}"
 
 
 def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str) -> None:
@@ -213,7 +281,7 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         return
     print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}")
     if report["hardware"]:
-        print(f"taken with faults that decoders are not told of: {report['hardware']}")
+        print(f"taken with faults that decoders do not know: {report['hardware']}")
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""
     print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
@@ -62,17 +60,12 @@ def spectral(
     """
     from tmca.cli.options.numbers import size
     from tmca.data import read_split, split_rendered
-    from tmca.experiments.spectral.sweep import sweep_spectral
 
     named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
-    axes, fixed = _axes(vary, set_)
     examples, checked = ([str(path) for path in read_split(split)] if split else [] for split in (train, validation))
-
-    found = sweep_spectral(
-        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, validation=checked, steps=steps,
-        bands=bands, size=size(crop, "--crop"), progress=cell_done, **grid.how(),
-    )  # fmt: skip
-    print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
+    reading = {"bands": bands, "size": size(crop, "--crop")}
+    _run("spectral", vary, set_, named, out, work, grid, reading=reading, decoder=decoder, train=examples,
+         validation=checked, steps=steps)  # fmt: skip
 
 
 @app.command
@@ -109,21 +102,13 @@ def light_field(
     """
     from tmca.cli.options.numbers import size
     from tmca.data import read_split, split_rendered_light_fields
-    from tmca.data.light_field_scenes import Reading, check_light_fields
-    from tmca.experiments.light_field.sweep import sweep_light_field
 
     given = [*scenes, *(map(str, read_split(test)) if test else ())]
     named = given or sorted(split_rendered_light_fields()["test"])
-    axes, fixed = _axes(vary, set_)
     examples = [str(path) for path in read_split(train)] if train else []
-    asked, middle = Reading(**reading.files()), size(crop, "--crop")
-    measured_as = replace(asked, scale=reading.test_scale)
-    check = partial(check_light_fields, examples, named, reading.views, asked, measured_as, middle)
-    found = sweep_light_field(
-        axes, named, out, work, fixed=fixed, decoder=decoder, train=examples, views=reading.views, reading=asked,
-        test_scale=reading.test_scale, size=middle, check=check, progress=cell_done, **grid.how(),
-    )  # fmt: skip
-    print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
+    asked = {"views": reading.views, **reading.files(), "test_scale": reading.test_scale}
+    _run("light-field", vary, set_, named, out, work, grid, reading={**asked, "size": size(crop, "--crop")},
+         decoder=decoder, train=examples)  # fmt: skip
 
 
 @app.command
@@ -169,16 +154,68 @@ def spectral_depth(
     """
     from tmca.cli.options.numbers import size
     from tmca.data import split_rendered
-    from tmca.experiments.spectral_depth.sweep import sweep_spectral_depth
     from tmca.training.scenes import named_scenes
 
     named = named_scenes([*scenes, *(test or ())]) or sorted(split_rendered()["test"])
-    axes, fixed = _axes(vary, set_)
-    found = sweep_spectral_depth(
-        axes, named, out, work, fixed=fixed, decoder=decoder, train=named_scenes(train or ()),
-        preset=preset, size=size(crop, "--crop"),
-        side=side, placed=placed, from_rgb=from_rgb, progress=cell_done, **grid.how(),
-    )  # fmt: skip
+    reading = {"preset": preset, "side": side, "placed": placed, "from_rgb": from_rgb, "crop": size(crop, "--crop")}
+    _run("spectral-depth", vary, set_, named, out, work, grid, reading=reading, decoder=decoder,
+         train=named_scenes(train or ()))  # fmt: skip
+
+
+@app.default
+def any_camera(
+    kind: str | None = None,
+    /,
+    *scenes: str,
+    vary: list[str] | None = None,
+    out: Path = Path("sweep"),
+    work: Path = Path("runs/sweep"),
+    train: list[str] | None = None,
+    decoder: str | None = None,
+    set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    crop: str | None = None,
+    grid: GridOptions = _GRID,
+) -> None:
+    """Sweep settings of a camera of KIND, which has no command of its own, over SCENES.
+
+    Writes OUT.json, OUT.csv, OUT.md and OUT.png. Finished cells are kept in --work: a run that was stopped goes on.
+
+    Args:
+        kind: of a camera without a command of its own, such as one of another package.
+        scenes: that are measured.
+        vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
+            decoder, a setting of the decoder (decoder.NAME), or a number or word that the camera's constructor takes.
+        out: results, without a suffix.
+        work: folder of finished cells.
+        train: scenes that teach the prior.
+        decoder: one that `tmca decoders` lists for the camera; the usual one without it.
+        set_: NAME=VALUE of the same names for all cells.
+        crop: HEIGHTxWIDTH, the middle of the scenes.
+    """
+    from tmca.applications import application_of
+    from tmca.cli.options.numbers import size
+
+    if kind is None:
+        from tmca.cli.app import app as whole
+
+        whole.help_print(["sweep"])
+        return
+    if not scenes:
+        raise SettingError(f"sweep {kind}", "no scenes", "names or files of scenes")
+    used = decoder or application_of(kind).default_decoder
+    _run(kind, vary or (), set_, scenes, out, work, grid, reading={"size": size(crop, "--crop")}, decoder=used,
+         train=train or ())  # fmt: skip
+
+
+def _run(
+    camera: str, vary: Sequence[str], fixed: Sequence[str] | None, scenes: Sequence[str], out: Path, work: Path,
+    grid: GridOptions, **how: Any,
+) -> None:  # fmt: skip
+    """Sweep, and print the page."""
+    from tmca.evaluation.sweep import Sweep, run_sweep
+
+    axes, settled = _axes(vary, fixed)
+    found = run_sweep(Sweep(camera, axes, scenes, fixed=settled, **how), out, work, progress=cell_done, **grid.how())
     print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import locate_cube, read
 from tmca.data.fitting import at_bands, fitted_depth, middle_of
 from tmca.data.formats.opening import open_contents
@@ -30,19 +31,20 @@ likelihood's reach of 24 and its window of 12; most of what a two-headed network
 _ASKED = {"placed": "has no depth", "from_rgb": "has no spectra"}
 
 
+@checked
 def load_spectral_depth(
-    source: str,
-    wavelengths: Sequence[float] | None = None,
+    source: str | Path,
+    wavelengths: Floats | None = None,
     *,
-    near: float | None = None,
-    far: float | None = None,
-    size: tuple[int, int] | None = None,
-    reduce: int = 1,
+    near: Float | None = None,
+    far: Float | None = None,
+    size: IntPair | None = None,
+    reduce: Int = 1,
     placed: str | None = None,
     from_rgb: bool = False,
     materials: Materials = "train",
     fitted: bool = True,
-    seed: int = 0,
+    seed: Int = 0,
 ) -> xr.Dataset:
     """A spectral scene with depth, brought to bands, depth range and size of a camera.
 
@@ -66,6 +68,7 @@ def load_spectral_depth(
     Raises:
         DataError, SettingError: no such scene, or one that cannot be used so.
     """
+    source = str(source)
     by, ranged = None if reduce == 1 else reduce, near is not None and far is not None
     how = {"source": source, "reduce": reduce, "placed": placed, "from_rgb": from_rgb, "materials": materials}
     how |= {"fitted": fitted, "seed": seed}

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.arguments import checked
 from tmca.data.formats.arrays import LABELLED, open_labelled
 from tmca.data.formats.stored import whole_file
 from tmca.data.formats.wavelengths import metres_to_nm
@@ -25,6 +26,10 @@ from tmca.errors import DataError, OutputError, ShapeError
 
 if TYPE_CHECKING:
     import xarray
+
+    Labelled = xarray.DataArray | xarray.Dataset
+else:
+    Labelled = Any
 
 _ATTEMPTS = 20
 _REASONS = {
@@ -203,13 +208,15 @@ def content_digest(said: Mapping[str, Any], own: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def write_dataset(obj: xarray.DataArray | xarray.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
+@checked
+def write_dataset(obj: Labelled, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write labelled data as NetCDF4/HDF5 (``.nc``, ``.h5``) or Zarr (``.zarr``), and give the path back.
 
     Arrays above 64 kB are compressed without loss; in Zarr each band (index of the first axis of a cube) is a
     chunk. Attributes that NetCDF cannot hold (None, dictionaries, mixed lists) are stored as JSON text.
 
     Raises:
+        SettingError: no path.
         OutputError: an unknown suffix, or see `atomic_path`.
     """
     path = Path(path)
@@ -272,6 +279,7 @@ def _zarr_encoding(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
 SUFFIXES = (".nc", ".h5", ".zarr", ".nc4", ".hdf5")
 
 
+@checked
 def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Dataset:
     """A NetCDF or Zarr file as an ``xarray.Dataset``, loaded whole, the file closed again.
 
@@ -280,6 +288,7 @@ def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Datas
         required: variables or coordinates that it must hold.
 
     Raises:
+        SettingError: no path.
         DataError: missing, not such a file, cut short, or without a required variable.
     """
     path = Path(path)

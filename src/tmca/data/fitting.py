@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.wavelengths import metres_to_nm
+from tmca.data.in_memory import as_cube, as_depth_scene, as_views
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -26,9 +27,7 @@ def fit_cube(scene: xr.DataArray, wavelengths: Sequence[float], size: Size, wher
     Raises:
         DataError: no cube, a smaller one, or one with fewer bands.
     """
-    if "wavelength" not in getattr(scene, "dims", ()):
-        raise DataError(where, "no cube (wavelength, y, x)", "a spectral scene", "read it with tmca.read")
-    return _middle(nearest_bands(scene, wavelengths), {"y": size[0], "x": size[1]}, where)
+    return _middle(nearest_bands(as_cube(scene, where), wavelengths), {"y": size[0], "x": size[1]}, where)
 
 
 def fit_views(scene: xr.DataArray, views: Size, size: Size, where: str = "scene") -> xr.DataArray:
@@ -37,11 +36,8 @@ def fit_views(scene: xr.DataArray, views: Size, size: Size, where: str = "scene"
     Raises:
         DataError: no light field, or a smaller one.
     """
-    if "view_v" not in getattr(scene, "dims", ()):
-        remedy = 'read it with tmca.read(…, "light-field")'
-        raise DataError(where, "no views (view_v, view_u, y, x)", "a light field", remedy)
     wanted = {"view_v": views[0], "view_u": views[1], "y": size[0], "x": size[1]}
-    return _middle(scene, wanted, where)
+    return _middle(as_views(scene, where), wanted, where)
 
 
 def fit_depth_scene(
@@ -62,9 +58,7 @@ def fit_depth_scene(
     Raises:
         DataError: no such scene, a smaller one, or one with other bands.
     """
-    if not {"radiance", "depth"} <= set(getattr(scene, "data_vars", ())):
-        remedy = 'read it with tmca.read(…, "spectral-depth")'
-        raise DataError(where, "no radiance with depth", "a scene with depth", remedy)
+    scene = as_depth_scene(scene, where)
     cube, attrs = at_bands(scene["radiance"], wavelengths), dict(scene.attrs)
     fitted = scene.drop_dims("wavelength").assign(radiance=cube).assign_attrs(attrs)
     metres = scene["depth"].values[np.isfinite(scene["depth"].values)]

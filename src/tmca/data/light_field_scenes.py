@@ -12,6 +12,7 @@ from warnings import warn
 
 import numpy as np
 
+from tmca.arguments import Int, IntPair, checked
 from tmca.data.formats.opening import is_picture
 from tmca.data.formats.view_names import has_names
 from tmca.data.light_fields import find_disparity, read_disparity, read_light_field
@@ -37,15 +38,16 @@ class UnevenGrid(SceneWarning):
     """A light field whose grid of views is not square, as when some are missing."""
 
 
+@checked
 def load_light_field(
-    source: str,
+    source: str | Path,
     *,
-    views: int | None = 5,
-    size: tuple[int, int] | None = None,
-    scale: int | None = None,
+    views: Int | None = 5,
+    size: IntPair | None = None,
+    scale: Int | None = None,
     colour: bool = False,
     pattern: str | None = None,
-    lens: tuple[int, int] | None = None,
+    lens: IntPair | None = None,
 ) -> xr.DataArray:
     """A light field from files, or a rendered one.
 
@@ -69,6 +71,7 @@ def load_light_field(
     Warns:
         UnevenGrid: the centre of views that stand on no square grid was taken.
     """
+    source = str(source)
     reading: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
     if Path(source).exists():
         light_field = read_light_field(source, crop=size, **reading)

@@ -9,16 +9,13 @@ from pathlib import Path, PurePosixPath
 from warnings import warn
 
 from tmca.data.files import write_text
+from tmca.data.in_memory import SceneWarning as SceneWarning
 from tmca.data.rendering import is_rendered
 from tmca.data.rgbd import rgbd_sources
 from tmca.errors import DataError, SettingError
 
 READING = "scene_reading"
 """Attribute of scenes, snapshots and estimates: how the scene was read, as JSON."""
-
-
-class SceneWarning(UserWarning):
-    """What is odd about a scene, said when it is read."""
 
 
 def identity_of(source: str) -> str | None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
 
+from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import Negative, read
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.describe import depth_in
@@ -25,12 +26,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Kind = Literal["spectral", "light-field", "spectral-depth"]
+Bands = Int | Literal["up to 12"]
 
 
 class DarkScene(SceneWarning):
     """A scene without light."""
 
 
+@checked
 def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> xr.DataArray | xr.Dataset:
     """A scene for any camera.
 
@@ -46,7 +49,7 @@ def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> 
 
     Raises:
         DataError: no such file or scene, or one that cannot be used.
-        SettingError: an unknown kind, or an argument that the scene does not allow.
+        SettingError: an unknown kind, or an unknown argument, one of another type, or that the scene does not allow.
     """
     readers: dict[str, Callable[..., xr.DataArray | xr.Dataset]] = {
         "spectral": load_scene, "light-field": load_light_field, "spectral-depth": load_spectral_depth,
@@ -74,21 +77,23 @@ def scene_kind(source: str | Path) -> Kind:
         return "spectral-depth" if "pixels" in (depth_in(contents) or {}) else "spectral"
 
 
+@checked
 def load_scene(
     source: str | Path,
     *,
-    bands: int | None = 12,
-    size: tuple[int, int] | None = None,
-    wavelengths: Sequence[float] | None = None,
+    bands: Bands | None = "up to 12",
+    size: IntPair | None = None,
+    wavelengths: Floats | None = None,
     variable: str | None = None,
-    scale: float | None = None,
+    scale: Float | None = None,
     negative: Negative = "error",
 ) -> xr.DataArray:
     """A spectral cube of ``bands`` bands.
 
     Args:
         source: a file or folder that ``tmca.data.read`` reads, or the name of a rendered scene (``coffee``).
-        bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands.
+        bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands, and so does
+            ``"up to 12"`` of a file with fewer.
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
         variable: which one, where the file holds several.
@@ -100,7 +105,7 @@ def load_scene(
 
     Raises:
         DataError: no such file or scene, or a file that cannot be used.
-        SettingError: a crop larger than the scene.
+        SettingError: a crop larger than the scene, an unknown argument, or one of another type.
     """
     name = str(source)
     if is_rendered(name):
@@ -110,6 +115,8 @@ def load_scene(
         raise no_such_scene(name)
     else:
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
+    if bands == "up to 12":
+        bands = 12 if cube.sizes["wavelength"] >= 12 else None
     if bands is not None:
         cube = select_bands(cube, bands)
     cube = cube if size is None else middle_of(cube, size, name)

@@ -53,7 +53,7 @@ def rgb_composite(cube: np.ndarray, wavelengths: Sequence[float], white: float |
 def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> Figure:
     """A cube: colour composite, the spectra of a few points, and bands from the first to the last."""
     figure, axes = grid(1, 3, width=4.2, aspect=cube.shape[1] / cube.shape[2])
-    picture, points, chosen = rgb_composite(cube, wavelengths), spread_points(cube), evenly(len(cube), 12)
+    picture, points, chosen = rgb_composite(cube, wavelengths), sample_points(cube), evenly(len(cube), 12)
     image(axes[0, 0], picture, title)
     mark(axes[0, 0], points)
     spectra(axes[0, 1], {"": cube}, wavelengths, points)
@@ -66,14 +66,14 @@ def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> F
     return figure
 
 
-def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
+def sample_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
     """A few lit pixels (row, column), each of a spectrum whose shape is farthest from those before; of a large picture
     every second pixel, or third, … is looked at."""
     from scipy.ndimage import uniform_filter
 
     apart = 1 + isqrt(cube.shape[1] * cube.shape[2] // _LOOKED_AT)
     if apart > 1:
-        return [(apart * row, apart * column) for row, column in spread_points(cube[:, ::apart, ::apart], count)]
+        return [(apart * row, apart * column) for row, column in sample_points(cube[:, ::apart, ::apart], count)]
     smooth = np.stack([uniform_filter(band, 7) for band in cube]).reshape(len(cube), -1)
     strength = np.linalg.norm(smooth, axis=0)
     shape = smooth / np.maximum(strength, 0.3 * strength.max() + 1e-12)
@@ -134,7 +134,7 @@ def reconstruction_figure(
     """
     deviations = deviations or {}
     reference = truth if truth is not None else next(iter(estimates.values()))
-    white, points = white_level(reference, wavelengths), spread_points(reference)
+    white, points = white_level(reference, wavelengths), sample_points(reference)
     many = len(estimates) > _TOGETHER
     rows = 1 + (truth is not None) + bool(deviations) + many
     columns = len(estimates) + 1 + (rows == 1)
@@ -146,7 +146,7 @@ def reconstruction_figure(
     maps = [values.ravel() for values in (*errors.values(), *predicted.values())]
     look: dict[str, Any] = {"colours": "magma", "bar": _UNIT}
     look["top"] = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
-    known = {"truth": truth} if truth is not None else {}
+    true = {"truth": truth} if truth is not None else {}
     for column, (name, cube) in zip(axes[:, 1:].T, estimates.items(), strict=False):
         image(column[0], rgb_composite(cube, wavelengths, white), captioned(name, cube, truth))
         if name in errors:
@@ -157,9 +157,9 @@ def reconstruction_figure(
         elif predicted:
             below.text(0.5, 0.5, "no error predicted", ha="center", va="center", color="#777777")
         if many:
-            spectra(column[-1], {**known, name: cube}, wavelengths, points)
+            spectra(column[-1], {**true, name: cube}, wavelengths, points)
     if not many:
-        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**known, **estimates}, wavelengths, points)
+        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**true, **estimates}, wavelengths, points)
     return figure
 
 
@@ -191,7 +191,7 @@ def composites(
 
 def signatures(truth: np.ndarray, estimates: Mapping[str, np.ndarray], wavelengths: Sequence[float]) -> Figure:
     """Spectra of the truth and of some rows at a few points (figure 21)."""
-    points = spread_points(truth, _POINTS)
+    points = sample_points(truth, _POINTS)
     figure, axes = grid(1, 1 + _POINTS, width=3.6, aspect=0.85)
     image(axes[0, 0], rgb_composite(truth, wavelengths), "truth")
     mark(axes[0, 0], points)

@@ -50,21 +50,25 @@ def _label(name: str) -> str:
 
 
 def sweep_figure(
-    rows: Sequence[Mapping[str, Any]], axes: Sequence[str], decoders: Mapping[str, str], unit: str
+    rows: Sequence[Mapping[str, Any]],
+    axes: Sequence[str],
+    decoders: Mapping[str, str],
+    unit: str,
+    metrics: Sequence[tuple[str, str]] = (("psnr", "PSNR (dB)"),),
 ) -> Figure:
-    """PSNR, and depth error if there is one, along the first varied setting, a line for each value of the others.
+    """Figures of merit along the first varied setting, a line for each value of the others.
 
     Args:
         rows: of the sweep's table.
         axes: the varied settings.
         decoders: their names for people.
         unit: of the first setting.
+        metrics: (name, heading) of what is drawn, a panel for each.
     """
-    shown = [("psnr", "PSNR (dB)"), *([("depth_mae", "depth MAE (m)")] if "depth_mae" in rows[0] else [])]
-    figure, places = panels(len(shown), 6, 4)
+    figure, places = panels(len(metrics), 6, 4)
     names = {decoders[row["decoder"]] for row in rows}
     title = "mean over test scenes" + (f", {names.pop()}" if len(names) == 1 else "")
-    for axis, (metric, label) in zip(places, shown, strict=True):
+    for axis, (metric, label) in zip(places, metrics, strict=True):
         _lines(axis, rows, axes, metric)
         plain_axes(axis, title, unit, label)
     return figure

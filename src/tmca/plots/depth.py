@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.plots.cube import captioned, mark, rgb_composite, spectra, spread_points, white_level
+from tmca.plots.cube import captioned, mark, rgb_composite, sample_points, spectra, white_level
 from tmca.plots.style import GREY, grid, image, panels, plain_axes
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def scene_figure(scene: Pair, wavelengths: Sequence[float], title: str, metric: 
     """Colour composite, depth, and spectra of a few points; ``metric`` as in `depth_map`."""
     cube, depth = scene
     figure, axes = grid(1, 3, width=4.6, aspect=depth.shape[0] / depth.shape[1])
-    points = spread_points(cube)
+    points = sample_points(cube)
     image(axes[0, 0], rgb_composite(cube, wavelengths), title)
     mark(axes[0, 0], points)
     depth_map(axes[0, 1], depth, metric)
@@ -59,7 +59,7 @@ def depth_figure(
         truth: cube and depth.
     """
     reference = estimate[0] if truth is None else truth[0]
-    white, points = white_level(reference, wavelengths), spread_points(reference)
+    white, points = white_level(reference, wavelengths), sample_points(reference)
     rows = [] if truth is None else [("truth", *truth)]
     rows.append((name, *estimate))
     figure, axes = grid(len(rows), 3, width=3.6, aspect=reference.shape[1] / reference.shape[2])
@@ -106,7 +106,7 @@ def rows_figure(
     """
     cube = truth[0]
     figure, axes = grid(1 + len(rows), 2 * len(decoders) + 1, width=2.8, aspect=cube.shape[1] / cube.shape[2])
-    points = spread_points(cube)
+    points = sample_points(cube)
     look: dict[str, Any] = {"wavelengths": wavelengths, "white": white_level(cube, wavelengths), "limits": limits}
     _pair(axes[0], 0, truth, "truth", **look)
     mark(axes[0, 0], points)

@@ -229,8 +229,8 @@ def _cells(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, mask: Any, 
 
 
 def _disparities(reference: np.ndarray) -> dict[str, Any]:
-    known = reference[np.isfinite(reference)]
-    low, high = (float(q) for q in np.quantile(known, (0.005, 0.995))) if known.size else (0.0, 1.0)
+    finite = reference[np.isfinite(reference)]
+    low, high = (float(q) for q in np.quantile(finite, (0.005, 0.995))) if finite.size else (0.0, 1.0)
     return {"cmap": "viridis", "vmin": low, "vmax": max(high, low + 0.1)}
 
 
@@ -240,8 +240,8 @@ def error_top(errors: Sequence[np.ndarray]) -> float:
     Args:
         errors: maps, not finite where they are unknown.
     """
-    known = np.concatenate([values[np.isfinite(values)] for values in errors])
-    most = float(np.quantile(known, 0.9)) if known.size else 0.0
+    finite = np.concatenate([values[np.isfinite(values)] for values in errors])
+    most = float(np.quantile(finite, 0.9)) if finite.size else 0.0
     if most <= 0:
         return 1.0
     step = 10 ** np.floor(np.log10(most)) / 2
@@ -250,8 +250,8 @@ def error_top(errors: Sequence[np.ndarray]) -> float:
 
 def _error_label(maps: Mapping[str, np.ndarray], truth: np.ndarray, top: float) -> str:
     errors = np.stack([np.abs(values - truth) for values in maps.values()])
-    known = errors[np.isfinite(errors)]
-    share = f"\n{np.mean(known > top):.1%} above {top:g}" if known.size else ""
+    finite = errors[np.isfinite(errors)]
+    share = f"\n{np.mean(finite > top):.1%} above {top:g}" if finite.size else ""
     return f"error ({_STEP}){share}"
 
 
@@ -259,5 +259,5 @@ def _numbers(estimate: np.ndarray, truth: np.ndarray, mask: Any) -> str:
     from tmca.metrics import disparity_error
     from tmca.metrics.disparity import BAD_PIXEL
 
-    scores = disparity_error(estimate, truth, mask)
-    return f"MAE {scores['mae']:.3f} px, {scores['badpix']:.1%} above {BAD_PIXEL:g} px"
+    errors = disparity_error(estimate, truth, mask)
+    return f"MAE {errors['mae']:.3f} px, {errors['badpix']:.1%} above {BAD_PIXEL:g} px"

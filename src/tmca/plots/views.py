@@ -72,13 +72,13 @@ def liveliest(light_field: np.ndarray) -> tuple[int, int]:
     views = colour_views(light_field)
     rows, columns = views.shape[0] // 2, views.shape[1] // 2
     across, along = views[rows].std(axis=0).mean(axis=-1), views[:, columns].std(axis=0).mean(axis=-1)
-    liveliest_lines = []
+    places = []
     for activity in (across.mean(axis=1), along.mean(axis=0)):
         smooth, edge = uniform_filter1d(activity.astype(np.float64), 5), len(activity) // 8
         inner = smooth[edge : len(activity) - edge]
         # alike everywhere, as in a single view: the middle
-        liveliest_lines.append(edge + int(inner.argmax()) if np.ptp(inner) > 0 else len(activity) // 2)
-    return liveliest_lines[0], liveliest_lines[1]
+        places.append(edge + int(inner.argmax()) if np.ptp(inner) > 0 else len(activity) // 2)
+    return places[0], places[1]
 
 
 def zoom_window(light_field: np.ndarray) -> tuple[slice, slice]:
@@ -179,8 +179,8 @@ def focus_steps(light_field: xr.DataArray, count: int = 5) -> list[float]:
     low, high = -2.0, 2.0
     if max(small.shape[:2]) > 1 and min(small.shape[2:]) >= 4 and (textured := _textured(small)).any():
         most = min(grey.shape[2:]) / (2 * max(grey.shape[:2]))  # beyond it views hardly overlap
-        found = scale * estimate_disparity(small)[textured]
-        low, high = (float(end) for end in np.quantile(found, (0.05, 0.95)).clip(-most, most))
+        disparity = scale * estimate_disparity(small)[textured]
+        low, high = (float(end) for end in np.quantile(disparity, (0.05, 0.95)).clip(-most, most))
     wider = max(0.0, (_STRETCH - (high - low)) / 2)
     return [float(step) for step in np.linspace(low - wider, high + wider, count)]
 

@@ -10,6 +10,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 import torch
 
+from tmca.arguments import Ints, Kind, Names, Seed, checked
 from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, read_middle
 from tmca.data.scenes import DarkScene, load_scene
@@ -19,18 +20,20 @@ from tmca.optics import view_grid
 from tmca.priors import views_of
 from tmca.reports.codes import Learned, named_once, read_scenes, search_codes
 from tmca.reports.masks import design_spectral_depth
+from tmca.sensor import Sensor
 
 _RENDERED_SIZE = (256, 256)
 
 
+@checked
 def design_codes(
-    camera: str = "spectral",
+    camera: Kind = "spectral",
     *,
     out: str | Path,
-    scenes: Sequence[str] = (),
-    sensor: Mapping[str, Any] | SensorSheet | None = None,
-    slots: Sequence[int] | None = None,
-    seed: int = 0,
+    scenes: Names = (),
+    sensor: Mapping[str, Any] | SensorSheet | Sensor | None = None,
+    slots: Ints | None = None,
+    seed: Seed = 0,
     overwrite: bool = False,
     progress: Progress | None = None,
     **how: Any,
@@ -38,10 +41,11 @@ def design_codes(
     """Search codes for a sensor, say what they gain over static ones, and write them to a folder.
 
     Args:
-        camera: kind of the camera.
+        camera: kind of the camera, such as ``SpectralCamera.kind``.
         out: folder of ``design.json``, ``design.html`` and ``codes.nc``, which cameras take.
         scenes: to design for, files or rendered scenes; the rendered training scenes without any.
-        sensor: arguments of `tmca.design.SensorSheet`: ``full_well``, ``read_noise_electrons``, ``exposure``, ….
+        sensor: of a camera, or with its modulator: arguments of `tmca.design.SensorSheet`, which are ``full_well``,
+            ``read_noise_electrons``, ``exposure``, ….
         slots: numbers of slots to try; those that fit the exposure if None.
         seed: of random codes.
         overwrite: replace files that exist.
@@ -53,13 +57,22 @@ def design_codes(
         SettingError, DataError, OutputError: an impossible setting, scenes that cannot be used, files that exist.
     """
     check_choice("camera", camera, DESIGNS)
-    sheet = sensor if isinstance(sensor, SensorSheet) else SensorSheet(**(sensor or {}))
+    sheet = _sheet(sensor)
     advice: Advice | MaskAdvice = DESIGNS[camera](
         sheet, Path(out), scenes=scenes, slots=slots, seed=seed, overwrite=overwrite, progress=progress, **how
     )[0]
     return advice
 
 
+def _sheet(sensor: Mapping[str, Any] | SensorSheet | Sensor | None) -> SensorSheet:
+    if isinstance(sensor, SensorSheet):
+        return sensor
+    if isinstance(sensor, Sensor):
+        sensor = {name: value for name, value in sensor.settings().items() if name in vars(SensorSheet())}
+    return SensorSheet(**(sensor or {}))
+
+
+@checked
 def design_spectral(
     sheet: SensorSheet,
     out: Path,
@@ -120,6 +133,7 @@ def _examples(
     return learn_examples(cubes, design_model(one.taps()), wavelengths), wavelengths
 
 
+@checked
 def design_light_field(
     sheet: SensorSheet,
     out: Path,

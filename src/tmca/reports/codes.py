@@ -14,6 +14,7 @@ import numpy as np
 
 from tmca.applications.camera_figures import codes_figure
 from tmca.applications.report import Section, write_report
+from tmca.arguments import checked
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.design import (
@@ -30,7 +31,7 @@ from tmca.design import (
     measures,
 )
 from tmca.errors import DataError
-from tmca.experiments.results import check_new, repository_commit
+from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure
 from tmca.reports.words import code_advice
@@ -82,6 +83,7 @@ def named_once(names: Sequence[str]) -> None:
             raise DataError(name, "the same scene twice", "each scene once", "leave one out")
 
 
+@checked
 def search_codes(
     sheet: SensorSheet,
     out: Path,

@@ -12,7 +12,7 @@ from tmca.applications.report import Section, write_report
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.design import MaskAdvice, MaskCandidate, MaskEffort, MaskTask
 from tmca.design.spectral_depth import bhattacharyya, confusion, drawn_error, kullback_leibler
-from tmca.experiments.results import repository_commit
+from tmca.evaluation.tables import repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import distances_figure, fisher_figure
 from tmca.plots.style import save_figure

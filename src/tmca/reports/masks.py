@@ -11,12 +11,13 @@ import numpy as np
 import torch
 
 from tmca.applications.example_scenes import JUDGING, judge_on
+from tmca.arguments import checked
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import at_bands, check_folder, read, rendered_scene, split_rendered
 from tmca.data.rendering import is_rendered
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
 from tmca.errors import DataError, SettingError
-from tmca.experiments.results import check_new
+from tmca.evaluation.tables import check_new
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior, find_prior
 from tmca.priors.spectral_depth import needed_block
@@ -27,6 +28,7 @@ SLOTS = (1, 2, 4)
 """Numbers of slots that are tried."""
 
 
+@checked
 def design_spectral_depth(
     sheet: SensorSheet,
     out: Path,

@@ -9,7 +9,7 @@ from tmca.specs.base import Distances, Length, Seed, Share, Spec, Whole, Wholes,
 
 
 class CodeSearchSpec(Spec):
-    """A search for codes; its fields are arguments of `tmca.experiments.design.codes.design_codes`."""
+    """A search for codes; its fields are arguments of `tmca.reports.codes.design_codes`."""
 
     slots: Wholes | None = None
     "Numbers of slots to try, separated by commas. [default: those of 2, 4, 8, 16 that fit the exposure]"
@@ -48,10 +48,10 @@ class MaskCameraSpec(Spec):
     "Number of heights that the device can show, evenly within --stroke. [default: any]"
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments of `tmca.experiments.design.spectral_depth.design_spectral_depth`."""
+        """Arguments of `tmca.reports.masks.design_spectral_depth`."""
         camera = {name: getattr(self, name) for name in ("filters", "channels", "depth", "planes", "period")}
-        own = {name: getattr(self, name) for name in ("preset", "bands", "stroke", "levels")}
-        return {**own, "camera": {name: value for name, value in camera.items() if value is not None}}
+        device = {name: getattr(self, name) for name in ("preset", "bands", "stroke", "levels")}
+        return {**device, "camera": {name: value for name, value in camera.items() if value is not None}}
 
 
 class MaskSearchSpec(Spec):
@@ -81,7 +81,7 @@ class MaskSearchSpec(Spec):
     "Of random masks, shutter and filters."
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments of `tmca.experiments.design.spectral_depth.design_spectral_depth`, without the effort."""
-        own = self.model_dump(exclude={"rms_nm", "starts", "steps", "learn"})
+        """Arguments of `tmca.reports.masks.design_spectral_depth`, without the effort."""
+        search = self.model_dump(exclude={"rms_nm", "starts", "steps", "learn"})
         learn = [part for part in self.learn if part != "none"]
-        return {**own, "learn": learn, "rms": None if self.rms_nm is None else self.rms_nm * 1e-9}
+        return {**search, "learn": learn, "rms": None if self.rms_nm is None else self.rms_nm * 1e-9}

@@ -1,0 +1,316 @@
+"""What studies and sweeps ask of a kind of camera: how its scenes are read, its codes searched and its networks
+trained, what is measured beside its metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+from tmca.applications import Application, application_of
+from tmca.cameras import CAMERAS
+from tmca.codes import read_codes
+from tmca.data import make_folder
+from tmca.data.fitting import middle_of
+from tmca.data.scene_names import identity_of, short_names
+from tmca.decoders import Estimate, Weights
+from tmca.evaluation.searches import learn_examples_of, searched
+from tmca.sensor import Sensor
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.evaluation.cells import Check, Measurement
+    from tmca.evaluation.study import Code, Study, TrainStage
+    from tmca.training import Trained
+
+    Scene = xr.DataArray | xr.Dataset
+
+EVALUATIONS: dict[str, CameraEvaluation] = {}
+"""Those of cameras that need more than their application says."""
+Settings = dict[str, Any]
+EXAMPLES = "examples"
+"""In the place of a prior's kind: example scenes that codes are searched for."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A scene, or a part of it, that a study measures.
+
+    Args:
+        name: shown while it is measured.
+        scene: short name of the scene.
+        source: of the scene, and ``identity``, what tells that it has changed.
+        reading: how it is read.
+        about: what else the camera's evaluation needs.
+        shown: whether estimates are pictured.
+        part: whether it is a part of a scene, for decoders that are too slow for all of it.
+    """
+
+    name: str
+    scene: str
+    source: str
+    identity: Any
+    reading: Settings
+    about: Settings = field(default_factory=dict)
+    shown: bool = True
+    part: bool = False
+
+    def takes(self, prior_kind: str | None) -> bool:
+        """Whether decoders with this prior measure here: those with a dictionary in parts of scenes alone."""
+        return self.part or prior_kind != "dictionary"
+
+
+class AnyReading(BaseModel):
+    """How scenes of a camera without a reading of its own are read: arguments of its application's ``read``.
+
+    Args:
+        size: (H, W) middle of those that are measured; all of them if None.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    size: tuple[int, int] | None = None
+
+
+class CameraEvaluation:
+    """A kind of camera in studies and sweeps; ``kind`` is its name.
+
+    What is here serves any camera that has an application; a camera that needs more has a subclass, which is registered
+    by its ``kind`` as it is defined. ``Reading`` says how its scenes are read, ``labels`` are names of decoders where
+    tables of sweeps show others than their own, ``sweeps_networks`` tells whether a sweep trains networks at every
+    combination, and ``always_learned`` names the kinds of priors that a study needs for other things than decoders.
+    """
+
+    kind: str
+    labels: ClassVar[Mapping[str, str]] = {}
+    sweeps_networks: ClassVar[bool] = False
+    Reading: ClassVar[type[BaseModel]] = AnyReading
+    always_learned: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, kind: str = "") -> None:
+        self.kind = kind or self.kind
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        super().__init_subclass__(**arguments)
+        if "kind" in cls.__dict__:
+            EVALUATIONS[cls.kind] = cls()
+
+    @property
+    def application(self) -> Application:
+        """The camera's."""
+        return application_of(self.kind)
+
+    @property
+    def title(self) -> str:
+        """What tables say."""
+        return f"{self.kind.capitalize()} camera"
+
+    @property
+    def _draws_codes(self) -> bool:
+        """Whether the constructor takes a seed, itself or among what it hands on."""
+        arguments = signature(CAMERAS[self.kind]).parameters
+        return "seed" in arguments or any(one.kind is one.VAR_KEYWORD for one in arguments.values())
+
+    @property
+    def swept(self) -> tuple[str, ...]:
+        """Settings that a sweep can vary."""
+        return tuple(self.application.settings())
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Those of them that are words."""
+        return tuple(name for name, value in self.application.settings().items() if isinstance(value, str))
+
+    # scenes
+
+    def load(self, source: str, reading: Settings) -> Scene:
+        """A scene to learn from."""
+        return self.application.read(source, **{name: value for name, value in reading.items() if name != "size"})
+
+    def scene(self, cell: Measurement) -> Scene:
+        """A scene to measure."""
+        return self._middle(cell.source, cell.reading)
+
+    def _middle(self, source: str, reading: Settings) -> Scene:
+        whole: Any = self.load(source, reading)
+        size = reading.get("size")
+        return whole if size is None else middle_of(whole, (size[0], size[1]), source)
+
+    def check_scenes(self, learned: Sequence[str], measured: Sequence[str], reading: Settings) -> None:
+        """Read every scene as cells will, so that one that cannot be used is named before anything is made."""
+        for source in learned:
+            self.load(source, reading)
+        for source in measured:
+            self._middle(source, reading)
+
+    def usual_train(self) -> list[str]:
+        """Scenes that sweeps learn from where none are given; none where decoders have a prior then."""
+        return []
+
+    def measured_reading(self, reading: Settings) -> Settings:
+        """How scenes that are measured are read."""
+        return reading
+
+    def training_scenes(
+        self,
+        reading: Settings,
+        train: Sequence[str],
+        validation: Sequence[str],
+        measured: Sequence[str],
+        stage: TrainStage,
+    ) -> Settings:
+        """``train``, ``validation`` and ``prior`` of a run: given scenes, as often as the stage says, and rendered
+        ones; none that is measured."""
+        return {"train": stage.repeat * [*train], "validation": [*validation], "prior": [*train]}
+
+    # studies
+
+    def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
+        """Refuse what cannot be used before anything is made; ``test`` without ``always_measured``.
+
+        Raises:
+            SettingError, DataError: impossible sizes, or a scene that cannot be read.
+        """
+        self.check_scenes(train, test, study.reading)
+
+    def checks_before(self, study: Study, places: Sequence[Place]) -> list[Check]:
+        """What of a study's scenes is checked before anything is measured."""
+        return []
+
+    def informed(self, places: Sequence[Place], checks: Sequence[Settings]) -> list[Place]:
+        """Places with what was checked before."""
+        return list(places)
+
+    def checks_after(
+        self,
+        study: Study,
+        cells: Sequence[Measurement],
+        priors: Mapping[str, str],
+        train: Sequence[str],
+        test: Sequence[str],
+    ) -> list[Check]:
+        """What is checked of the codes of some rows."""
+        return []
+
+    def places(self, study: Study, names: Mapping[str, str], files: Sequence[str]) -> list[Place]:
+        """Where a study measures.
+
+        Args:
+            study: its reading.
+            names: short name of every measured scene.
+            files: those that the study names, beside which a camera may have scenes of its own.
+        """
+        return [Place(name, name, source, identity_of(source), study.reading) for source, name in names.items()]
+
+    def always_measured(self) -> list[str]:
+        """Scenes that a study with a page measures beside those that it names."""
+        return []
+
+    def study_prior_settings(self, prior_kind: str, study: Study) -> Settings:
+        """Arguments of ``learn_prior`` for a study."""
+        return {}
+
+    def search_settings(self, study: Study, code: Code, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+        """Settings of a search."""
+        assert code.search is not None
+        period = study.search.get("period") or study.settings["period"]
+        return {"kind": code.search.kind, "slots": code.search.slots, "period": period,
+                "effort": study.search["effort"], "examples": priors[EXAMPLES], "gains": True}  # fmt: skip
+
+    def row_settings(self, settings: Settings, reading: Settings) -> Settings:
+        """Settings of the camera of a row."""
+        return settings
+
+    def training_camera(self, study: Study) -> Settings:
+        """Settings of the camera in a training."""
+        return {}
+
+    # cameras
+
+    def camera(self, cell: Measurement, scene: Any) -> Any:
+        """The camera of a cell in front of a scene."""
+        return self.shown(self.parts(scene), cell.settings, cell.sensor, cell.codes, cell.camera_of)
+
+    def shown(
+        self, parts: Settings, settings: Settings, sensor: Settings, codes: str | None, weights: str | None
+    ) -> Any:
+        """The camera that shows the codes of weights or of a file, or those of its settings."""
+        if weights:
+            return Weights.load(weights).camera_for(parts["size"], sensor=Sensor(**sensor))
+        return self.build(parts, settings, sensor, codes)
+
+    def parts(self, scene: Any) -> Settings:
+        """What a camera takes from a scene."""
+        return self.application.parts(scene)
+
+    def build(self, parts: Settings, settings: Settings, sensor: Settings, codes: str | None = None) -> Any:
+        """A camera of settings, the codes of a file among them, and of what it takes from a scene."""
+        own = {**parts, **({} if codes is None else self.coded(codes)), **settings, "sensor": Sensor(**sensor)}
+        preset, cls = own.pop("preset", None), CAMERAS[self.kind]
+        if not self._draws_codes:
+            own.pop("seed", None)
+        return cls(**own) if preset is None else cls.from_preset(preset, **own)
+
+    def coded(self, codes: str) -> Settings:
+        """Arguments of the camera that shows the codes of a file."""
+        return read_codes(codes).settings()
+
+    # steps
+
+    def learn(self, cell: Settings, path: Path) -> Path:
+        """Learn what a ``LearnedPrior`` asks for, and write it: a prior's file, or the folder of examples that codes
+        are searched for."""
+        from tmca.priors import learn_prior
+
+        scenes = {name: self.load(name, cell["reading"]) for name in cell["scenes"]}
+        if cell["prior_kind"] == EXAMPLES:
+            learn_examples_of({short: scenes[name] for name, short in short_names([*scenes]).items()}, path)  # type: ignore[misc]
+            return path
+        file = path.with_suffix(".nc")
+        learn_prior([*scenes.values()], None, cell["prior_kind"], **cell["settings"]).save(file, overwrite=True)
+        return file
+
+    def search(self, cell: Settings, folder: Path) -> Settings:
+        """Search codes and write them: ``codes``, their file, CPU ``seconds``, and what the search tells of them."""
+        own = {**cell["settings"], "seed": cell["seed"], "sensor": cell["sensor"], "exposures": 1}
+        return searched({**own, "designs": str(make_folder(folder / "designs"))})
+
+    def train(self, training: Settings, folder: Path) -> Trained:
+        """Train a network of these settings, or resume it."""
+        from tmca.training import train, training_settings
+
+        return train(training_settings(self.kind, None, None, training), folder)
+
+    # measures
+
+    def middle(self, cell: Measurement, estimate: Estimate, scene: Any) -> tuple[xr.Dataset, Any]:
+        """What is measured of an estimate, and the truth; all of both."""
+        return estimate.to_xarray(), scene
+
+    def measured(self, cell: Measurement, shown: xr.Dataset, truth: Any) -> Settings:
+        """``metrics`` of an estimate, and what else is measured."""
+        parts = {"values": shown["estimate"].values[None]}
+        return {"metrics": self.application.metrics(parts, truth, None)}
+
+    # sweeps
+
+    def check_point(self, camera: Settings, sensor: Settings) -> None:
+        """Raises SettingError for settings of a sweep that make no camera."""
+        self.build({}, camera, sensor)
+
+    def prior_settings(self, prior_kind: str, settings: Settings, reading: Settings) -> Settings:
+        """Arguments of ``learn_prior`` for a camera of these settings."""
+        return {}
+
+
+def evaluation_of(kind: str) -> CameraEvaluation:
+    """That of a kind of camera; any that has an application has one.
+
+    Raises:
+        SettingError: no camera of this kind.
+    """
+    return EVALUATIONS.get(kind) or CameraEvaluation(application_of(kind).kind)

@@ -1,0 +1,196 @@
+"""The cells of studies and sweeps of every camera: priors, searched codes, trained networks, measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from warnings import catch_warnings, simplefilter
+
+from pydantic import BaseModel, ConfigDict
+
+from tmca.applications import simulate
+from tmca.cameras import Hardware
+from tmca.decoders import OtherCodes, decode
+from tmca.evaluation.camera import CameraEvaluation, evaluation_of
+from tmca.evaluation.grid import Measured, Settings, cell_key
+
+
+class Cell(BaseModel):
+    """What is computed once; its fields are JSON values, and ``step`` says which kind of cell it is.
+
+    Args:
+        name: shown while it is computed.
+        camera: kind of the camera.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    step: str
+    name: str
+    camera: str
+
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        """Measured values, JSON; ``folder`` takes files."""
+        raise NotImplementedError
+
+    @property
+    def key(self) -> str:
+        """Digest of all of it."""
+        return cell_key(self.model_dump(mode="json"))
+
+
+class LearnedPrior(Cell):
+    """A prior of some scenes: ``{"prior": file}``.
+
+    Args:
+        prior_kind: ``"gaussian"``, ``"mixture"``, ``"dictionary"`` or ``"examples"`` (what codes are searched for).
+        scenes: names.
+        identities: what tells that their files have changed.
+        reading: how they are read.
+        settings: of ``learn_prior``.
+    """
+
+    step: str = "prior"
+    prior_kind: str
+    scenes: tuple[str, ...]
+    identities: tuple[Any, ...]
+    reading: Settings
+    settings: Settings = {}
+
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        return {"prior": str(evaluation.learn(self.model_dump(), folder / f"prior-{self.prior_kind}-{self.key}"))}
+
+
+class Search(Cell):
+    """Codes of least expected error: ``codes``, their file, and ``seconds``.
+
+    Args:
+        code: name of the codes.
+        noise: name of the noise that they are for.
+        sensor: of that noise.
+        seed: of the search.
+        settings: what the camera's search takes.
+    """
+
+    step: str = "search"
+    code: str
+    noise: str
+    sensor: Settings
+    seed: int
+    settings: Settings
+
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        return evaluation.search(self.model_dump(), folder)
+
+
+class Training(Cell):
+    """A network, and codes if they learn: ``weights``, their file, ``best`` validation figures and CPU ``seconds``.
+
+    Args:
+        code, decoder, seed: of the row.
+        training: settings of the run.
+        reading: how its scenes are read.
+        identities: what tells that their files have changed.
+    """
+
+    step: str = "training"
+    code: str = ""
+    decoder: str
+    seed: int = 0
+    training: Settings
+    reading: Settings
+    identities: tuple[Any, ...] = ()
+
+    def folder(self, work: Path) -> Path:
+        """Of the run, where a stopped one resumes."""
+        return work / f"training-{self.key}"
+
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        run = evaluation.train(self.training, self.folder(folder))
+        return {"weights": str(run.weights), "best": run.best, "seconds": run.cpu_seconds}
+
+
+class Measurement(Cell):
+    """The snapshot of a scene, decoded and measured: ``metrics``, ``seconds``, ``throughput``.
+
+    Args:
+        code, noise, decoder, seed: of the row.
+        scene: short name.
+        source: of the scene, and ``identity``, what tells that it has changed.
+        reading: how it is read.
+        settings: of the camera's constructor; ``preset`` among them where there is one.
+        sensor: of the noise.
+        codes: file of searched codes.
+        camera_of: weights whose codes the camera shows.
+        weights: of the network that decodes.
+        faults: of the bench, of which decoders are not told.
+        options: settings of the decoder.
+        prior: file; the rendered scenes' prior without.
+        about: what else the camera's evaluation needs.
+        save: write the estimate, for pictures.
+    """
+
+    step: str = "measurement"
+    code: str = ""
+    noise: str = ""
+    decoder: str
+    seed: int = 0
+    scene: str
+    source: str
+    identity: Any = None
+    reading: Settings
+    settings: Settings
+    sensor: Settings
+    codes: str | None = None
+    camera_of: str | None = None
+    weights: str | None = None
+    faults: Settings = {}
+    options: Settings = {}
+    prior: str | None = None
+    about: Settings = {}
+    save: bool = False
+
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        scene = evaluation.scene(self)
+        camera = evaluation.camera(self, scene)
+        snapshot = simulate(scene, camera, seed=self.seed, hardware=Hardware.of(self.faults))
+        given: Settings = {**self.options, **({"weights": self.weights} if self.weights else {})}
+        with catch_warnings():
+            simplefilter("ignore", OtherCodes)  # rows name both codes and network
+            estimate = decode(snapshot, "network" if self.weights else self.decoder, prior=self.prior, **given)
+        shown, truth = evaluation.middle(self, estimate, scene)
+        found = {
+            "seconds": estimate.seconds,
+            "throughput": camera.throughput(),
+            **evaluation.measured(self, shown, truth),
+        }
+        if self.save:
+            from tmca.data import write_dataset
+
+            found["estimate"] = str(write_dataset(shown, folder / f"estimate-{self.key}.nc", overwrite=True))
+        return found
+
+
+class Check(Cell):
+    """A camera's own figures: what its evaluation's method ``method`` says of the ``arguments``."""
+
+    step: str = "check"
+    method: str
+    code: str = ""
+    noise: str = ""
+    seed: int = 0
+    arguments: Settings
+
+    def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
+        return dict(getattr(evaluation, self.method)(self, folder))
+
+
+STEPS: Mapping[str, type[Cell]] = {
+    cls.model_fields["step"].default: cls for cls in (LearnedPrior, Search, Training, Measurement, Check)
+}
+
+
+def compute(cell: Settings, folder: str) -> Measured:
+    """A cell of any kind, by its ``step``; ``folder`` takes its files."""
+    checked = STEPS[cell["step"]].model_validate(cell)
+    return checked.compute(evaluation_of(checked.camera), Path(folder))

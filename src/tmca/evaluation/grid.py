@@ -1,0 +1,265 @@
+"""Cells that are computed once: a file for every finished one, tracebacks of failed ones; a rerun does the rest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+from warnings import simplefilter
+
+from pydantic import BaseModel
+
+import tmca
+from tmca.data import make_folder, write_json, write_text
+from tmca.data.scene_names import SceneWarning
+from tmca.errors import SettingError, TmcaError
+
+Settings = dict[str, Any]
+Measured = dict[str, Any]
+Compute = Callable[[Settings], Measured]
+Progress = Callable[[int, int, str], None]
+"""Called with (cells done, cells in all, name of the last)."""
+Timed = Callable[[int, int, str, float], None]
+"""The same with the seconds that are left."""
+
+
+class CellsFailed(TmcaError):
+    """Some cells of a grid could not be computed; the results of the others stay on disk."""
+
+
+@cache
+def package_version() -> str:
+    """Version and digest of the package's source: what cells are computed by, in a checkout or installed."""
+    root, digest = Path(tmca.__file__).parent, hashlib.sha256()
+    for file in sorted(root.rglob("*.py")):
+        digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
+    return f"{tmca.__version__}+{digest.hexdigest()[:12]}"
+
+
+def cell_key(settings: Mapping[str, Any]) -> str:
+    """Name of a cell's file: a digest of everything that makes it, the package's version among it."""
+    text = json.dumps([package_version(), settings], sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def timed(report: Timed | None) -> Progress | None:
+    """Turn (done, all, name) into (done, all, name, seconds left)."""
+    if report is None:
+        return None
+    start, calls = time.monotonic(), []
+
+    def call(done: int, total: int, name: str) -> None:
+        calls.append(done)
+        report(done, total, name, (time.monotonic() - start) / len(calls) * (total - done))
+
+    return call
+
+
+@dataclass
+class Failures:
+    """Cells of a grid that raised.
+
+    Args:
+        folder: of the grid.
+        total: cells in all.
+        met: name of each and the file of its traceback.
+    """
+
+    folder: Path
+    total: int = 0
+    met: list[tuple[str, Path]] = field(default_factory=list)
+
+    @property
+    def names(self) -> set[str]:
+        """Of the cells."""
+        return {name for name, _ in self.met}
+
+    def check(self) -> None:
+        """Raise CellsFailed if there are any."""
+        if self.met:
+            named = ", ".join(name for name, _ in self.met[:3])
+            raise CellsFailed(
+                self.folder,
+                f"{len(self.met)} of {self.total} cells failed ({named}{', …' if len(self.met) > 3 else ''})",
+                "",
+                f"see {self.met[0][1]}; a rerun computes only what is missing",
+            )
+
+
+@dataclass
+class Grid:
+    """The cells of one table, computed part by part; what fails is told at the end, when the rest is written.
+
+    Args:
+        compute: module-level function from settings to measured values.
+        folder: of a file per finished cell.
+        jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
+        progress: called with (done, all, name, seconds left) after each cell of a part.
+        failures: cells that raised.
+    """
+
+    compute: Compute
+    folder: Path
+    jobs: int = 1
+    cluster: Settings | None = None
+    progress: Timed | None = None
+    failures: Failures = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.failures = Failures(make_folder(self.folder))
+
+    def run(self, cells: Sequence[Settings | BaseModel], compute: Compute | None = None) -> list[Measured]:
+        """Settings and measured values of the cells that could be computed, in their order."""
+        return run_cells(
+            cells, compute or self.compute, self.folder, jobs=self.jobs, cluster=self.cluster,
+            progress=timed(self.progress), failures=self.failures,
+        )  # fmt: skip
+
+
+def run_cells(
+    cells: Sequence[Settings | BaseModel],
+    compute: Compute,
+    folder: str | Path,
+    *,
+    jobs: int = 1,
+    cluster: Settings | None = None,
+    progress: Progress | None = None,
+    failures: Failures | None = None,
+) -> list[Measured]:
+    """Compute every cell that has no file in ``folder`` yet.
+
+    Args:
+        cells: settings of each cell, JSON values or a pydantic model of them, with a ``name``.
+        compute: module-level function from settings to measured values (it runs in another process if jobs > 1).
+        folder: of a file per finished cell.
+        jobs: processes side by side.
+        cluster: parameters of submitit (``timeout_min``, ``slurm_partition``, …) to send the cells to Slurm instead.
+        progress: called after each cell.
+        failures: takes the cells that raised, for a later ``failures.check()``; they are then left out of the answer.
+
+    Returns:
+        Settings and measured values of all cells, in their order.
+
+    Raises:
+        CellsFailed: some cells raised and nobody takes them; the message names the first, the folder holds every
+            traceback.
+    """
+    place = make_folder(folder)
+    asked = [cell.model_dump(mode="json") if isinstance(cell, BaseModel) else cell for cell in cells]
+    names = [str(cell.get("name", index)) for index, cell in enumerate(asked)]
+    files = [place / f"{cell_key(cell)}.json" for cell in asked]
+    waiting = {files[i]: i for i in range(len(asked)) if not files[i].exists()}  # equal cells once
+    done, own = len(asked) - len(waiting), failures or Failures(place)
+    for index, failed in _outcomes(asked, [*waiting.values()], files, compute, jobs, cluster):
+        done += 1
+        if failed:
+            own.met.append((names[index], files[index].with_suffix(".error.txt")))
+        if progress:
+            progress(done, len(asked), names[index])
+    own.total += len(asked)
+    if failures is None:
+        own.check()
+    return [json.loads(file.read_text()) for file in files if file.exists()]
+
+
+def _outcomes(
+    cells: Sequence[Settings],
+    waiting: Sequence[int],
+    files: Sequence[Path],
+    compute: Compute,
+    jobs: int,
+    cluster: Settings | None,
+) -> Iterator[tuple[int, bool]]:
+    if cluster is not None:
+        yield from _submitted(cells, waiting, files, compute, cluster)
+        return
+    if jobs <= 1:
+        for index in waiting:
+            yield index, _one_cell(cells[index], files[index], compute)
+        return
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_worker, initargs=(os.getpid(),)) as pool:
+        running = {pool.submit(_cell_of_a_worker, cells[i], files[i], compute): i for i in waiting}
+        try:
+            for future in as_completed(running):
+                yield running[future], future.result()
+        except BaseException:
+            workers = list((pool._processes or {}).values())
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.terminate()  # a training writes a checkpoint first
+            raise
+
+
+def _submitted(
+    cells: Sequence[Settings],
+    waiting: Sequence[int],
+    files: Sequence[Path],
+    compute: Compute,
+    parameters: Settings,
+) -> Iterator[tuple[int, bool]]:
+    """The outcomes of cells sent to a cluster through submitit."""
+    try:
+        import submitit
+    except ImportError:
+        raise SettingError("--slurm", "no submitit", "the package submitit", "pip install submitit") from None
+    if not waiting:
+        return
+    chosen = dict(parameters)
+    executor = submitit.AutoExecutor(files[0].parent / "slurm", cluster=chosen.pop("cluster", "slurm"))
+    executor.update_parameters(name="tmca", **chosen)
+    with executor.batch():
+        sent = [executor.submit(_one_cell, cells[i], files[i], compute) for i in waiting]
+    for index, job in zip(waiting, sent, strict=True):
+        try:
+            yield index, job.result()
+        except Exception:  # a job that ran out of time or memory
+            write_text(traceback.format_exc(), files[index].with_suffix(".error.txt"), overwrite=True)
+            yield index, True
+
+
+def _worker(parent: int) -> None:
+    """One thread for the numbers, and another that stops the work when its parent is gone."""
+    import torch
+
+    torch.set_num_threads(1)
+    simplefilter("ignore", SceneWarning)  # said where the scenes were opened first
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _cell_of_a_worker(cell: Settings, file: Path, compute: Compute) -> bool:
+    """A cell; a process that is asked to stop takes no other one."""
+    try:
+        return _one_cell(cell, file, compute)
+    except KeyboardInterrupt:
+        os._exit(130)
+
+
+def _one_cell(cell: Settings, file: Path, compute: Compute) -> bool:
+    """Compute a cell and write its file; True if it failed."""
+    trouble = file.with_suffix(".error.txt")
+    try:
+        measured = compute(cell)
+    except Exception:
+        write_text(traceback.format_exc(), trouble, overwrite=True)
+        return True
+    write_json({**cell, **measured}, file, overwrite=True)
+    trouble.unlink(missing_ok=True)
+    return False

@@ -1,0 +1,304 @@
+"""A study from its description to its tables and pictures: which cells it is made of, in the order of their needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tmca.data import make_folder, write_text
+from tmca.data.scene_names import identity_of, short_names
+from tmca.errors import SettingError
+from tmca.evaluation.camera import EXAMPLES, Place
+from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
+from tmca.evaluation.grid import Grid, Measured, Settings, Timed
+from tmca.evaluation.pages import page_of
+from tmca.evaluation.study import Code, Study, named, training_of
+from tmca.evaluation.tables import Row, check_counts, check_decoders, check_new, check_weights, csv_text, write_table
+
+
+def run_study(
+    study: Study,
+    out: Path,
+    work: Path,
+    *,
+    jobs: int = 1,
+    cluster: Settings | None = None,
+    overwrite: bool = False,
+    progress: Timed | None = None,
+    command: Sequence[str] = (),
+) -> Row:
+    """Measure every code, noise and decoder of a study on its test scenes.
+
+    Args:
+        study: what is compared.
+        out: folder of ``NAME.json``, ``NAME.csv``, ``NAME.md`` and pictures.
+        work: folder of priors, codes, trainings and finished cells; a stopped study resumes there.
+        jobs: processes side by side.
+        cluster: parameters of submitit, to send the cells to Slurm instead.
+        overwrite: replace results.
+        progress: called with (done, all, name, seconds left) after each cell.
+        command: how the run was called, written into the results.
+
+    Returns:
+        What the JSON file holds.
+
+    Raises:
+        SettingError: an unknown decoder, no test scenes, or sizes that do not fit.
+        OutputError: the results exist.
+        DataError: a scene that is missing, altered or of no use.
+        CellsFailed: some cells failed; the table of the others is written.
+    """
+    check_counts(jobs=jobs)
+    check_decoders(study.decoders, study.decoder_labels)
+    for name in study.decoders:
+        check_weights(name, study.options.get(name, {}), "options.network.weights of the study")
+    train, test, validation = (named(scenes) for scenes in vars(study.scenes).values())
+    if not test:
+        raise SettingError("--test", "no scenes", "scenes or split files")
+    names = short_names([*test, *(study.evaluation.always_measured() if study.page else ())])
+    page, files = page_of(study), [out / f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
+    check_new([*files, *page.picture_files(study, [*names.values()], out)], overwrite)
+    study.evaluation.check_study(study, [*train, *validation], test)
+    make_folder(out)
+    grid = Grid(partial(compute, folder=str(work)), make_folder(work), jobs, cluster, progress)
+    plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
+    measured = _measured(plan, grid, test)
+    if not any("metrics" in cell for cell in measured):
+        grid.failures.check()
+    split = {"train": train, "test": test, "names": names, "validation": validation}
+    results = page.results(study, measured, split, command)
+    write_table(results, page.markdown(results, study), files[:2], overwrite)
+    write_text(csv_text(results["rows"], _columns(results["rows"])), files[2], overwrite=overwrite)
+    page.pictures(study, [cell for cell in measured if cell.get("seed", study.seed) == study.seed], out, overwrite)
+    grid.failures.check()
+    return results
+
+
+def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
+    """All cells that can be measured, those first that others need."""
+    study, evaluation = plan.study, plan.evaluation
+    priors = {cell["prior_kind"]: cell["prior"] for cell in grid.run(plan.priors())}
+    grid.failures.check()
+    searches = plan.searches(priors)
+    for many in (True, False):  # a search of multiplexed codes contains that of the static ones
+        grid.run([cell for cell in searches.values() if (cell.settings.get("slots", 1) > 1) == many])
+    checks = grid.run(evaluation.checks_before(study, plan.places))
+    plan.places = evaluation.informed(plan.places, checks)
+    measured = grid.run([*searches.values()]) + checks
+    codes = plan.files(searches, measured[: len(measured) - len(checks)])
+    scenes = (plan.train, test)
+    measured += _rows(grid, plan, plan.untrained(priors, codes), priors, scenes)
+    trained = [cell for cells in plan.trainings(codes) for cell in grid.run(cells)]
+    return measured + trained + _rows(grid, plan, plan.behind_networks(trained, priors, codes), priors, scenes)
+
+
+def _rows(
+    grid: Grid, plan: Plan, cells: Sequence[Measurement], priors: dict[str, str], scenes: tuple[Sequence[str], ...]
+) -> list[Measured]:
+    """Measurements, and checks of their codes."""
+    return grid.run(cells) + grid.run(plan.evaluation.checks_after(plan.study, cells, priors, *scenes))
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    """Names, and figures that are one number."""
+    return [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
+
+
+Files = Mapping[tuple[str, str, int], str]
+"""Files of searched codes by code, noise and seed of the row."""
+Need = tuple[str, str, int]
+
+
+class Plan:
+    """The cells of a study.
+
+    Args:
+        study: what is compared.
+        train: scenes that are learned from, by name.
+        places: where is measured.
+        validation: scenes that choose a network's best step.
+        work: folder of the cells.
+    """
+
+    def __init__(
+        self, study: Study, train: Sequence[str], places: Sequence[Place], validation: Sequence[str], work: Path
+    ) -> None:
+        self.study, self.train, self.places, self.work = study, list(train), list(places), work
+        self.evaluation, self.reading = study.evaluation, study.reading
+        measured = list(dict.fromkeys(place.source for place in places))
+        self.scenes = self.evaluation.training_scenes(self.reading, self.train, list(validation), measured, study.train)
+        self.identities = tuple(identity_of(name) or name for name in (*self.train, *validation))
+
+    def priors(self) -> list[LearnedPrior]:
+        """One of every kind that is needed, and the examples of the searches; none without scenes to learn from, where
+        decoders have that of the rendered scenes."""
+        study = self.study
+        kinds = {study.prior_kind(name) for name in study.decoders} | set(self.evaluation.always_learned)
+        kinds |= {EXAMPLES} if any(code.search and code.search.kind for code in study.codes.values()) else set()
+        return [
+            LearnedPrior(
+                name=kind if kind == EXAMPLES else f"{kind} prior", camera=study.camera, prior_kind=kind,
+                scenes=tuple(self.train), identities=self.identities[: len(self.train)], reading=self.reading,
+                settings={} if kind == EXAMPLES else self._prior_settings(kind),
+            )
+            for kind in sorted(kind for kind in kinds if kind is not None and self.train)
+        ]  # fmt: skip
+
+    def _prior_settings(self, kind: str) -> Settings:
+        return {**self.evaluation.study_prior_settings(kind, self.study), **self.study.priors.get(kind, {})}
+
+    def searches(self, priors: Mapping[str, str]) -> dict[Need, Search]:
+        """Every search that rows of some noise and seed need, once; those of codes that are searched for each noise
+        first."""
+        study, found = self.study, dict[Need, Search]()
+        codes = [(name, code.search) for name, code in study.codes.items() if code.search]
+        for seed in study.all_seeds:
+            for name, search in sorted(codes, key=lambda code: code[1].noise is not None):
+                for noise in study.noises if search.noise is None else [search.noise]:
+                    settings = self.evaluation.search_settings(study, study.codes[name], self.train, priors)
+                    cell = Search(
+                        name=f"search · {name} · {noise} · seed {seed}", camera=study.camera, code=name, noise=noise,
+                        sensor=study.noises[noise], seed=seed, settings=settings,
+                    )  # fmt: skip
+                    found.setdefault(self._need(name, noise, seed), cell)
+        return found
+
+    def _need(self, name: str, noise: str, seed: int) -> Need:
+        """What a search is told apart by: patterns by kind and slots, masks by their name."""
+        search = self.study.codes[name].search
+        assert search is not None
+        what = name if search.kind is None else f"{search.kind} {search.slots}"
+        return what, search.noise or noise, seed
+
+    def files(self, searches: Mapping[Need, Search], made: Sequence[Measured]) -> Files:
+        """Files of searched codes of every row whose search did not fail."""
+        files = {cell["name"]: cell["codes"] for cell in made}
+        found: dict[tuple[str, str, int], str] = {}
+        for name, code in self.study.codes.items():
+            for noise in self.study.noises if code.search else ():
+                for seed in self.study.all_seeds:
+                    cell = searches[self._need(name, noise, seed)]
+                    found |= {(name, noise, seed): files[cell.name]} if cell.name in files else {}
+        return found
+
+    def untrained(self, priors: Mapping[str, str], codes: Files) -> list[Measurement]:
+        """Decoders without training behind codes that do not learn."""
+        study = self.study
+        rows = [
+            (name, code, noise, decoder, seed)
+            for decoder in study.decoders if decoder not in study.networks
+            for noise in study.noises
+            for name, code in study.codes.items()
+            for seed in study.seeds_of(decoder)
+        ]  # fmt: skip
+        return [
+            cell
+            for name, code, noise, decoder, seed in rows
+            if code.learn is None and not self._twin(code, noise)
+            and (code.search is None or (name, noise, seed) in codes)
+            for cell in self._row(name, noise, decoder, seed, priors, codes=codes.get((name, noise, seed)))
+        ]  # fmt: skip
+
+    def _twin(self, code: Code, noise: str) -> bool:
+        """Whether a code that is searched for every noise is the same as one that is searched for this one."""
+        if code.search is None or code.search.noise is not None:
+            return False
+        twin = code.search.model_copy(update={"noise": noise})
+        return any(other.search == twin for other in self.study.codes.values())
+
+    def _row(
+        self, code: str, noise: str, decoder: str, seed: int, priors: Mapping[str, str], *, codes: str | None = None,
+        camera_of: str | None = None, weights: str | None = None,
+    ) -> Iterator[Measurement]:  # fmt: skip
+        """Measurements of one row and seed in every place."""
+        study, chosen = self.study, self.study.codes[code]
+        kind = study.prior_kind(decoder)
+        shown = (study.shown is None or (code, decoder) in study.shown) and noise == study.shown_noise
+        options = {} if weights else study.options.get(decoder, {})
+        settings = study.settings if codes else {**study.settings, **chosen.camera}
+        for place in self.places:
+            if not place.takes(kind):
+                continue
+            yield Measurement(
+                name=f"{place.name} · {code} · {noise} · {study.decoder_labels[decoder]} · seed {seed}",
+                camera=study.camera, code=code, noise=noise, decoder=decoder, seed=seed, scene=place.scene,
+                source=place.source, identity=_identity(place.identity, options), reading=place.reading,
+                settings=self.evaluation.row_settings({**settings, "seed": seed}, self.reading),
+                sensor=study.noises[noise], codes=codes,
+                camera_of=camera_of, weights=weights, options=options,
+                prior=None if weights or kind is None else priors.get(kind), about=place.about,
+                save=shown and place.shown and seed == study.seed,
+            )  # fmt: skip
+
+    def trainings(self, codes: Files) -> list[list[Training]]:
+        """Trainings of all rows and seeds, in rounds: those that others start from first."""
+        study = self.study
+        cells: dict[tuple[str, str, int], Training] = {}
+        rounds: list[list[Training]] = [[], [], []]
+        for seed in study.all_seeds:
+            for network in (name for name in study.decoders if name in study.networks):
+                for name, code in study.codes.items():
+                    if code.learn is not None or not code.train:
+                        continue
+                    start = next((file for (n, _, s), file in codes.items() if (n, s) == (name, seed)), None)
+                    if code.search is None or start is not None:
+                        rounds[0].append(self._training(name, network, seed, start))
+            for name, code in study.codes.items():
+                for network in (n for n in (code.learn.networks if code.learn else ()) if n in study.decoders):
+                    start, after = self._start(code, network, seed, codes, cells)
+                    if after is not None:
+                        cells[name, network, seed] = cell = self._training(name, network, seed, start)
+                        rounds[after].append(cell)
+        for (name, network, seed), cell in cells.items():
+            learn = self.study.codes[name].learn
+            for other in learn.networks[network] if learn else ():
+                if other in study.networks and other in study.decoders:
+                    weights = str(cell.folder(self.work) / "weights.safetensors")
+                    rounds[2].append(self._training(name, other, seed, weights, learns=False))
+        return rounds
+
+    def _start(
+        self, code: Code, network: str, seed: int, codes: Files, cells: Mapping[tuple[str, str, int], Training]
+    ) -> tuple[str | None, int | None]:
+        """What learned codes start from, and the round of their training; None where that failed."""
+        name = code.learn.start if code.learn else None
+        if name is None:
+            return None, 0
+        if (name, network, seed) in cells:
+            return str(cells[name, network, seed].folder(self.work)), 1
+        start = next((file for (n, _, s), file in codes.items() if (n, s) == (name, seed)), None)
+        return start, 0 if start is not None else None
+
+    def _training(self, code: str, network: str, seed: int, start: str | None, learns: bool = True) -> Training:
+        label = self.study.decoder_labels[network]
+        return Training(
+            name=f"training · {code} · {label} · seed {seed}", camera=self.study.camera, code=code, decoder=network,
+            seed=seed, training=training_of(self.study, code, network, seed, self.scenes, start, learns=learns),
+            reading=self.reading, identities=self.identities,
+        )  # fmt: skip
+
+    def behind_networks(
+        self, trained: Sequence[Measured], priors: Mapping[str, str], codes: Files
+    ) -> list[Measurement]:
+        """Networks behind their codes, and other decoders behind codes that were learned with one."""
+        study, found = self.study, list[Measurement]()
+        for cell in trained:
+            name, network, seed, weights = cell["code"], cell["decoder"], cell["seed"], cell["weights"]
+            learn = study.codes[name].learn
+            others = learn.networks.get(network, ()) if learn else ()
+            behind = [(network, weights)]
+            behind += [(other, None) for other in others if other in study.decoders and other not in study.networks]
+            for decoder, used in behind:
+                for noise in study.noises:
+                    shown = weights if learn else None
+                    file = None if shown else codes.get((name, noise, seed))
+                    found += self._row(name, noise, decoder, seed, priors, codes=file, camera_of=shown, weights=used)
+        return found
+
+
+def _identity(scene: Any, options: Settings) -> Any:
+    """What tells that a scene, or the weights that a decoder is given, have changed."""
+    weights = options.get("weights")
+    return scene if weights is None else [scene, identity_of(str(weights))]

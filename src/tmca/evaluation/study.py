@@ -1,0 +1,337 @@
+"""A study: codes × noises × decoders × seeds of one camera over test scenes, described in YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from tmca.applications import application_of
+from tmca.data.scene_names import read_split
+from tmca.decoders import decoders
+from tmca.errors import DataError, SettingError, TmcaError, check_choice
+from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
+from tmca.evaluation.tables import decoder_labels
+from tmca.sensor import Sensor
+
+SHIPPED = Path(__file__).parent / "studies"
+"""Studies of `tmca compare`, by the name of their camera."""
+INHERITED = ("settings", "options", "networks", "labels", "search", "train", "priors")
+"""What a study has from the shipped one of its camera where it says nothing."""
+
+
+class Strict(BaseModel):
+    """Unknown names are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Scenes(Strict):
+    """Names of scenes, or split files (``.txt``) of them.
+
+    Args:
+        train: that priors, codes and networks learn from.
+        test: that are measured; they choose nothing.
+        validation: that choose a network's best step.
+    """
+
+    train: tuple[str, ...] = ()
+    test: tuple[str, ...] = ()
+    validation: tuple[str, ...] = ()
+
+
+class SearchedCodes(Strict):
+    """Codes that are searched.
+
+    Args:
+        noise: that they are searched for; that of each row if None.
+        kind, slots: of searched aperture and shutter patterns, as in `tmca design`; masks take those of the camera.
+        starts: times the starts of a search of masks.
+    """
+
+    noise: str | None = None
+    kind: str | None = None
+    slots: int | None = Field(default=None, ge=1)
+    starts: int = Field(default=1, ge=1)
+
+
+class LearnedCodes(Strict):
+    """Codes that learn end to end.
+
+    Args:
+        what: ``aperture``, ``shutter``, ``both``, or parts of a phase code.
+        start: codes that they start from; those of the camera's settings if None.
+        decoder: start from the network of these codes, too.
+        networks: each network that codes are learned with, and decoders and further networks behind its codes.
+        steps: times the steps of a training.
+    """
+
+    what: str | tuple[str, ...]
+    start: str | None = None
+    decoder: bool = False
+    networks: dict[str, tuple[str, ...]]
+    steps: int = Field(default=1, ge=1)
+
+
+class Code(Strict):
+    """Codes of a row: the camera's settings, searched ones, or learned ones.
+
+    Args:
+        camera: settings of the camera, beside those of all codes.
+        search, learn: where they are searched or learned.
+        train: whether networks are trained behind them.
+    """
+
+    camera: Settings = {}
+    search: SearchedCodes | None = None
+    learn: LearnedCodes | None = None
+    train: bool = True
+
+
+class Network(Strict):
+    """A network that is trained for each code: one for all noises.
+
+    Args:
+        label: what tables call it.
+        decoder: settings of the network.
+        training: further settings of its runs.
+        pace: times the steps of a training.
+        learning_pace: times the steps of a run that learns codes, so that it takes as long as one that does not.
+        learning: further settings of runs that learn codes.
+    """
+
+    label: str
+    decoder: Settings
+    training: Settings = {}
+    pace: float = Field(default=1.0, gt=0)
+    learning_pace: float = Field(default=1.0, gt=0)
+    learning: Settings = {}
+
+
+class TrainStage(Strict):
+    """How networks are trained.
+
+    Args:
+        steps: of a training.
+        least_steps: of any training.
+        validations: in a run.
+        repeat: how often the scenes of the study are among those that are learned from.
+        rendered: whether the rendered training scenes are among them.
+        settings: of all runs.
+    """
+
+    steps: int = Field(default=400, ge=1)
+    least_steps: int = Field(default=1, ge=1)
+    validations: int = Field(default=4, ge=1)
+    repeat: int = Field(default=1, ge=1)
+    rendered: bool = True
+    settings: Settings = {}
+
+
+class Study(Strict):
+    """What is compared.
+
+    Args:
+        name: of the results' files.
+        camera: ``spectral``, ``light-field`` or ``spectral-depth``.
+        title: heading of the page.
+        page: a page with the sections of `tmca compare`, or with tables alone.
+        scenes: to learn from, to measure.
+        reading: how they are read; see the camera's ``Reading``.
+        settings: of the camera, for all codes.
+        codes, noises: rows by their names; a noise is the arguments of a `Sensor`.
+        decoders: names, of decoders and of ``networks``.
+        options: settings of decoders, by their names.
+        networks: that are trained.
+        search: settings of all searches, ``effort`` among them.
+        train: of all trainings.
+        priors: settings of ``learn_prior``, by the prior's kind.
+        patches: on which expected errors are checked, of cameras that check them.
+        seed, seeds: of codes, noise and trainings: the first, and how many.
+        seeds_without_prior: how many for decoders without a prior and without training; as many if None.
+        shown: codes and decoders that are pictured under ``shown_noise``; all if None.
+    """
+
+    name: str = ""
+    camera: str
+    title: str = ""
+    page: bool = False
+    scenes: Scenes = Scenes()
+    reading: Settings = {}
+    settings: Settings = {}
+    codes: dict[str, Code] = Field(min_length=1)
+    noises: dict[str, Settings] = Field(min_length=1)
+    decoders: tuple[str, ...]
+    options: dict[str, Settings] = {}
+    networks: dict[str, Network] = {}
+    labels: dict[str, str] = {}
+    search: Settings = {}
+    train: TrainStage = TrainStage()
+    priors: dict[str, Settings] = {}
+    patches: int = Field(default=24_000, ge=1)
+    seed: int = 0
+    seeds: int = Field(default=1, ge=1)
+    seeds_without_prior: int | None = None
+    shown: tuple[tuple[str, str], ...] | None = ()
+    shown_noise: str | None = None
+
+    @model_validator(mode="after")
+    def _names(self) -> Study:
+        """Names point to what is there."""
+        application_of(self.camera)
+        for name, code in self.codes.items():
+            if code.search and code.search.noise is not None:
+                check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
+            if code.learn and code.learn.start is not None:
+                check_choice(f"codes.{name}.learn.start", code.learn.start, self.codes)
+            for network in code.learn.networks if code.learn else ():
+                check_choice(f"codes.{name}.learn.networks", network, self.networks)
+        for name, noise in self.noises.items():
+            try:
+                Sensor(**noise)
+            except SettingError as error:
+                where = f"noises.{name}.{error.where}"
+                raise SettingError(where, error.found, error.expected, error.remedy) from None
+        object.__setattr__(self, "reading", self.evaluation.Reading(**self.reading).model_dump(mode="json"))
+        return self
+
+    @property
+    def evaluation(self) -> CameraEvaluation:
+        """The camera's evaluation."""
+        return evaluation_of(self.camera)
+
+    @property
+    def decoder_labels(self) -> dict[str, str]:
+        """Name → label of decoders and networks."""
+        return decoder_labels(self.camera, {**self.labels, **{name: one.label for name, one in self.networks.items()}})
+
+    @property
+    def all_seeds(self) -> range:
+        """From ``seed`` on."""
+        return range(self.seed, self.seed + self.seeds)
+
+    def seeds_of(self, decoder: str) -> range:
+        """Of the rows of a decoder without training."""
+        fewer = self.seeds_without_prior if self.prior_kind(decoder) is None else None
+        return self.all_seeds[:fewer]
+
+    def prior_kind(self, decoder: str) -> str | None:
+        """Kind of the prior that a decoder needs; None of networks, which bring theirs."""
+        return None if decoder in self.networks else decoders()[decoder].prior_kind
+
+    def with_(self, **changes: Any) -> Study:
+        """The study with other fields; dotted names reach into them, and None changes nothing.
+
+        Raises:
+            SettingError: values that it cannot have.
+        """
+        described = self.model_dump()
+        for name, value in changes.items():
+            *path, last = name.split("__")
+            place = described
+            for part in path:
+                place = place[part]
+            if value is not None:
+                place[last] = value
+        return checked_study(described, "study")
+
+
+def checked_study(described: Mapping[str, Any], where: str) -> Study:
+    """A study from what a file says.
+
+    Raises:
+        SettingError: naming the field that is unknown, missing or impossible.
+    """
+    try:
+        return Study.model_validate(described)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, (where, *first["loc"])))
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, TmcaError):
+            raise SettingError(f"{place}.{cause.where}", cause.found, cause.expected, cause.remedy) from None
+        found = "nothing" if first["type"] == "missing" else str(first["input"])[:60]
+        raise SettingError(place, found, str(first["msg"]).removeprefix("Value error, ")) from None
+
+
+def read_study(path: str | Path) -> Study:
+    """A study from a YAML file, or the shipped one of a camera by its name.
+
+    What a file does not say of networks, searches and trainings is as in the shipped study of its camera.
+
+    Raises:
+        DataError: no such file, or one that is no YAML.
+        SettingError: a description that is no study.
+    """
+    if (SHIPPED / f"{path}.yaml").exists():
+        return checked_study({"name": str(path), **_described(SHIPPED / f"{path}.yaml")}, str(path))
+    described = _described(Path(path))
+    camera = str(described.get("camera"))
+    shipped = SHIPPED / f"{camera}.yaml"
+    usual = _described(shipped) if shipped.exists() else {}
+    usual = {name: value for name, value in usual.items() if name in INHERITED}
+    return checked_study({"name": Path(path).stem, **merged(usual, described)}, str(path))
+
+
+def _described(file: Path) -> Settings:
+    """What a YAML file says."""
+    try:
+        described = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise DataError(file, f"no readable YAML ({' '.join(str(error).split())})", "a study") from error
+    if not isinstance(described, dict):
+        raise DataError(file, "no study", "names and values, such as camera: spectral")
+    return described
+
+
+def named(entries: Sequence[str]) -> list[str]:
+    """Scenes, the entries of split files in their places."""
+    return [name for entry in entries for name in (map(str, read_split(entry)) if entry.endswith(".txt") else (entry,))]
+
+
+def merged(*settings: Mapping[str, Any]) -> Settings:
+    """Nested settings, later ones over earlier ones."""
+    found: Settings = {}
+    for one in settings:
+        for name, value in one.items():
+            both = isinstance(value, Mapping) and isinstance(found.get(name), Mapping)
+            found[name] = merged(found[name], value) if both else value
+    return found
+
+
+def training_of(
+    study: Study, code: str, network: str, seed: int, scenes: Settings, start: str | None = None, *, learns: bool = True
+) -> Settings:
+    """Settings of a run of `tmca train`: one network for all noises.
+
+    Args:
+        study: what is compared.
+        code, network: names of the row.
+        seed: of codes and training.
+        scenes: ``train``, ``validation`` and ``prior`` of the run.
+        start: file of codes or weights that the run starts from.
+        learns: whether codes that can learn do; else they stay as they start.
+    """
+    about, chosen, stage = study.networks[network], study.codes[code], study.train
+    learn = chosen.learn if learns and chosen.learn and network in chosen.learn.networks else None
+    pace = about.pace * (about.learning_pace * learn.steps if learn else 1)
+    steps = max(stage.least_steps, round(stage.steps * pace))
+    often = max(1, steps // (learn.steps if learn else 1) // stage.validations)
+    stays = chosen.learn is not None and learn is None  # learned codes are no longer of a kind
+    camera = {"slots": chosen.camera["slots"]} if stays else chosen.camera
+    camera = {
+        **study.settings,
+        **study.evaluation.training_camera(study),
+        **camera,
+        "seed": seed,
+        "learn": learn.what if learn else "none",
+    }
+    codes = {} if start is None else {"start": start, **({"decoder": start} if learn and learn.decoder else {})}
+    run: Settings = {
+        "camera": camera, "noise": list(study.noises.values()), "decoder": about.decoder, "codes": codes,
+        "data": scenes, "optimiser": {"steps": steps}, "validate_every": often, "seed": seed,
+    }  # fmt: skip
+    return merged(run, stage.settings, about.training, about.learning if learn else {})

@@ -1,1 +1,0 @@
-"""The light-field camera: snapshots and reconstructions, its comparison and sweeps."""

@@ -1,1 +1,0 @@
-"""The spectral camera: snapshots and reconstructions, its comparison and sweeps."""

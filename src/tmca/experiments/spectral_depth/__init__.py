@@ -1,1 +1,0 @@
-"""The spectral-depth camera: snapshots and reconstructions, its comparison and sweeps."""

@@ -1,0 +1,172 @@
+"""The light-field camera's main job, from the command line and from Python."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tests.cli.refusals import refused
+from tmca.applications import evaluate, simulate
+from tmca.applications.imaging import evaluation_of
+from tmca.cameras import LightFieldCamera, Snapshot
+from tmca.cli import main
+from tmca.data.light_field_scenes import load_light_field, true_disparity
+from tmca.decoders import Weights, decode
+from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary, learn_prior
+
+SCENE = {"views": 3, "size": (24, 30)}
+
+
+@pytest.fixture(scope="module")
+def prior(tmp_path_factory):
+    path = tmp_path_factory.mktemp("prior") / "prior.nc"
+    fields = [load_light_field(name, **SCENE) for name in ("rocket", "rocket:1")]
+    return learn_prior(fields, block=(5, 5)).save(path) or path
+
+
+def test_views_go_through_the_camera_and_back(prior, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = ["coffee:2", "--views", "3", "--crop", "24x30"]
+    take = ["--slots", "2", "--shutter", "one-hot", "--period", "6", "--read-noise", "0.01", "--shear", "1,0.5"]
+    main(["simulate", "light-field", *scene, *take, "--out", "s.nc", "--json"])
+    said = json.loads(capsys.readouterr().out)
+    assert said["views"] == [3, 3]
+    assert said["files"] == ["s.nc", "s.png", "s_codes.png", "s_rays.png"]
+    kept = Snapshot.load("s.nc")
+    assert kept.camera.shear.step == (1.0, 0.5)
+    main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee:2", "--out", "e.nc", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert sorted(file.split(".")[-1] for file in found["files"]) == ["gif", "nc", "png", "png"]
+    truth = load_light_field("coffee:2", **SCENE)
+    with xr.open_dataset("e.nc") as stored:
+        assert stored["estimate"].dims == ("view_v", "view_u", "y", "x")
+        error = float(((stored["estimate"].values - truth.values) ** 2).mean())
+        assert found["metrics"]["psnr"] == pytest.approx(-10 * np.log10(error), abs=1e-4)
+        assert (stored["deviation"] > 0).all()
+    main(["evaluate", "e.nc", "coffee:2", "--json"])
+    again = json.loads(capsys.readouterr().out)
+    assert again["psnr"] == pytest.approx(found["metrics"]["psnr"], abs=1e-4)
+    assert 0 <= again["disparity_badpix"] <= 1
+
+
+def test_colours_are_snapshots_of_their_own(prior):
+    colour = load_light_field("coffee", colour=True, **SCENE)
+    camera = LightFieldCamera(3, (24, 30), 2, period=6)
+    together = decode(simulate(colour, camera), prior=prior).to_xarray()["estimate"]
+    assert together.dims == ("colour", "view_v", "view_u", "y", "x")
+    alone = decode(simulate(colour[1], camera), prior=prior).to_xarray()["estimate"]
+    np.testing.assert_allclose(together.values[1], alone.values, atol=1e-5)
+
+
+def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = ["coffee", "--views", "3", "--crop", "24x30", "--colour", "--no-figures"]
+    main(["simulate", "light-field", *scene, "--slots", "2", "--period", "6", "--out", "s.nc"])
+    capsys.readouterr()
+    main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
+    found = json.loads(capsys.readouterr().out)["metrics"]
+    drawn = {}
+    monkeypatch.setattr("tmca.plots.light_field.light_field_figure", lambda e, t, s: drawn.update(e, truth=t))
+    beside = evaluation_of("e.nc", "coffee")
+    beside.figure("e")
+    again = beside.metrics
+    assert again["psnr"] == pytest.approx(found["psnr"], abs=1e-4)
+    assert again["ssim"] == pytest.approx(found["ssim"], abs=1e-5)
+    assert drawn["e"].shape == drawn["truth"].shape == (3, 3, 3, 24, 30)
+
+
+def test_the_estimate_explains_more_than_the_least_norm_one(prior):
+    truth = load_light_field("coffee", **SCENE)
+    taken = simulate(truth, LightFieldCamera(3, (24, 30), 4, shutter="one-hot", period=6))
+    found = {d: evaluate(decode(taken, d, **how), truth)["psnr"]
+             for d, how in (("lmmse", {"prior": prior}), ("admm-tv", {}), ("dagger", {}))}  # fmt: skip
+    assert found["lmmse"] > found["dagger"] + 3
+    assert found["admm-tv"] > found["dagger"]
+
+
+@pytest.mark.slow
+def test_a_dictionary_is_learned_and_decodes(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["prior", "learn-views", "rocket", "--views", "3", "--dictionary", "--atoms", "64", "--out", "d.nc"])
+    assert "dictionary of patches 9 × 11 × 11" in capsys.readouterr().out
+    assert PatchDictionary.load("d.nc").atoms.shape[0] == 64
+    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
+    main(["reconstruct", "s.nc", "--dictionary", "d.nc", "--truth", "coffee", "--no-figures", "--json"])
+    assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
+
+
+@pytest.mark.slow
+def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
+    main(["prior", "learn-views", "rocket", "--views", "3", "--out", str(tmp_path / "p.nc")])
+    assert not GaussianPrior.load(tmp_path / "p.nc").mirrored
+
+
+@pytest.mark.slow
+def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(GaussianMixturePrior.settings_of_views, "samples", 2000)
+    main(["prior", "learn-views", "rocket", "--views", "3", "--mixture", "--out", "m.nc", "--figure", "m.png"])
+    assert "Gaussian mixture of blocks 9 ×" in capsys.readouterr().out
+    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
+    main(["reconstruct", "s.nc", "-d", "mixture", "--prior", "m.nc", "--truth", "coffee", "--no-figures", "--json"])
+    assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
+    both = ["prior", "learn-views", "rocket", "--mixture", "--dictionary", "--out", "b.nc"]
+    assert "one of them" in refused(capsys, *both)
+    wrong = ["reconstruct", "s.nc", "-d", "mixture", "--prior", str(prior), "--out", "other.nc"]
+    assert "Gaussian-mixture prior" in refused(capsys, *wrong)
+
+
+@pytest.mark.slow
+def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    camera = "camera={views: 3, size: [24, 24], slots: 2, period: 6, learn: both}"
+    decoder = "decoder={kind: spatial-angular, start: dagger, stages: 1, width: 4, blocks: 1}"
+    tune = ["--set", camera, "--set", decoder, "--set", "data.patch=16", "--set", "data.batch=2"]
+    main(["train", "light-field", "--train", "rocket", "--steps", "2", "--out", "run", *tune])
+    weights = Weights.load("run")
+    assert weights.kind == "light-field"
+    assert weights.camera_for((30, 40)).views == (3, 3)
+    capsys.readouterr()
+    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--weights", "run", "--out", "s.nc"])
+    main(["reconstruct", "s.nc", "--weights", "run", "--out", "e.nc", "--no-figures"])
+    assert xr.open_dataset("e.nc")["estimate"].shape == (3, 3, 24, 30)
+    assert "light-field camera" in refused(
+        capsys, "simulate", "spectral", "coffee", "--weights", "run", "--out", "t.nc"
+    )
+
+
+def test_true_disparity_comes_with_rendered_light_fields():
+    field = load_light_field("coffee:1", **SCENE)
+    assert true_disparity("coffee:1", field).shape == (24, 30)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["simulate", "light-field", "nowhere"], "no such file, folder or rendered scene"),
+        (["simulate", "light-field", "coffee", "--views", "4"], "odd"),
+        (["simulate", "light-field", "coffee", "--crop", "24x30", "--shear", "1,2,3"], "at most 2 values"),
+        (["simulate", "light-field", "coffee:x"], "whole number"),
+        (["simulate", "light-field", "coffee", "--scale", "2"], "rendered scene"),
+        (["train", "light-field", "--train", "coffee", "--out", "r", "--set", "camera.views=4", "--steps", "1"], "odd"),
+        (["train", "light-field", "--train", "coffee", "--out", "r", "--set", "data.tint=0.2"], "data.tint"),
+        (["train", "light-field", "--train", "coffee", "--out", "r", "--preset", "lytro"], "one of thesis, quick"),
+        (["prior", "learn-views", "--out", "p.nc"], "no light fields"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert words in refused(capsys, *arguments)
+    assert not [file for file in tmp_path.iterdir() if file.name != "r"]
+
+
+def test_a_spectral_decoder_is_refused_a_light_field(prior, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
+    capsys.readouterr()
+    assert "--decoder: found 'lmmse-adapted'" in refused(capsys, "reconstruct", "s.nc", "-d", "lmmse-adapted")
+    assert "learn-views … --dictionary --out …" in refused(capsys, "reconstruct", "s.nc", "-d", "dictionary")
+    assert "--wavelengths" in refused(capsys, "reconstruct", "s.nc", "--truth", "coffee", "--wavelengths", "400:700:3")
+    five = GaussianPrior.load(prior)
+    assert five.block[0] == 9

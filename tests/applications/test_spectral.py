@@ -1,0 +1,148 @@
+"""The main job end to end: scene → snapshot → reconstruction → files, pictures and tables."""
+
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+from tmca.applications import application_of, evaluate, simulate
+from tmca.applications.demo import run_demo
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import read_dataset, rendered_scene, select_bands
+from tmca.data.scenes import load_scene
+from tmca.decoders import decode
+from tmca.design.corner import corner_conditioning
+from tmca.errors import DataError, OutputError, SettingError
+from tmca.operators import conditioning, sparse_matrix
+from tmca.priors import GaussianMixturePrior, learn_prior
+from tmca.sensor import Sensor
+
+BANDS = 4
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return select_bands(rendered_scene("coffee", size=(48, 64))["radiance"], BANDS)
+
+
+@pytest.fixture(scope="module")
+def examples():
+    return [select_bands(rendered_scene(n, size=(96, 96))["radiance"], BANDS) for n in ("astronaut", "chelsea")]
+
+
+def small_mixture(examples):
+    cubes = [torch.from_numpy(e.values) for e in examples]
+    return GaussianMixturePrior.learn(cubes, (6, 18), kinds=4, rank=40, gains=3, samples=4000)
+
+
+def camera_for(scene, **settings):
+    return SpectralCamera(bands=scene["wavelength"].values.tolist(), size=scene.shape[1:], **settings)
+
+
+def psnr_of(estimate, scene):
+    return evaluate(estimate, scene)["psnr"]
+
+
+@pytest.mark.parametrize("mixture", [False, True])
+def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, examples, mixture):
+    snapshot = simulate(scene, camera_for(scene, slots=4, sensor=Sensor(read_noise=0.01)))
+    prior = small_mixture(examples) if mixture else learn_prior(examples, extent=BANDS - 1)
+    method = "mixture" if mixture else "lmmse"
+    found = decode(snapshot, method, prior=prior, uncertainty=True)
+    assert psnr_of(found, scene) > psnr_of(decode(snapshot, "dagger"), scene) + 8
+    assert found.values.min() >= 0
+    rms_predicted = float((found.deviation**2).mean().sqrt())
+    rms_measured = float(((found.values[0] - torch.from_numpy(scene.values)) ** 2).mean().sqrt())
+    assert 0.3 < rms_measured / rms_predicted < 3
+
+
+@pytest.mark.parametrize("method", ["admm-tv", "admm-tv-joint", "pnp-tv"])
+def test_total_variation_beats_the_least_norm_estimate(scene, method):
+    snapshot = simulate(scene, camera_for(scene, slots=4))
+    assert psnr_of(decode(snapshot, method), scene) > psnr_of(decode(snapshot, "dagger"), scene) + 5
+
+
+def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
+    snapshot = simulate(scene, camera_for(scene, slots=2, relay_blur=0.5))
+    assert psnr_of(decode(snapshot, "admm-tv-joint"), scene) > 20
+    prior = learn_prior(examples, extent=BANDS - 1)
+    with pytest.raises(SettingError, match=r"relay.blur"):
+        decode(snapshot, "lmmse", prior=prior)
+
+
+def test_a_prior_of_another_camera_is_refused(scene, examples):
+    snapshot = simulate(scene, camera_for(scene))
+    other = learn_prior([e[:3] for e in examples], extent=2)
+    with pytest.raises(ValueError, match="3"):
+        decode(snapshot, "lmmse", prior=other)
+    with pytest.raises(SettingError, match="mixture"):
+        decode(snapshot, "mixture", prior=learn_prior(examples, extent=3))
+
+
+def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
+    snapshot = simulate(scene, camera_for(scene))
+    prior = learn_prior(examples, extent=3)
+    found = decode(snapshot, "lmmse", prior=prior, uncertainty=True)
+    path = found.save(tmp_path / "e.nc")
+    with xr.open_dataset(path) as data:
+        np.testing.assert_array_equal(data["estimate"], found.values[0])
+        assert data["deviation"].shape == scene.shape
+        assert data["wavelength"].attrs["units"] == "m"
+    write = scene.to_dataset(name="radiance")
+    write.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
+    assert evaluate(path, str(tmp_path / "t.nc"))["psnr"] == pytest.approx(psnr_of(found, scene), abs=1e-3)
+
+
+def test_an_estimate_above_one_is_not_rescaled_when_read_back(scene, tmp_path):
+    bright = scene * 1.5 / scene.max()
+    snapshot = simulate(bright, camera_for(scene))
+    path = decode(snapshot, "dagger").save(tmp_path / "e.nc")
+    assert evaluate(path, str(path))["dd"] == 0
+
+
+def test_noise_is_independent_of_the_codes(scene):
+    camera = camera_for(scene, slots=1, shutter="open", dispersion=0.0, sensor=Sensor(read_noise=1.0))
+    noise = simulate(scene * 0, camera).values[0, 0]
+    mask = camera.codes()[0][0] > 0
+    assert abs(float(noise[mask].var() / noise[~mask].var()) - 1) < 0.15
+
+
+@pytest.mark.parametrize("disperser", ["single", "dual"])
+@pytest.mark.parametrize("dispersion", [1.0, 0.5, -0.7])
+def test_the_corner_is_the_cameras_own_matrix(disperser, dispersion):
+    settings = {"bands": BANDS, "slots": 3, "dispersion": dispersion, "disperser": disperser}
+    camera = SpectralCamera(size=(2, 12), **settings)
+    found = corner_conditioning(camera, rows=2, columns=12)
+    truth = conditioning(sparse_matrix(camera.operator()))
+    assert (found["rank"], found["shape"]) == (truth.rank, truth.shape)
+    assert found["condition"] == pytest.approx(truth.condition, rel=1e-4)
+
+
+def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
+    cube = load_scene("coffee", bands=BANDS, size=(48, 64))
+    snapshot = simulate(cube, camera_for(cube))
+    np.testing.assert_array_equal(application_of("spectral").truth("coffee", snapshot.camera, {}), cube)
+    large = Snapshot(snapshot.values, SpectralCamera(bands=cube["wavelength"].values.tolist(), size=(48, 9000)))
+    with pytest.raises(DataError, match="9000"):
+        application_of("spectral").truth("coffee", large.camera, {})
+
+
+@pytest.mark.slow
+def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("tmca.priors.prior._VIEWS_SIZE", (40, 48))
+    found = run_demo(tmp_path / "demo", size=(40, 48))
+    assert len(found["rows"]) == 10
+    assert [row["throughput"] for row in found["light_field"]] == pytest.approx([0.5, 1 / 16], rel=0.2)
+    assert all(row["psnr"] > 10 and row["disparity_mae"] >= 0 for row in found["light_field"])
+    assert [row["throughput"] for row in found["spectral_depth"]] == pytest.approx([1, 0.25])
+    assert all(row["psnr"] > 10 and 0 <= row["depth_mae"] < 1.6 for row in found["spectral_depth"])
+    page = (tmp_path / "demo" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 11
+    assert page.count("data:image/gif;base64,") == 1
+    assert Snapshot.load(tmp_path / "demo" / "light_field_onehot8_snapshot.nc").camera.views == (5, 5)
+    assert Snapshot.load(tmp_path / "demo" / "spectral_depth_onehot4_snapshot.nc").camera.slots == 4
+    assert Snapshot.load(tmp_path / "demo" / "coffee_tmca8_snapshot.nc").camera.slots == 8
+    assert "deviation" in read_dataset(tmp_path / "demo" / "coffee_tmca8_lmmse.nc")
+    with pytest.raises(OutputError, match=r"report\.html"):
+        run_demo(tmp_path / "demo", size=(40, 48))

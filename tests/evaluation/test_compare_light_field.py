@@ -1,0 +1,230 @@
+"""The light-field table: rows of every code, noise and decoder, numbers that are those of the cameras, kept cells."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.cli.refusals import refused
+from tmca.applications import evaluate, simulate
+from tmca.cameras import LightFieldCamera
+from tmca.data.light_field_scenes import load_light_field
+from tmca.data.scene_names import short_names
+from tmca.decoders import Weights, decode
+from tmca.evaluation.cells import Check
+from tmca.evaluation.light_field import LightFieldEvaluation
+from tmca.evaluation.pages.light_field import left_out, pictured, slug
+from tmca.evaluation.pages.view_margins import margins, steps_between, thesis_table
+from tmca.evaluation.run import run_study
+from tmca.evaluation.study import checked_study, read_study
+from tmca.sensor import Sensor
+
+SHIPPED = read_study("light-field")
+EFFORT = {"descents": 1, "steps": 3, "flips": 10}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("table")
+    for name in ("rocket", "tissue", "chelsea"):
+        field = load_light_field(name, views=3, size=(40, 44))
+        field.to_dataset(name="light_field").to_netcdf(place / f"{name}.nc")
+    (place / "train.txt").write_text("rocket.nc\ntissue.nc\n")
+    (place / "test.txt").write_text("chelsea.nc\n")
+    return place
+
+
+@pytest.fixture(scope="module")
+def study(folder):
+    about = SHIPPED.model_dump()
+    for name, own in (("consistent", {"start": "lmmse"}), ("sub-network", {"start": "dagger", "stages": 0})):
+        about["networks"][name]["decoder"] = {"kind": "spatial-angular", "width": 4, "blocks": 1, **own}
+    del about["noises"][list(about["noises"])[2]]
+    for name in ("TMCA random K = 8", "TMCA one-hot K = 8", "TMCA E2E K = 8"):
+        del about["codes"][name]
+    for name, code in about["codes"].items():
+        code["train"] = name == "CLFP optimised"
+    about["reading"] |= {"views": 3, "frame": (30, 36), "rendered": (26, 30), "crop": (20, 20)}
+    about["settings"], about["search"] = {"period": [6, 6]}, {"effort": EFFORT}
+    about["train"] |= {"steps": 4, "repeat": 1, "rendered": False}
+    about["train"]["settings"]["data"]["patch"] = 16
+    about |= {"seeds": 2, "priors": {"dictionary": {"atoms": 40}}}
+    about["scenes"] = {name: [str(folder / f"{name}.txt")] for name in ("train", "test")}
+    return checked_study(about, "small")
+
+
+@pytest.fixture(scope="module")
+def found(folder, study):
+    return run_study(study, folder / "out", folder / "work")
+
+
+@pytest.mark.slow
+def test_every_code_noise_and_decoder_has_a_row_and_no_design_two(found, study):
+    plain = {name for name, code in study.codes.items() if code.learn is None}
+    whole = {(row["decoder"], row["noise"], row["code"]) for row in found["rows"]}
+    assert len(whole) == len(found["rows"])
+    for decoder in ("lmmse", "mixture"):
+        for noise in study.noises:
+            own = {code for name, column, code in whole if (name, column) == (decoder, noise)}
+            twice = {code for code in plain if code.endswith("this noise") and noise == "σ = 0.05"}
+            assert own == plain - twice
+    assert {code for name, _, code in whole if name in study.networks} == {"CLFP optimised", "CLFP E2E"}
+    assert {row["decoder"] for row in found["crop_rows"]} == set(study.decoders)
+    assert all(len(row["seed_psnr"]) == 2 for row in found["rows"])
+
+
+@pytest.mark.slow
+def test_a_row_is_what_the_camera_of_its_codes_gives(found, folder):
+    name = "TMCA one-hot K = 4"
+    row = next(r for r in found["rows"] if (r["code"], r["noise"], r["decoder"]) == (name, "σ = 0.05", "lmmse"))
+    scene = load_light_field(str(folder / "chelsea.nc"), views=3, size=(30, 36))
+    levels = []
+    for seed in (0, 1):
+        camera = LightFieldCamera((3, 3), (30, 36), 4, shutter="one-hot", period=6, seed=seed, sensor=Sensor(0.05))
+        (prior,) = (folder / "work").glob("prior-gaussian-*.nc")
+        levels.append(evaluate(decode(simulate(scene, camera, seed=seed), prior=prior), scene)["psnr"])
+    assert row["scenes"]["chelsea"]["psnr"] == pytest.approx(np.mean(levels), abs=1e-4)
+    assert row["psnr"] == pytest.approx(np.mean([own["psnr"] for own in row["scenes"].values()]))
+    assert "disparity_mae" not in row["scenes"]["chelsea"]
+    assert row["disparity_mae"] == pytest.approx(
+        np.mean([row["scenes"][n]["disparity_mae"] for n in ("coffee", "motorcycle")])
+    )
+
+
+@pytest.mark.slow
+def test_codes_learn_end_to_end_from_the_designed_ones(found, folder):
+    learned = {}
+    for file in (folder / "work").glob("*.json"):
+        cell = json.loads(file.read_text())
+        if cell.get("step") == "training" and (cell["decoder"], cell["seed"]) == ("sub-network", 0):
+            learned[cell["code"]] = (Weights.load(cell["weights"]), cell["training"])
+    (fixed, plain), (tuned, settings) = learned["CLFP optimised"], learned["CLFP E2E"]
+    assert (plain["camera"]["learn"], settings["camera"]["learn"]) == ("none", "aperture")
+    assert settings["codes"]["start"] == plain["codes"]["start"]
+    assert (tuned.codes["shutter"] == 1).all()
+    assert (tuned.camera_for((30, 36)).codes.aperture.tile() == tuned.codes["aperture"]).all()
+    assert fixed.codes["aperture"].shape == tuned.codes["aperture"].shape
+
+
+@pytest.mark.slow
+def test_the_json_has_what_results_have_and_every_view(found, study):
+    assert {"command", "commit", "split", "budget", "rows"} <= set(found)
+    assert found["budget"]["effort"] == EFFORT
+    for row in found["rows"]:
+        assert row["exposure"] == "equal"
+        assert row["method"] == f"{row['code']} + {study.decoder_labels[row['decoder']]}"
+        for scene, own in row["views"].items():
+            assert np.shape(own["psnr"]) == np.shape(own["ssim"]) == (3, 3)
+            assert row["scenes"][scene]["ssim"] == pytest.approx(np.mean(own["ssim"]), abs=1e-6)
+
+
+def test_scenes_of_one_name_stay_apart():
+    assert short_names(["x/views", "y/views", "coffee"]) == {
+        "x/views": "x/views",
+        "y/views": "y/views",
+        "coffee": "coffee",
+    }
+    assert slug("../x/views") == "x-views"
+    assert slug("coffee:1") == "coffee-1"
+
+
+@pytest.mark.slow
+def test_designs_are_searched_for_their_noise(found, study):
+    searched = {(row["code"], row["noise"]): row for row in found["searches"]}
+    assert len(searched) == 4
+    for noise in study.noises:
+        static, free = (
+            searched[f"{code} for this noise", noise] for code in ("CLFP optimised", "TMCA optimised K = 8")
+        )
+        assert static["held_out_gain"] == pytest.approx(0, abs=1e-9)
+        assert free["psnr"] >= static["psnr"] - 1e-6
+
+
+def test_results_come_with_a_page_and_pictures_and_stay(found, folder, study):
+    out = folder / "out"
+    assert json.loads((out / "light-field.json").read_text())["rows"] == json.loads(json.dumps(found["rows"]))
+    page = (out / "light-field.md").read_text()
+    assert "## noise-free" in page
+    assert "TMCA optimised K = 8 for this noise" in page
+    row = next(r for r in found["rows"] if (r["code"], r["decoder"]) == ("CLFP E2E", "sub-network"))
+    own = row["scenes"]["chelsea"]
+    assert f"| CLFP E2E | 33.21 | 0.91 |  | {own['psnr']:.2f} / {own['ssim']:.3f} |" in page
+    pictures = {file.name for file in out.glob("*.png")}
+    assert pictures == set(re.findall(r"\]\(([^)]*\.png)\)", page))
+    assert pictures == {
+        f"light-field_{scene}_{kind}.png"
+        for scene in ("chelsea", "coffee", "motorcycle") for kind in ("views", "psnr", "disparity")
+    }  # fmt: skip
+    told = []
+    again = run_study(study, out, folder / "work", overwrite=True, progress=lambda *said: told.append(said))
+    assert told == []
+    assert again["rows"] == found["rows"]
+
+
+def test_the_table_of_the_thesis_is_whole_and_what_was_left_out_is_named():
+    own = {"psnr": 33.8, "ssim": 0.92}
+    dictionary = {"code": "CLFP static random", "noise": "noise-free", "decoder": "dictionary", "scenes": {"a": own}}
+    results = {"rows": [], "crop_rows": [dictionary], "split": {"test": ["a"], "real": ["a"]}}
+    page = "\n".join(thesis_table(results, ["a"]))
+    assert "dictionary on the crop" in page
+    assert "| CLFP dictionary | 30.06 | 0.82 | 33.80 / 0.920 |" in page
+    for row in ("CLFP deep | 32.43 | 0.91", "CLFP E2E | 33.21 | 0.91", "TMCA random codes | 34.03 | 0.93",
+                "TMCA learned codes | 34.89 | 0.94"):  # fmt: skip
+        assert f"| {row} |  |" in page
+    (line, _) = left_out(results)
+    assert "patch LMMSE (`lmmse`)" in line
+    assert "thesis' sub-network (`sub-network`)" in line
+    assert "dictionary" not in line
+    assert pictured(results) == []
+
+
+def test_margins_compare_the_best_of_each_kind():
+    def row(code, psnr, shape, decoder="lmmse"):
+        geometry = {"disparity_mae": shape, "disparity_badpix": shape, "agreement_mae": shape}
+        scenes = {"a": {"psnr": psnr}, "b": {"psnr": 2 * psnr, **geometry}}
+        return {"code": code, "noise": "noise-free", "decoder": decoder, "psnr": psnr, "scenes": scenes}
+
+    table = [row("CLFP static random", 30.0, 0.3), row("CLFP optimised", 31.0, 0.4)]
+    table += [row("TMCA random K = 8", 30.5, 0.1), row("TMCA optimised K = 8", 33.0, 0.2)]
+    split = {"test": ["a", "b"], "real": ["a"]}
+    real, rendered = margins({"rows": table, "split": split})
+    assert (real["part"], rendered["part"]) == ("from files", "rendered")
+    assert (real["static"], real["best"]) == ("CLFP optimised", "TMCA optimised K = 8")
+    assert real["gain"] == real["designed"] == pytest.approx(2.0)
+    assert rendered["gain"] == pytest.approx(4.0)
+    assert (rendered["disparity_mae"], rendered["static_disparity_mae"]) == (0.1, 0.3)
+    assert real["disparity_mae"] is None
+    better = [row("CLFP optimised", 32.5, 0.1, "consistent"), row("TMCA optimised K = 8", 33.5, 0.1, "consistent")]
+    steps = steps_between({"rows": table + better, "crop_rows": [], "split": split})
+    assert [step["where"] for step in steps] == ["from files", "rendered"]
+    assert (steps[0]["least"], steps[0]["mean"], steps[0]["most"]) == pytest.approx((0.5, 1.0, 1.5))
+
+
+def test_cells_of_a_folder_are_read_by_its_pattern(tmp_path):
+    truth = load_light_field("coffee", views=3, size=(26, 30))
+    for v, u in np.ndindex(3, 3):
+        Image.fromarray(np.rint(255 * truth.values[v, u]).astype(np.uint8)).save(tmp_path / f"a{v}b{u}c.png")
+    place = {"source": str(tmp_path), "scene": "views"}
+    maps = []
+    for pattern in ("a{row}b{column}c.png", "a{-row}b{-column}c.png"):
+        about = {**place, "reading": {"views": 3, "size": [26, 30], "pattern": pattern}}
+        cell = Check(name="views", camera="light-field", method="geometry", arguments=about)
+        with np.load(LightFieldEvaluation().geometry(cell, tmp_path)["disparity"]) as stored:
+            maps.append(stored["seen"])
+    assert np.corrcoef(maps[0].ravel(), maps[1].ravel())[0, 1] < 0
+
+
+def test_bad_input_is_refused(folder, tmp_path, capsys):
+    split = ["--train", str(folder / "train.txt"), "--test", str(folder / "test.txt"), "--out", str(tmp_path / "o")]
+    command = ["compare", "light-field", *split, "--work", str(tmp_path / "w")]
+    assert "magic" in refused(capsys, *command, "--decoders", "magic")
+    assert "--frame" in refused(capsys, *command, "--frame", "30")
+    assert "--steps" in refused(capsys, *command, "--steps", "0")
+    assert "4" in refused(capsys, *command, "--views", "4")
+    assert "crop" in refused(capsys, *command, "--frame", "64x80")
+    assert "chelsea.nc" in refused(capsys, *command, "--views", "3", "--frame", "270x480")
+    assert "missing" in refused(capsys, *command[:2], "--train", str(tmp_path / "missing.txt"), *split[2:])
+    assert not (tmp_path / "o").exists()
+    assert not (tmp_path / "w").exists()

@@ -1,0 +1,141 @@
+"""Grids of cells: finished ones stay, failed ones named, a rerun does the rest."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from tmca.evaluation.grid import CellsFailed, cell_key, run_cells
+
+CELLS = [{"name": f"cell {i}", "value": i} for i in range(5)]
+
+
+def square(cell):
+    return {"square": cell["value"] ** 2}
+
+
+def square_but_not_three(cell):
+    if cell["value"] == 3:
+        raise ValueError("three is too many")
+    return square(cell)
+
+
+def never(cell):
+    raise AssertionError("computed again")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_cell_is_computed_in_order(tmp_path, jobs):
+    found = run_cells(CELLS, square, tmp_path, jobs=jobs)
+    assert [cell["square"] for cell in found] == [0, 1, 4, 9, 16]
+
+
+def test_finished_cells_are_not_computed_again(tmp_path):
+    run_cells(CELLS, square, tmp_path)
+    assert len(run_cells(CELLS, never, tmp_path)) == 5
+
+
+def test_failed_cells_are_named_and_the_rest_is_kept(tmp_path):
+    told = []
+    with pytest.raises(CellsFailed, match=r"1 of 5.*cell 3"):
+        run_cells(CELLS, square_but_not_three, tmp_path, progress=lambda done, total, name: told.append((done, total)))
+    assert told[-1] == (5, 5)
+    trouble = tmp_path / f"{cell_key(CELLS[3])}.error.txt"
+    assert "three is too many" in trouble.read_text()
+    run_cells([c for c in CELLS if c["value"] != 3], never, tmp_path)
+    run_cells(CELLS, square, tmp_path)
+    assert not trouble.exists()
+
+
+def test_other_settings_make_another_cell(tmp_path):
+    run_cells(CELLS[:1], square, tmp_path)
+    changed = [{**CELLS[0], "value": 7}]
+    assert run_cells(changed, square, tmp_path)[0]["square"] == 49
+    files = [json.loads(f.read_text()) for f in tmp_path.glob("*.json")]
+    assert sorted(f["square"] for f in files) == [0, 49]
+
+
+class Power(BaseModel):
+    name: str
+    value: int
+
+
+def test_typed_cells_are_their_json_values_and_equal_ones_are_computed_once(tmp_path):
+    told = []
+    cells = [Power(name="two", value=2)] * 2
+    found = run_cells(cells, square, tmp_path, progress=lambda done, total, name: told.append(name))
+    assert found == [{"name": "two", "value": 2, "square": 4}] * 2
+    assert told == ["two"]
+
+
+def test_another_version_of_the_package_computes_anew(tmp_path, monkeypatch):
+    run_cells(CELLS[:1], square, tmp_path)
+    monkeypatch.setattr("tmca.evaluation.grid.package_version", lambda: "0.0+other")
+    with pytest.raises(CellsFailed):
+        run_cells(CELLS[:1], never, tmp_path)
+
+
+@pytest.mark.slow
+def test_cells_go_through_submitit_as_well(tmp_path):
+    pytest.importorskip("submitit")
+    found = run_cells(CELLS, square, tmp_path, cluster={"cluster": "debug"})
+    assert [cell["square"] for cell in found] == [0, 1, 4, 9, 16]
+    assert len(run_cells(CELLS, never, tmp_path, cluster={"cluster": "debug"})) == 5
+
+
+def linger(cell):
+    (Path(cell["folder"]) / str(os.getpid())).touch()
+    time.sleep(300)
+    return {}
+
+
+GRID = """
+import sys
+from tests.evaluation.test_grid import linger
+from tmca.evaluation.grid import run_cells
+if __name__ == "__main__":
+    cells = [{"name": str(i), "folder": sys.argv[1]} for i in range(5)]
+    run_cells(cells, linger, sys.argv[1] + "/cells", jobs=2)
+"""
+
+
+def listen():
+    """Where the tests run in the background, Ctrl-C is ignored, and would be by the processes they start."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def alive(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return "\nState:\tZ" not in Path(f"/proc/{process}/status").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").exists(), reason="looks into /proc")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_no_process_outlives_a_grid_that_is_stopped(tmp_path, number):
+    script, pids = tmp_path / "grid.py", tmp_path / "pids"
+    script.write_text(GRID)
+    pids.mkdir()
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path.cwd()), *sys.path])}
+    process = subprocess.Popen(
+        [sys.executable, str(script), str(pids)], env=environment, stderr=subprocess.DEVNULL, preexec_fn=listen
+    )
+    begun = time.monotonic()
+    while len(list(pids.glob("[0-9]*"))) < 2:
+        assert time.monotonic() - begun < 120
+        time.sleep(0.1)
+    process.send_signal(number)
+    process.wait(60)
+    begun = time.monotonic()
+    while any(alive(int(file.name)) for file in pids.glob("[0-9]*")):
+        assert time.monotonic() - begun < 60
+        time.sleep(0.1)

@@ -1,0 +1,125 @@
+"""Studies of one's own: what their YAML may say, rows that are those of the cameras, resumption."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.cli.refusals import refused
+from tmca.applications import evaluate, simulate
+from tmca.cameras import SpectralCamera
+from tmca.cli import main
+from tmca.data.scenes import load_scene
+from tmca.decoders import decode
+from tmca.errors import DataError, SettingError
+from tmca.evaluation import EVALUATIONS
+from tmca.evaluation.study import read_study
+from tmca.sensor import Sensor
+
+MINE = {
+    "camera": "spectral",
+    "scenes": {"test": ["coffee"]},
+    "reading": {"bands": 4, "size": [24, 32]},
+    "codes": {"static": {"camera": {"slots": 1, "shutter": "open"}}, "two": {"camera": {"slots": 2}}},
+    "noises": {"some": {"read_noise": 0.02}},
+    "decoders": ["admm-tv", "dagger"],
+    "seeds": 2,
+}
+
+
+def written(folder, **changes):
+    file = folder / "mine.yaml"
+    file.write_text(yaml.safe_dump(MINE | changes, allow_unicode=True))
+    return file
+
+
+@pytest.mark.parametrize("camera", list(EVALUATIONS))
+def test_shipped_studies_are_whole(camera):
+    study = read_study(camera)
+    assert study.name == study.camera == camera
+    assert study.page
+    assert set(study.decoders) <= set(study.decoder_labels)
+    for code, decoder in study.shown or ():
+        assert code in study.codes
+        assert decoder in study.decoder_labels
+
+
+def test_a_study_measures_what_the_cameras_give_and_resumes(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["study", str(written(tmp_path)), "--json"])
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    rows = {(row["code"], row["noise"], row["decoder"]): row for row in found["rows"]}
+    assert set(rows) == {(code, "some", name) for code in MINE["codes"] for name in MINE["decoders"]}
+    assert {file.name for file in (tmp_path / "results").iterdir()} == {"mine.json", "mine.csv", "mine.md"}
+    scene, levels = load_scene("coffee", bands=4, size=(24, 32)), []
+    for seed in (0, 1):
+        bands = scene["wavelength"].values.tolist()
+        camera = SpectralCamera(bands=bands, size=(24, 32), slots=2, seed=seed, sensor=Sensor(0.02))
+        levels.append(evaluate(decode(simulate(scene, camera, seed=seed), "admm-tv"), scene)["psnr"])
+    assert rows["two", "some", "admm-tv"]["seed_psnr"] == pytest.approx(levels, abs=1e-4)
+    main(["study", "mine.yaml", "--overwrite"])
+    assert capsys.readouterr().err == ""
+    assert "mine.json" in refused(capsys, "study", "mine.yaml")
+
+
+def test_networks_of_the_shipped_study_are_at_hand_and_may_be_changed(tmp_path):
+    shipped, own = read_study("spectral"), {"unrolled": {"pace": 0.5}}
+    study = read_study(written(tmp_path, decoders=["unrolled"], networks=own))
+    assert study.networks["unrolled"].decoder == shipped.networks["unrolled"].decoder
+    assert study.networks["unrolled"].pace == 0.5
+    assert not study.page
+
+
+@pytest.mark.parametrize(
+    ("changes", "where"),
+    [
+        ({"camera": "pinhole"}, "camera"),
+        ({"codes": {}}, "codes"),
+        ({"colour": 1}, "colour"),
+        ({"seeds": 0}, "seeds"),
+        ({"reading": {"views": 5}}, "views"),
+        ({"noises": {"odd": {"hiss": 1}}}, "noises.odd"),
+        ({"codes": {"a": {"search": {"kind": "free", "slots": 2, "noise": "none"}}}}, "codes.a.search.noise"),
+        ({"codes": {"a": {"learn": {"what": "both", "networks": {"magic": []}}}}}, "codes.a.learn.networks"),
+        ({"codes": {"a": {"learn": {"what": "both", "start": "b", "networks": {}}}}}, "codes.a.learn.start"),
+    ],
+)
+def test_what_is_no_study_is_named(tmp_path, changes, where):
+    with pytest.raises(SettingError) as stop:
+        read_study(written(tmp_path, **changes))
+    assert where in str(stop.value.where)
+
+
+def test_files_that_are_no_yaml_are_refused(tmp_path, capsys):
+    (tmp_path / "list.yaml").write_text("- 1\n")
+    (tmp_path / "broken.yaml").write_text("a: [")
+    for name in ("list.yaml", "broken.yaml", "none.yaml"):
+        with pytest.raises(DataError):
+            read_study(tmp_path / name)
+    assert "--decoders" in refused(capsys, "study", written(tmp_path, decoders=["guess"]), "--out", tmp_path / "o")
+    assert not (tmp_path / "o").exists()
+
+
+def documented():
+    text = (Path(__file__).parents[2] / "docs" / "studies.md").read_text()
+    return re.findall(r"```yaml\n(.*?)```", text, re.S)[0]
+
+
+def test_the_study_of_the_docs_is_one(tmp_path):
+    (tmp_path / "mine.yaml").write_text(documented())
+    study = read_study(tmp_path / "mine.yaml")
+    assert study.name == "mine"
+    assert len(study.codes) == len(study.noises) == len(study.decoders) == 2
+
+
+@pytest.mark.slow
+def test_the_study_of_the_docs_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text(documented())
+    main(["study", "mine.yaml"])
+    page = capsys.readouterr().out
+    assert page == (tmp_path / "results" / "mine.md").read_text()
+    assert "one-hot K = 4" in page
