@@ -41,7 +41,7 @@ def good(folder):
 
 def missing(folder):
     (folder / "scene" / "input_Cam004.png").unlink()
-    return "scene: found 8 views, without number 4, expected 3×3 views numbered 0 to 8; add what is missing"
+    return "scene: found 8 views, without number 4, expected 3×3 views numbered 0 to 8 as parameters.cfg says; add"
 
 
 def lenslet(folder):
@@ -94,7 +94,7 @@ def test_a_light_field_that_cannot_be_used_is_refused(place, capsys, command, sp
 def test_a_disparity_of_another_size_is_refused(place, capsys):
     write_pfm(place / "scene" / "gt_disp_lowres.pfm", np.zeros((95, 100)))
     line = refused(capsys, *words_of("evaluate", "scene"))
-    assert "gt_disp_lowres.pfm: found 95×100 pixels (height × width), expected 96×100 as the views have; fetch" in line
+    assert "gt_disp_lowres.pfm: found a map of 95×100 pixels, expected 96×100 (height × width) as the views" in line
     assert not list((place / "out").iterdir())
 
 

@@ -99,7 +99,7 @@ def test_scenes_of_other_bands_or_too_small_are_refused(capsys, tmp_path):
     write_dataset(blue, tmp_path / "blue.nc")
     write_dataset(rendered_scene("chelsea", wavelengths=WAVES, size=(20, 70))[["radiance"]], tmp_path / "small.nc")
     common = ("design", "spectral-depth", *SMALL, "--out", "d")
-    assert "one near 680 nm" in refused(capsys, *common, "blue.nc", lines=2)
+    assert "bands that cover 440 to 680 nm" in refused(capsys, *common, "blue.nc", lines=2)
     assert "20" in refused(capsys, *common, "small.nc", lines=3)
     assert "twice" in refused(capsys, *common, "blue.nc", "blue.nc")
     assert not (tmp_path / "d").exists()

@@ -38,6 +38,7 @@ _REASONS = {
     errno.EFBIG: ("a file above the size limit", "room for the file", "raise the limit or write elsewhere"),
     errno.EACCES: ("no permission to write", "a writable folder", "write elsewhere"),
     errno.EPERM: ("no permission to write", "a writable folder", "write elsewhere"),
+    **dict.fromkeys((errno.EEXIST, errno.ENOTDIR), ("a file in the way", "a folder", "choose another name")),
     errno.EROFS: ("a read-only disk", "a writable folder", "write elsewhere"),
 }
 
@@ -91,9 +92,7 @@ def make_folder(path: str | Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            folder, f"no folder and none can be made ({error.strerror})", "a folder", "choose another"
-        ) from error
+        raise _output_error(folder, error) from error
     return folder
 
 
@@ -109,9 +108,7 @@ def check_folder(path: str | Path) -> None:
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as error:
-        raise OutputError(
-            path, f"no folder that can be written to ({error.strerror})", "a folder", "choose another"
-        ) from error
+        raise _output_error(path, error) from error
 
 
 def _replace(temporary: Path, path: Path) -> None:
@@ -160,7 +157,7 @@ def _remove(temporary: Path) -> None:
         time.sleep(0.05)  # a writer's own threads (Zarr's) may still put files there
 
 
-def _output_error(path: Path, error: OSError) -> OutputError:
+def _output_error(path: str | Path, error: OSError) -> OutputError:
     unknown = (f"a failure to write ({error})", "a writable place", "free some space or write elsewhere")
     # numpy's tofile tells a full disk only in words, without the system's number
     code = errno.ENOSPC if error.errno is None and " requested and " in str(error) else error.errno

@@ -10,13 +10,17 @@ from warnings import warn
 from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import Negative, read
 from tmca.data.depth_scenes import load_spectral_depth
-from tmca.data.describe import describe
+from tmca.data.describe import depth_in
 from tmca.data.fitting import middle_of, select_bands
+from tmca.data.formats.opening import open_contents
 from tmca.data.light_field_scenes import load_light_field
-from tmca.data.rendering import rendered_names, rendered_scene
-from tmca.data.rgbd import refuse_rgbd, rgbd_sources
+from tmca.data.light_fields import find_light_field
+from tmca.data.rendering import is_rendered, rendered_scene
+from tmca.data.rendering.photographs import no_such_scene
+from tmca.data.rgbd import holds_rgbd, refuse_rgbd
 from tmca.data.scene_names import SceneWarning
-from tmca.errors import DataError, check_choice
+from tmca.data.spectral_depth import scene_parts
+from tmca.errors import check_choice
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,19 +60,21 @@ def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> 
 
 
 def scene_kind(source: str | Path) -> Kind:
-    """Which camera a scene is for, as `describe` says of its files.
+    """Which camera a scene is for, as its files say.
 
     Raises:
-        DataError: a file that cannot be described.
+        DataError: a file that cannot be opened.
     """
-    rendered = str(source) in rendered_names() and not Path(source).exists()
-    if rendered or not (Path(source).exists() or rgbd_sources(source)):
+    if holds_rgbd(source):
+        return "spectral-depth"
+    if not Path(source).exists():
         return "spectral"
-    about = describe(source)
-    if about["kind"] == "light field":
-        return "light-field"
-    with_depth = about["kind"] in ("spectral-depth scene", "RGB-D scene") or "pixels" in (about.get("depth") or {})
-    return "spectral-depth" if with_depth else "spectral"
+    if scene_parts(Path(source)) is not None:
+        return "spectral-depth"
+    with open_contents(source) as contents:
+        if find_light_field(contents) is not None:
+            return "light-field"
+        return "spectral-depth" if "pixels" in (depth_in(contents) or {}) else "spectral"
 
 
 @checked
@@ -102,13 +108,11 @@ def load_scene(
         SettingError: a crop larger than the scene, an unknown argument, or one of another type.
     """
     name = str(source)
-    if not Path(name).exists() and name in rendered_names():
+    if is_rendered(name):
         cube = rendered_scene(name)["radiance"]
     elif not Path(name).exists() and not Path(name).suffix:
         refuse_rgbd(name)
-        raise DataError(
-            name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
-        )
+        raise no_such_scene(name)
     else:
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
     if bands == "up to 12":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.metrics import psnr
-from tmca.plots.style import BLUE, RED, SMALL, evenly, grid, image, montage, plain_axes
+from tmca.plots.style import BLUE, RED, SMALL, bright_level, evenly, grid, image, montage, plain_axes, rms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,8 +34,7 @@ def rgb_bands(wavelengths: Sequence[float]) -> tuple[int, int, int]:
 
 def white_level(cube: np.ndarray, wavelengths: Sequence[float]) -> float:
     """Irradiance shown as white: the 99.5 % quantile of the three bands."""
-    level = float(np.quantile(cube[list(rgb_bands(wavelengths))], 0.995))
-    return level if level > 0 else 1.0
+    return bright_level(cube[list(rgb_bands(wavelengths))])
 
 
 def rgb_composite(cube: np.ndarray, wavelengths: Sequence[float], white: float | None = None) -> np.ndarray:
@@ -142,33 +141,26 @@ def reconstruction_figure(
     figure, axes = grid(rows, columns, width=3.6, aspect=reference.shape[1] / reference.shape[2])
     image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
     mark(axes[0, 0], points)
-    errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
-    predicted = {name: _rms(deviations[name]) for name in estimates if name in deviations}
+    errors = {} if truth is None else {name: rms(cube - truth) for name, cube in estimates.items()}
+    predicted = {name: rms(deviations[name]) for name in estimates if name in deviations}
     maps = [values.ravel() for values in (*errors.values(), *predicted.values())]
-    top = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
-    for column, (name, cube) in enumerate(estimates.items(), start=1):
-        image(axes[0, column], rgb_composite(cube, wavelengths, white), _caption(name, cube, truth))
-        if name in errors:
-            image(axes[1, column], errors[name], "error (rms over bands)", colours="magma", top=top, bar=_UNIT)
-        if name in predicted:
-            place = axes[rows - 1 - many, column]
-            image(place, predicted[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
-        elif predicted:
-            _say(axes[rows - 1 - many, column], "no error predicted")
+    look: dict[str, Any] = {"colours": "magma", "bar": _UNIT}
+    look["top"] = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
     true = {"truth": truth} if truth is not None else {}
-    if many:
-        for axis in axes[1:, 0]:
-            axis.set_axis_off()
-        for axis, (name, cube) in zip(axes[-1, 1:], estimates.items(), strict=False):
-            spectra(axis, {**true, name: cube}, wavelengths, points)
-    else:
+    for column, (name, cube) in zip(axes[:, 1:].T, estimates.items(), strict=False):
+        image(column[0], rgb_composite(cube, wavelengths, white), captioned(name, cube, truth))
+        if name in errors:
+            image(column[1], errors[name], "error (rms over bands)", **look)
+        below = column[rows - 1 - many]
+        if name in predicted:
+            image(below, predicted[name], "predicted error (1 σ)", **look)
+        elif predicted:
+            below.text(0.5, 0.5, "no error predicted", ha="center", va="center", color="#777777")
+        if many:
+            spectra(column[-1], {**true, name: cube}, wavelengths, points)
+    if not many:
         spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**true, **estimates}, wavelengths, points)
     return figure
-
-
-def _say(axis: Axes, text: str) -> None:
-    axis.set_axis_off()
-    axis.text(0.5, 0.5, text, ha="center", va="center", transform=axis.transAxes, color="#777777")
 
 
 def _tall(figure: Figure, axes: np.ndarray) -> Axes:
@@ -179,14 +171,9 @@ def _tall(figure: Figure, axes: np.ndarray) -> Axes:
     return figure.add_subplot(place)
 
 
-def _caption(name: str, cube: np.ndarray, truth: np.ndarray | None) -> str:
-    if truth is None:
-        return name
-    return f"{name}\n{psnr(cube, truth):.2f} dB"
-
-
-def _rms(values: np.ndarray) -> np.ndarray:
-    return np.sqrt((values**2).mean(0))
+def captioned(name: str, cube: np.ndarray, truth: np.ndarray | None) -> str:
+    """The name, with the PSNR where the truth is known."""
+    return name if truth is None else f"{name}\n{psnr(cube, truth):.2f} dB"
 
 
 def composites(
@@ -196,13 +183,9 @@ def composites(
     rows = -(-(1 + len(estimates)) // _COLUMNS)
     figure, axes = grid(rows, _COLUMNS, width=3.2, aspect=truth.shape[1] / truth.shape[2] + 0.06)
     white = white_level(truth, wavelengths)
-    titles = {f"truth\n{conditions}": truth, **estimates}
-    for axis in axes.flat:
-        axis.set_axis_off()
-    for axis, (name, cube) in zip(axes.flat, titles.items(), strict=False):
-        axis.set_axis_on()
-        quality = "" if cube is truth else f": {psnr(cube, truth):.2f} dB"
-        image(axis, rgb_composite(cube, wavelengths, white), name + quality)
+    image(axes[0, 0], rgb_composite(truth, wavelengths, white), f"truth\n{conditions}")
+    for axis, (name, cube) in zip(axes.flat[1:], estimates.items(), strict=False):
+        image(axis, rgb_composite(cube, wavelengths, white), f"{name}: {psnr(cube, truth):.2f} dB")
     return figure
 
 
