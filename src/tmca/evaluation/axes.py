@@ -77,7 +77,7 @@ class Sweep:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults of the bench, of which decoders are not told."""
+        """Faults of the bench, that decoders do not know of."""
         return tuple(name for name in LIMITS if name not in PARTS.get(self.camera, LIMITS))
 
     @property

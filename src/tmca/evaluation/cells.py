@@ -123,7 +123,7 @@ class Measurement(Cell):
         codes: file of searched codes.
         camera_of: weights whose codes the camera shows.
         weights: of the network that decodes.
-        faults: of the bench, of which decoders are not told.
+        faults: of the bench, that decoders do not know of.
         options: settings of the decoder.
         prior: file; the rendered scenes' prior without.
         about: what else the camera's evaluation needs.
@@ -159,7 +159,7 @@ class Measurement(Cell):
             simplefilter("ignore", OtherCodes)  # rows name both codes and network
             estimate = decode(snapshot, "network" if self.weights else self.decoder, prior=self.prior, **given)
         shown, truth = evaluation.middle(self, estimate, scene)
-        found = {
+        results = {
             "seconds": estimate.seconds,
             "throughput": camera.throughput(),
             **evaluation.measured(self, shown, truth),
@@ -167,8 +167,8 @@ class Measurement(Cell):
         if self.save:
             from tmca.data import write_dataset
 
-            found["estimate"] = str(write_dataset(shown, folder / f"estimate-{self.key}.nc", overwrite=True))
-        return found
+            results["estimate"] = str(write_dataset(shown, folder / f"estimate-{self.key}.nc", overwrite=True))
+        return results
 
 
 class Check(Cell):

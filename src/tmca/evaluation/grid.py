@@ -99,7 +99,7 @@ class Failures:
 
 @dataclass
 class Grid:
-    """The cells of one table, computed part by part; what fails is told at the end, when the rest is written.
+    """The cells of one table, computed part by part; what fails is raised at the end, when the rest is written.
 
     Args:
         compute: module-level function from settings to measured values.

@@ -152,7 +152,7 @@ class Plan:
     def searches(self, priors: Mapping[str, str]) -> dict[Need, Search]:
         """Every search that rows of some noise and seed need, once; those of codes that are searched for each noise
         first."""
-        study, found = self.study, dict[Need, Search]()
+        study, searches = self.study, dict[Need, Search]()
         codes = [(name, code.search) for name, code in study.codes.items() if code.search]
         for seed in study.all_seeds:
             for name, search in sorted(codes, key=lambda code: code[1].noise is not None):
@@ -162,11 +162,11 @@ class Plan:
                         name=f"search · {name} · {noise} · seed {seed}", camera=study.camera, code=name, noise=noise,
                         sensor=study.noises[noise], seed=seed, settings=settings,
                     )  # fmt: skip
-                    found.setdefault(self._need(name, noise, seed), cell)
-        return found
+                    searches.setdefault(self._need(name, noise, seed), cell)
+        return searches
 
     def _need(self, name: str, noise: str, seed: int) -> Need:
-        """What a search is told apart by: patterns by kind and slots, masks by their name."""
+        """What identifies a search: patterns by kind and slots, masks by their name."""
         search = self.study.codes[name].search
         assert search is not None
         what = name if search.kind is None else f"{search.kind} {search.slots}"
@@ -175,13 +175,13 @@ class Plan:
     def files(self, searches: Mapping[Need, Search], made: Sequence[Measured]) -> Files:
         """Files of searched codes of every row whose search did not fail."""
         files = {cell["name"]: cell["codes"] for cell in made}
-        found: dict[tuple[str, str, int], str] = {}
+        of_rows: dict[tuple[str, str, int], str] = {}
         for name, code in self.study.codes.items():
             for noise in self.study.noises if code.search else ():
                 for seed in self.study.all_seeds:
                     cell = searches[self._need(name, noise, seed)]
-                    found |= {(name, noise, seed): files[cell.name]} if cell.name in files else {}
-        return found
+                    of_rows |= {(name, noise, seed): files[cell.name]} if cell.name in files else {}
+        return of_rows
 
     def untrained(self, priors: Mapping[str, str], codes: Files) -> list[Measurement]:
         """Decoders without training behind codes that do not learn."""
@@ -283,7 +283,7 @@ class Plan:
         self, trained: Sequence[Measured], priors: Mapping[str, str], codes: Files
     ) -> list[Measurement]:
         """Networks behind their codes, and other decoders behind codes that were learned with one."""
-        study, found = self.study, list[Measurement]()
+        study, cells = self.study, list[Measurement]()
         for cell in trained:
             name, network, seed, weights = cell["code"], cell["decoder"], cell["seed"], cell["weights"]
             learn = study.codes[name].learn
@@ -294,8 +294,8 @@ class Plan:
                 for noise in study.noises:
                     shown = weights if learn else None
                     file = None if shown else codes.get((name, noise, seed))
-                    found += self._row(name, noise, decoder, seed, priors, codes=file, camera_of=shown, weights=used)
-        return found
+                    cells += self._row(name, noise, decoder, seed, priors, codes=file, camera_of=shown, weights=used)
+        return cells
 
 
 def _identity(scene: Any, options: Settings) -> Any:

@@ -40,11 +40,11 @@ def searched(cell: Settings) -> Measured:
     task = Task.of({**cell, "source": package_version()})
     kind, slots = cell["kind"], int(cell["slots"])
     design = task.design(kind, slots)
-    found: Measured = {"codes": str(task.file(kind, slots)), "seconds": sum(task.seconds(kind, slots).values())}
+    results: Measured = {"codes": str(task.file(kind, slots)), "seconds": sum(task.seconds(kind, slots).values())}
     if not cell.get("gains"):
-        return found
+        return results
     own, base = task.left_out(design.camera), task.left_out(task.design("static", 1).camera)
-    return found | {
+    return results | {
         "psnr": design.psnr, "random_psnr": task.psnr(task.random(kind, slots)),
         "throughput": design.camera.throughput(), "gains": {name: own[name] - base[name] for name in own},
     }  # fmt: skip

@@ -147,11 +147,11 @@ class SpectralDepthEvaluation(CameraEvaluation):
         found = search_masks(task, prior, [camera["slots"]], MaskEffort(**own["effort"]), judge=judge).candidates[-1]
         file = folder / f"codes-{cell['code'].replace(' ', '-').replace('/', '-')}-{cell_key(cell)}.nc"
         write_phase_codes(found.camera, file, camera["filters"], "rgb", overwrite=True)
-        told = {}
+        predicted = {}
         drawn = (found.random_covariance, found.random_information)
         for name, (covariance, fisher) in (("optimised", (found.covariance, found.information)), ("random", drawn)):
-            told[name] = {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
-        return {"codes": str(file), "foretold": told, "seconds": found.seconds, "confusion": found.confusion}
+            predicted[name] = {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
+        return {"codes": str(file), "foretold": predicted, "seconds": found.seconds, "confusion": found.confusion}
 
     def _examples(self, about: Settings) -> list[torch.Tensor]:
         """Some training scenes (L, H, W), at the bands of the preset."""

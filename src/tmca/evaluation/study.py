@@ -294,12 +294,12 @@ def named(entries: Sequence[str]) -> list[str]:
 
 def merged(*settings: Mapping[str, Any]) -> Settings:
     """Nested settings, later ones over earlier ones."""
-    found: Settings = {}
+    together: Settings = {}
     for one in settings:
         for name, value in one.items():
-            both = isinstance(value, Mapping) and isinstance(found.get(name), Mapping)
-            found[name] = merged(found[name], value) if both else value
-    return found
+            both = isinstance(value, Mapping) and isinstance(together.get(name), Mapping)
+            together[name] = merged(together[name], value) if both else value
+    return together
 
 
 def training_of(

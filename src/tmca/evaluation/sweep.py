@@ -234,9 +234,9 @@ def _results(grid: Grid, cells: Mapping[str, Search | Training], name: str) -> d
 
 def _rows(points: Sequence[Point], measured: Sequence[Measured], scenes: Sequence[str]) -> list[dict[str, Any]]:
     """A row for every combination that was measured on all scenes."""
-    rows, found = [], {cell["name"]: cell for cell in measured}
+    rows, by_name = [], {cell["name"]: cell for cell in measured}
     for point in points:
-        part = [found[name] for scene in scenes if (name := f"{scene}: {_label(point)}") in found]
+        part = [by_name[name] for scene in scenes if (name := f"{scene}: {_label(point)}") in by_name]
         if len(part) == len(scenes):
             each = {cell["scene"]: cell["metrics"] for cell in part}
             light = sum(cell["throughput"] for cell in part) / len(part)

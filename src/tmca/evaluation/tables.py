@@ -110,7 +110,7 @@ def rows_of(study: Study, measured: Sequence[Measured], *, metric: str = "psnr")
     Args:
         study: what was compared.
         measured: its cells.
-        metric: that is told seed by seed, as ``seed_METRIC``.
+        metric: that is given seed by seed too, as ``seed_METRIC``.
     """
     cells = [cell for cell in measured if "metrics" in cell]
     trainings = training_rows(study, measured)
