@@ -1,7 +1,6 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
-from tmca.cameras.camera import CAMERAS, Camera
-from tmca.cameras.coded import CodedCamera
+from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
 from tmca.cameras.described import CodesWarning, camera_of
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera

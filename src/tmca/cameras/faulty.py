@@ -8,8 +8,7 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import Camera
-from tmca.cameras.coded import CodedCamera
+from tmca.cameras.camera import Camera, CodedCamera
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.phase_parts import PhaseCodes
 from tmca.cameras.spectral import SpectralCamera

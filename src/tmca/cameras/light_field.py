@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
-from tmca.cameras.coded import CodedCamera
+from tmca.cameras.camera import CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import json_attribute, number_attribute, tensors

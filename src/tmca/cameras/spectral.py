@@ -12,8 +12,7 @@ from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked
-from tmca.cameras.camera import BandCamera
-from tmca.cameras.coded import CodedCamera
+from tmca.cameras.camera import BandCamera, CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import json_attribute, number_attribute, tensors
