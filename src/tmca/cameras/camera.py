@@ -289,6 +289,10 @@ class CodedCamera(Camera):
     def _hold_codes(
         self, codes: Codes | nn.Module | None, aperture: tuple[int, int], shutter: tuple[int, int], /, **coding: Any
     ) -> None:
+        for name in coding:
+            if name not in CODING:
+                expected = f"one of {', '.join(self._arguments())}"
+                raise SettingError(name, "an unknown name", expected, "leave it out")
         self.codes = fitted_codes(codes, self.slots, aperture, shutter, **coding)  # type: ignore[assignment]
         described = codes if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
         self._given = {n: part for n, part in self._given.items() if n not in CODING} | {"codes": described}

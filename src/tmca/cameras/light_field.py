@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import torch
@@ -84,7 +84,7 @@ class LightFieldCamera(CodedCamera):
         shear: Float | Pair = 1.0,
         mask_scale: Float = 1.0,
         vignetting: Array | Sequence[Sequence[float]] | None = None,
-        sensor: nn.Module | None = None,
+        sensor: Annotated[nn.Module | None, "a Sensor"] = None,
         **coding: Any,
     ) -> None:
         super().__init__((270, 480) if size is None else size, slots, exposure, sensor)

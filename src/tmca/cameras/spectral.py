@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 import torch
@@ -95,7 +95,7 @@ class SpectralCamera(BandCamera, CodedCamera):
         disperser: str = "single",
         response: Array | Floats | None = None,
         relay_blur: Float | Floats = 0.0,
-        sensor: nn.Module | None = None,
+        sensor: Annotated[nn.Module | None, "a Sensor"] = None,
         coloured: Array | None = None,
         beside: IntPair = (0, 0),
         **coding: Any,

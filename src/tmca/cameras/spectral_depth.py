@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import torch
 from torch import Tensor, nn
@@ -152,7 +152,7 @@ class SpectralDepthCamera(BandCamera):
         exposure: str = "equal",
         energy: str = "unit",
         image_formation: str = "linear",
-        sensor: nn.Module | None = None,
+        sensor: Annotated[nn.Module | None, "a Sensor"] = None,
         seed: Seed = 0,
         learnable: bool | Names = False,
         codes: PhaseCodes | None = None,

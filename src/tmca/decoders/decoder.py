@@ -9,6 +9,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, replace
+from inspect import isabstract
 from math import prod
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,6 +17,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
+from tmca.arguments import described
 from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.codes.files import differing
 from tmca.decoders.estimate import Estimate
@@ -234,7 +236,7 @@ def decode(
     if isinstance(snapshot, str | Path):
         snapshot = Snapshot.load(snapshot)
     if not isinstance(snapshot, Snapshot):
-        raise SettingError("snapshot", f"a {type(snapshot).__name__}", "a Snapshot", "take Snapshot(values, camera)")
+        raise SettingError("snapshot", described(snapshot), "a Snapshot", "take one with tmca.simulate")
     kind = snapshot.camera.kind
     return make_decoder(decoder or usual_decoder(kind), kind, settings)(snapshot, prior, progress)
 
@@ -248,7 +250,7 @@ def make_decoder(
         check_choice("decoder", decoder, choices)
         decoder = choices[decoder]
     cls = decoder if isinstance(decoder, type) else type(decoder)
-    if not issubclass(cls, Decoder):
+    if not issubclass(cls, Decoder) or isabstract(cls):
         raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
     checked = checked_settings(cls, settings) if settings else {}
     if isinstance(decoder, Decoder):
